@@ -71,6 +71,11 @@ impl EffectCounts {
         effects.numbers().map(|kind| self.counts[kind]).sum()
     }
 
+    /// Whether something has an effect, a single one. O(1).
+    pub(crate) fn has(&self, effect: Effects) -> bool {
+        effect.numbers().any(|number| self.counts[number] > 0)
+    }
+
     /// The effects with a count above 0.
     pub fn effects(&self) -> Effects {
         (0..KINDS).filter(|kind| self.counts[*kind] > 0).map(Effects::of_number).collect()

@@ -73,14 +73,15 @@ impl Ids {
     }
 }
 
-/// The sizes of the buffers that exist.
+/// The buffers of a planner: their numbers and their sizes.
 #[derive(Debug, Default)]
-pub(super) struct BufferSizes {
+pub(super) struct Buffers {
+    pub ids: Ids,
     bytes: BTreeMap<BufferId, u64>,
     total: u64,
 }
 
-impl BufferSizes {
+impl Buffers {
     /// Records buffers that were made and freed.
     pub fn change(&mut self, new: &[NewBuffer], freed: &[BufferId]) {
         for buffer in new {

@@ -2,19 +2,7 @@
 
 use super::LightPlanner;
 use super::residency::Form;
-use super::stored::Stored;
-use crate::effects::Effects;
 use crate::keys::{TreeKey, slot_of};
-use crate::world::LightWorld;
-
-/// The least memory of trees, in bytes: enough for the pools of an empty world.
-const MIN_TREE_MEMORY: u64 = 128 * 1024;
-
-/// Each of the two pools of trees gets at least one part in this many of the memory.
-const LEAST_SHARE: u64 = 8;
-
-/// About how many trees are looked at to divide the memory between nodes and lights.
-const SAMPLED_TREES: u32 = 256;
 
 /// The bytes that the GPU side takes: see [`LightPlanner::memory`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -53,12 +41,12 @@ impl LightPlanner {
     /// stand-ins, of up to 3.5 KB for each tree, and for trees of up to 16 lights, which are always
     /// whole.
     pub fn set_tree_memory(&mut self, bytes: Option<u64>) {
-        if bytes != self.limits.tree_memory {
-            self.limits.tree_memory = bytes;
-            self.shares = None;
-            self.is_resized = true;
-            self.residency.sort();
-            self.residency.unblock_all();
+        if bytes != self.trees.limits.tree_memory {
+            self.trees.limits.tree_memory = bytes;
+            self.trees.shares = None;
+            self.trees.is_resized = true;
+            self.trees.residency.sort();
+            self.trees.residency.unblock_all();
         }
     }
 
@@ -76,31 +64,36 @@ impl LightPlanner {
     /// gaps that trees have left, up to a quarter of the bytes of a frame goes to trees that move
     /// to gaps.
     pub fn set_frame_bytes(&mut self, bytes: Option<u64>) {
-        if bytes != self.limits.frame_bytes {
-            self.limits.frame_bytes = bytes;
-            self.residency.unblock_all();
+        if bytes != self.trees.limits.frame_bytes {
+            self.trees.limits.frame_bytes = bytes;
+            self.trees.residency.unblock_all();
         }
     }
 
     /// Whether shaders see stand-ins of a tree after the last plan. False for a tree that was never
     /// planned.
     pub fn stands_in(&self, tree: TreeKey) -> bool {
-        let state = self.residency.get(slot_of(tree));
+        let state = self.trees.residency.get(slot_of(tree));
         state.key == Some(tree) && state.form == Form::StandIns
     }
 
     /// Whether shaders do not see the present version of a tree after the last plan. They see
     /// stand-ins, an older version, or nothing of a tree that was never planned.
     pub fn is_waiting(&self, tree: TreeKey) -> bool {
-        let state = self.residency.get(slot_of(tree));
+        let state = self.trees.residency.get(slot_of(tree));
         state.key != Some(tree) || state.waits
     }
 
     /// The memory that the buffers take after the last plan. O(gaps).
     pub fn memory(&self) -> GpuMemory {
         let pools = [
-            (self.nodes.bytes(), self.nodes.taken(), self.nodes.used(), self.nodes.stride()),
-            (self.lights.bytes(), self.lights.taken(), self.lights.used(), self.lights.stride()),
+            (self.trees.nodes.bytes(), self.trees.nodes.taken(), self.trees.nodes.used(), self.trees.nodes.stride()),
+            (
+                self.trees.lights.bytes(),
+                self.trees.lights.taken(),
+                self.trees.lights.used(),
+                self.trees.lights.stride(),
+            ),
         ];
         let mut memory = GpuMemory { buffers: self.buffers.total(), ..GpuMemory::default() };
         for (bytes, taken, end, stride) in pools {
@@ -109,34 +102,5 @@ impl LightPlanner {
             memory.gaps += (end - taken) * stride;
         }
         memory
-    }
-
-    /// Divides a limited memory between nodes and lights, in the ratio of their bytes in the world.
-    /// The division stays the same once a pool has grown to its whole share.
-    pub(super) fn divide_memory(&mut self, world: &LightWorld, effects: Effects) {
-        let Some(memory) = self.limits.tree_memory.map(|memory| memory.max(MIN_TREE_MEMORY)) else {
-            self.nodes.set_share(None);
-            self.lights.set_share(None);
-            return;
-        };
-        if let Some([nodes, lights]) = self.shares
-            && (self.nodes.bytes() > nodes / 8 || self.lights.bytes() > lights / 8)
-        {
-            return;
-        }
-        let (mut nodes, mut lights) = (1, 1);
-        let slots = self.residency.slots().max(world.tree_slot_count());
-        for slot in (0..slots).step_by(slots.div_ceil(SAMPLED_TREES).max(1) as usize) {
-            if let Some(tree) = world.tree_at(slot).and_then(|key| world.tree(key)) {
-                nodes += (tree.nodes().len() * Stored::nodes(effects).bytes()) as u64;
-                lights += (tree.lights().len() * Stored::lights(effects).bytes()) as u64;
-            }
-        }
-        let least = memory / LEAST_SHARE;
-        let share = (u128::from(memory) * u128::from(nodes) / u128::from(nodes + lights)) as u64;
-        let share = share.clamp(least, memory - least);
-        self.shares = Some([share, memory - share]);
-        self.nodes.set_share(Some(share));
-        self.lights.set_share(Some(memory - share));
     }
 }

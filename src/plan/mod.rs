@@ -63,6 +63,7 @@ pub(crate) mod commands;
 mod cursor;
 mod error;
 mod frame;
+mod instance_store;
 mod items;
 pub(crate) mod kernel;
 pub(crate) mod layout;
@@ -87,15 +88,15 @@ pub(crate) mod stored;
 mod target_hook;
 pub(crate) mod text;
 pub(crate) mod top;
+mod tree_store;
 mod tree_writes;
+mod uniforms;
 mod write;
 
 use std::fmt;
-use std::ops::Range;
 
 pub use buffers::{BufferId, BufferKind, NewBuffer, ShaderBuffers};
 pub use changes::UploadReport;
-use commands::CommandSizes;
 pub use commands::{Command, Commands};
 pub use cursor::PlanCursor;
 pub use error::{PlanError, TargetHookError};
@@ -116,17 +117,15 @@ use crate::effects::Effects;
 use crate::instance::sector;
 use crate::sampling::counts::SplitCount;
 use crate::world::LightWorld;
-use buffers::{BufferSizes, Ids};
+use buffers::Buffers;
 use changes::PendingChanges;
-use layout::{InstanceRecord, LightRecord, ParamsRecord, Strides, TreeRecord};
-use node_record::NodeRecord;
-use parts::PartTable;
-use pool::Pool;
+use instance_store::InstanceStore;
+use layout::{ParamsRecord, Strides};
 use previous::{BUFFERS, Previous};
-use residency::Residency;
 use room::ReusedLists;
-use stored::Missing;
 use top::TopBuild;
+use tree_store::TreeStore;
+use uniforms::Uniforms;
 
 /// All kernels that plans dispatch. A kernel need not use all of its bindings.
 pub const KERNELS: &[Kernel] =
@@ -137,40 +136,14 @@ pub const KERNELS: &[Kernel] =
 /// Keep one for each world and device. It holds no GPU object and no copy of the world's data: at
 /// most 48 bytes for each tree and 8 bytes for each instance.
 pub struct LightPlanner {
-    limits: PlanLimits,
-    ids: Ids,
-    nodes: Pool<NodeRecord>,
-    lights: Pool<LightRecord>,
-    /// A table by slot.
-    instances: Pool<InstanceRecord>,
-    instance_count: u32,
-    trees: Pool<TreeRecord>,
-    residency: Residency,
-    /// The bytes of a limited memory that nodes and lights may take.
-    shares: Option<[u64; 2]>,
-    /// The limit of memory has changed since the last plan.
-    is_resized: bool,
-    /// The bytes of all buffers.
-    buffers: BufferSizes,
-    parts: PartTable,
-    /// The changes of reservations that were dropped, and of lost plans.
-    pending: PendingChanges,
-    /// A range of the light pool.
-    directionals: Range<u32>,
-    /// What the uniform holds.
-    params: ParamsRecord,
-    /// For the next plan.
-    wanted_splits: u32,
-    params_buffer: Option<BufferId>,
-    /// The uniform of conversions. Made at first use.
-    relayout_uniform: Option<BufferId>,
-    /// Staged records and the uniform of the pass that scatters them. Made at first use.
-    scatter_uniform: Option<BufferId>,
-    staging: Option<(BufferId, u64)>,
+    trees: TreeStore,
+    instances: InstanceStore,
+    uniforms: Uniforms,
     top: TopBuild,
     previous: Previous,
-    /// The buffers have changed since the last build of the top level.
-    is_top_due: bool,
+    buffers: Buffers,
+    /// The changes of reservations that were dropped, and of lost plans.
+    pending: PendingChanges,
     /// The device may lack what was written.
     is_lost: bool,
     /// The effects that the buffers are stored for, without [`Effects::MOVING`].
@@ -178,49 +151,24 @@ pub struct LightPlanner {
     /// Plans that were made.
     number: u64,
     lists: ReusedLists,
-    /// What the last build of the top level took.
-    top_sizes: CommandSizes,
 }
-
-/// Records that the first buffer of each pool has room for.
-const FIRST_RECORDS: u32 = 64;
 
 impl LightPlanner {
     /// A planner for a device that holds nothing yet.
     pub fn new(limits: PlanLimits) -> Self {
         let limits = limits.bounded();
-        let limit = limits.largest_buffer;
-        // Every layout stores whole records of trees.
-        let none = |_| Missing::Value(0);
         Self {
-            limits,
-            ids: Ids::default(),
-            nodes: Pool::new("light tree nodes", FIRST_RECORDS, limit, stored::missing_of_node),
-            lights: Pool::new("lights", FIRST_RECORDS, limit, stored::missing_of_light),
-            instances: Pool::new("instances", FIRST_RECORDS, limit, stored::missing_of_instance),
-            instance_count: 0,
-            trees: Pool::new("light trees", FIRST_RECORDS / 4, limit, none),
-            residency: Residency::new(limits.tree_memory.is_some()),
-            shares: None,
-            is_resized: false,
-            buffers: BufferSizes::default(),
-            parts: PartTable::new(limit),
-            pending: PendingChanges::default(),
-            directionals: 0..0,
-            params: ParamsRecord { strides: Strides::of(Effects::all()), ..ParamsRecord::default() },
-            wanted_splits: SplitCount::DEFAULT.get() as u32,
-            params_buffer: None,
-            relayout_uniform: None,
-            scatter_uniform: None,
-            staging: None,
-            top: TopBuild::new(limit),
+            trees: TreeStore::new(limits),
+            instances: InstanceStore::new(limits.largest_buffer),
+            uniforms: Uniforms::new(),
+            top: TopBuild::new(limits.largest_buffer),
             previous: Previous::new(),
-            is_top_due: true,
+            buffers: Buffers::default(),
+            pending: PendingChanges::default(),
             is_lost: false,
             effects: Effects::all() - Effects::MOVING,
             number: 0,
             lists: ReusedLists::default(),
-            top_sizes: CommandSizes::default(),
         }
     }
 
@@ -231,13 +179,13 @@ impl LightPlanner {
     /// A plan that replaces one of them replaces the first one too. So commands that were recorded
     /// before go on reading the former buffers, as long as these are not freed.
     pub fn bindings(&self) -> Option<ShaderBuffers> {
-        let params = self.params_buffer?;
+        let params = self.uniforms.params_buffer?;
         Some(ShaderBuffers([
             params,
             self.top.nodes(),
-            self.nodes.buffer(),
-            self.instances.buffer(),
-            self.lights.buffer(),
+            self.trees.nodes.buffer(),
+            self.instances.pool.buffer(),
+            self.trees.lights.buffer(),
         ]))
     }
 
@@ -270,9 +218,9 @@ impl LightPlanner {
         let top_bytes = self.top.nodes_bytes();
         Some([
             (top, top_bytes, top_bytes),
-            (nodes, self.nodes.used() * self.nodes.stride(), self.nodes.bytes()),
-            (instances, self.instances.used() * self.instances.stride(), self.instances.bytes()),
-            (lights, self.lights.used() * self.lights.stride(), self.lights.bytes()),
+            (nodes, self.trees.nodes.used() * self.trees.nodes.stride(), self.trees.nodes.bytes()),
+            (instances, self.instances.pool.used() * self.instances.pool.stride(), self.instances.pool.bytes()),
+            (lights, self.trees.lights.used() * self.trees.lights.stride(), self.trees.lights.bytes()),
         ])
     }
 
@@ -292,26 +240,26 @@ impl LightPlanner {
     /// The strides of the records after the last plan.
     #[cfg(feature = "gpu")]
     pub(crate) fn strides(&self) -> Strides {
-        self.params.strides
+        self.uniforms.params.strides
     }
 
     /// The parameters of shaders after the last plan.
     #[cfg(all(test, feature = "gpu"))]
     pub(crate) fn params(&self) -> ParamsRecord {
-        self.params
+        self.uniforms.params
     }
 
     /// The ends of the ranges of nodes and lights that are in use.
     #[cfg(all(test, feature = "gpu"))]
     pub(crate) fn used(&self) -> [u32; 2] {
-        [self.nodes.used() as u32, self.lights.used() as u32]
+        [self.trees.nodes.used() as u32, self.trees.lights.used() as u32]
     }
 
     /// Sets how many clusters shaders split before they choose a light, as
     /// [`LightSampler::with_splits`](crate::LightSampler::with_splits) does, from the next plan on.
     /// It is [`SplitCount::DEFAULT`] at first.
     pub fn set_splits(&mut self, splits: SplitCount) {
-        self.wanted_splits = splits.get() as u32;
+        self.uniforms.wanted_splits = splits.get() as u32;
     }
 
     /// Returns the write that brings settings to the device before the next plan; empty if none has
@@ -319,10 +267,10 @@ impl LightPlanner {
     #[must_use]
     pub fn settings(&mut self) -> Commands {
         let mut commands = Commands::default();
-        let params = ParamsRecord { splits: self.wanted_splits, ..self.params };
-        if let Some(buffer) = self.params_buffer.filter(|_| params != self.params) {
+        let params = ParamsRecord { splits: self.uniforms.wanted_splits, ..self.uniforms.params };
+        if let Some(buffer) = self.uniforms.params_buffer.filter(|_| params != self.uniforms.params) {
             commands.write(buffer, 0, bytemuck::bytes_of(&params));
-            self.params = params;
+            self.uniforms.params = params;
         }
         commands
     }
@@ -334,14 +282,14 @@ impl LightPlanner {
     /// If the buffers are gone too, as after the loss of a device, make another planner.
     pub fn lose(&mut self) {
         self.is_lost = true;
-        self.is_top_due = true;
+        self.top.is_due = true;
         self.previous.lose();
     }
 
     /// Tells that the last build of the top level was not played, so the next plan has another one.
     /// Needed only if [`FramePlan::top`] alone was left out; see [`LightPlanner::lose`] otherwise.
     pub fn lose_top(&mut self) {
-        self.is_top_due = true;
+        self.top.is_due = true;
     }
 
     /// The build of the top level after the last plan, whether it is due or not. It may be played
@@ -353,8 +301,11 @@ impl LightPlanner {
     }
 
     fn build_top(&self, commands: &mut Commands) {
-        if self.params_buffer.is_some() {
-            self.top.build(commands, [self.parts.buffer(), self.instances.buffer(), self.trees.buffer()]);
+        if self.uniforms.params_buffer.is_some() {
+            self.top.build(
+                commands,
+                [self.instances.parts.buffer(), self.instances.pool.buffer(), self.trees.records.buffer()],
+            );
         }
     }
 
@@ -362,9 +313,9 @@ impl LightPlanner {
     fn params_of(&self, world: &LightWorld, effects: Effects) -> ParamsRecord {
         ParamsRecord {
             slots: world.slot_count() as u32,
-            directional_base: self.directionals.start,
-            directional_count: self.directionals.len() as u32,
-            splits: self.wanted_splits,
+            directional_base: self.trees.directionals.start,
+            directional_count: self.trees.directionals.len() as u32,
+            splits: self.uniforms.wanted_splits,
             strides: Strides::of(effects),
             solid_angles: u32::from(world.solid_angle_sampling()),
             parts: self.top.parts(),
@@ -380,12 +331,12 @@ impl fmt::Debug for LightPlanner {
         f.debug_struct("LightPlanner")
             .field("plans", &self.number)
             .field("effects", &self.effects)
-            .field("splits", &self.wanted_splits)
-            .field("instance_slots", &self.instance_count)
-            .field("tree_slots", &self.residency.slots())
-            .field("parts", &self.parts.count())
-            .field("node_capacity", &self.nodes.capacity())
-            .field("light_capacity", &self.lights.capacity())
+            .field("splits", &self.uniforms.wanted_splits)
+            .field("instance_slots", &self.instances.count)
+            .field("tree_slots", &self.trees.residency.slots())
+            .field("parts", &self.instances.parts.count())
+            .field("node_capacity", &self.trees.nodes.capacity())
+            .field("light_capacity", &self.trees.lights.capacity())
             .finish_non_exhaustive()
     }
 }

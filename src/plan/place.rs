@@ -6,15 +6,15 @@
 
 use std::ops::Range;
 
-use super::LightPlanner;
 use super::changes::PendingChanges;
 use super::error::PlanError;
 use super::layout::TreeRecord;
 use super::pool::{Demand, Growth};
 use super::residency::{Form, Incoming, NOT_WEIGHED, TreeState, has_room};
-use super::room::Room;
+use super::room::TreeRoom;
 use super::runs::runs;
 use super::stand_in::{may_stand_in, stand_ins};
+use super::tree_store::TreeStore;
 use super::tree_writes::{Source, TreeWrite};
 use crate::instance::part::Division;
 use crate::keys::{TreeKey, slot_of};
@@ -128,24 +128,24 @@ fn length(runs: &[Range<u32>]) -> usize {
     runs.iter().map(|run| run.len()).sum()
 }
 
-impl LightPlanner {
+impl TreeStore {
     /// Reserves ranges for trees whose size has changed and for trees that waited, and lists what
     /// the frame writes of all trees.
-    pub(super) fn place_trees(
+    pub fn place_trees(
         &mut self,
         world: &LightWorld,
         changes: &PendingChanges,
-        room: &mut Room,
+        room: &mut TreeRoom,
     ) -> Result<(), PlanError> {
         // After a restart all trees start as stand-ins, which leaves as much room as possible.
         let is_restarted = room.restarted.is_some();
         room.left = if is_restarted { 0 } else { self.limits.frame_bytes.unwrap_or(u64::MAX) };
         match self.residency.incoming.clone() {
-            Some(incoming) if room.left > 0 && !self.is_lost => self.go_on(world, incoming, room)?,
+            Some(incoming) if room.left > 0 && !room.is_lost => self.go_on(world, incoming, room)?,
             incoming => room.incoming = incoming,
         }
         // A lost device gets what it had first.
-        if room.left > 0 && !self.is_lost && self.residency.waiting_count() > 0 {
+        if room.left > 0 && !room.is_lost && self.residency.waiting_count() > 0 {
             self.stream(world, room)?;
         }
         if !changes.trees.as_slice().is_empty() {
@@ -167,7 +167,7 @@ impl LightPlanner {
 
     /// Whether so much of the pools is gaps that trees should move to them, unless the last search
     /// found none that can.
-    pub(super) fn may_join_gaps(&self) -> bool {
+    pub fn may_join_gaps(&self) -> bool {
         let has_gaps = |end: u64, taken: u64| (end - taken) * MAX_GAPS > end;
         let sends = self.limits.frame_bytes.is_some_and(|bytes| bytes > 0);
         sends
@@ -180,7 +180,7 @@ impl LightPlanner {
     }
 
     /// Decides what to send of the tree of a slot that was added, changed or removed.
-    fn follow(&mut self, world: &LightWorld, slot: u32, room: &mut Room) -> Result<(), PlanError> {
+    fn follow(&mut self, world: &LightWorld, slot: u32, room: &mut TreeRoom) -> Result<(), PlanError> {
         let subject = Subject::of(world, slot);
         let key = subject.map(|subject| subject.key);
         let incoming = room.incoming.as_ref().filter(|incoming| incoming.slot == slot);
@@ -257,7 +257,7 @@ impl LightPlanner {
         world: &LightWorld,
         subject: &Subject,
         runs: [Vec<Range<u32>>; 2],
-        room: &mut Room,
+        room: &mut TreeRoom,
     ) -> Result<(), PlanError> {
         let state = self.residency.get(subject.slot);
         let bases = [state.nodes.start, state.lights.start];
@@ -267,7 +267,7 @@ impl LightPlanner {
             let state = TreeState { waits: false, ..state.clone() };
             self.set_state(world, subject, state, subject.division, room)?;
         }
-        room.trees.add(TreeWrite { slot: subject.slot, source: Source::Tree, bases, has_new_records }, runs);
+        room.writes.add(TreeWrite { slot: subject.slot, source: Source::Tree, bases, has_new_records }, runs);
         Ok(())
     }
 
@@ -278,12 +278,12 @@ impl LightPlanner {
         subject: &Subject,
         state: TreeState,
         [nodes, lights]: [Range<u32>; 2],
-        room: &mut Room,
+        room: &mut TreeRoom,
     ) -> Result<(), PlanError> {
         let bases = [nodes.start, lights.start];
         let state = TreeState { form: Form::Whole, waits: false, nodes, lights, ..state };
         self.set_state(world, subject, state, subject.division, room)?;
-        room.trees.add(
+        room.writes.add(
             TreeWrite { slot: subject.slot, source: Source::Tree, bases, has_new_records: true },
             subject.counts().map(all),
         );
@@ -296,7 +296,7 @@ impl LightPlanner {
         world: &LightWorld,
         subject: &Subject,
         state: TreeState,
-        room: &mut Room,
+        room: &mut TreeRoom,
     ) -> Result<(), PlanError> {
         let few = stand_ins(subject.tree());
         let counts = [few.nodes().len(), few.lights().len()];
@@ -309,7 +309,7 @@ impl LightPlanner {
         let bytes = self.bytes(subject.counts());
         let state = TreeState { form: Form::StandIns, waits: true, bytes, nodes, lights, ..state };
         self.set_state(world, subject, state, Division::Whole, room)?;
-        room.trees.add(
+        room.writes.add(
             TreeWrite { slot: subject.slot, source: Source::StandIns(Box::new(few)), bases, has_new_records: true },
             counts.map(all),
         );
@@ -323,7 +323,7 @@ impl LightPlanner {
         subject: &Subject,
         mut state: TreeState,
         division: Division,
-        room: &mut Room,
+        room: &mut TreeRoom,
     ) -> Result<(), PlanError> {
         let count = TreeRecord::count(subject.tree(), division);
         let has_records = state.records.len() as u32 == count;
@@ -333,14 +333,14 @@ impl LightPlanner {
         // First, so that the reserved ranges are released if the rest fails.
         room.placed.insert(subject.slot, state);
         if !has_records {
-            let records = self.trees.alloc(count, room.growth)?;
+            let records = self.records.alloc(count, room.growth)?;
             room.placed.entry(subject.slot).and_modify(|state| state.records = records);
         }
         Ok(())
     }
 
     /// Sends waiting trees, as far as the frame's bytes and the pools allow.
-    fn stream(&mut self, world: &LightWorld, room: &mut Room) -> Result<(), PlanError> {
+    fn stream(&mut self, world: &LightWorld, room: &mut TreeRoom) -> Result<(), PlanError> {
         for slot in self.residency.next_slots(WEIGHED_PER_FRAME) {
             self.weigh(world, slot);
         }
@@ -377,7 +377,7 @@ impl LightPlanner {
 
     /// Leaves a tree for which there is no room. An older version makes room for the present one: it
     /// would stay for good.
-    fn give_up(&mut self, world: &LightWorld, subject: &Subject, room: &mut Room) -> Result<(), PlanError> {
+    fn give_up(&mut self, world: &LightWorld, subject: &Subject, room: &mut TreeRoom) -> Result<(), PlanError> {
         let state = self.residency.get(subject.slot).clone();
         if state.form == Form::Whole {
             let result = self.show_stand_ins(world, subject, state, room);
@@ -399,7 +399,7 @@ impl LightPlanner {
     }
 
     /// Sends a waiting tree, or its first piece. Returns whether there is room for it.
-    fn bring(&mut self, world: &LightWorld, subject: &Subject, room: &mut Room) -> Result<bool, PlanError> {
+    fn bring(&mut self, world: &LightWorld, subject: &Subject, room: &mut TreeRoom) -> Result<bool, PlanError> {
         let state = self.residency.get(subject.slot).clone();
         let bytes = self.bytes(subject.counts());
         let fits = bytes <= room.left;
@@ -425,7 +425,7 @@ impl LightPlanner {
     }
 
     /// Sends the next piece of a tree. With the last one, shaders see the tree.
-    fn go_on(&mut self, world: &LightWorld, mut incoming: Incoming, room: &mut Room) -> Result<(), PlanError> {
+    fn go_on(&mut self, world: &LightWorld, mut incoming: Incoming, room: &mut TreeRoom) -> Result<(), PlanError> {
         let subject = Subject::of(world, incoming.slot).filter(|subject| subject.key == incoming.key);
         let Some(subject) = subject else { return Ok(()) };
         let counts = subject.counts();
@@ -452,7 +452,7 @@ impl LightPlanner {
             room.left = room.left.saturating_sub(bytes);
         }
         let bases = [incoming.nodes.start, incoming.lights.start];
-        room.trees.add(TreeWrite { slot: subject.slot, source: Source::Piece, bases, has_new_records: false }, pieces);
+        room.writes.add(TreeWrite { slot: subject.slot, source: Source::Piece, bases, has_new_records: false }, pieces);
         if (0..2).any(|pool| (incoming.sent[pool] as usize) < counts[pool]) {
             room.incoming = Some(incoming);
             return Ok(());
@@ -462,13 +462,13 @@ impl LightPlanner {
         let state = self.residency.get(subject.slot).clone();
         let state = TreeState { form: Form::Whole, waits: false, nodes, lights, ..state };
         self.set_state(world, &subject, state, subject.division, room)?;
-        room.trees.add(TreeWrite { slot: subject.slot, source: Source::Tree, bases, has_new_records: true }, runs);
+        room.writes.add(TreeWrite { slot: subject.slot, source: Source::Tree, bases, has_new_records: true }, runs);
         Ok(())
     }
 
     /// Makes room for a tree in the next frame: joins gaps, or evicts less useful trees, which fall
     /// back to stand-ins. Returns whether it did either.
-    fn make_way(&mut self, world: &LightWorld, subject: &Subject, room: &mut Room) -> Result<bool, PlanError> {
+    fn make_way(&mut self, world: &LightWorld, subject: &Subject, room: &mut TreeRoom) -> Result<bool, PlanError> {
         self.residency.sort();
         let usefulness = self.residency.get(subject.slot).usefulness;
         let [nodes, lights] = subject.counts().map(|count| count as u64);
@@ -509,7 +509,7 @@ impl LightPlanner {
 
     /// Defragments: moves trees of at most `bytes` bytes from the end of each pool to gaps. Returns
     /// whether it moved any.
-    fn join_gaps(&mut self, world: &LightWorld, bytes: u64, room: &mut Room) -> Result<bool, PlanError> {
+    fn join_gaps(&mut self, world: &LightWorld, bytes: u64, room: &mut TreeRoom) -> Result<bool, PlanError> {
         let mut left = room.left.min(bytes);
         self.residency.sort();
         let mut has_moved = false;
@@ -538,7 +538,7 @@ impl LightPlanner {
                 let bases = [ranges[0].start, ranges[1].start];
                 let [nodes, lights] = ranges;
                 self.set_state(world, &subject, TreeState { nodes, lights, ..state }, subject.division, room)?;
-                room.trees.add(TreeWrite { slot, source: Source::Piece, bases, has_new_records: false }, runs);
+                room.writes.add(TreeWrite { slot, source: Source::Piece, bases, has_new_records: false }, runs);
             }
         }
         Ok(has_moved)
@@ -563,7 +563,7 @@ impl LightPlanner {
     }
 
     /// Adds the slots of instances whose tree has another place or form after the frame.
-    pub(super) fn add_placed_instances(&self, world: &LightWorld, room: &Room, changes: &mut PendingChanges) {
+    pub fn add_placed_instances(&self, world: &LightWorld, room: &TreeRoom, changes: &mut PendingChanges) {
         for (slot, state) in &room.placed {
             let former = self.residency.get(*slot);
             let is_same = former.ranges() == state.ranges() && former.form == state.form;

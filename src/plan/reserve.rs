@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::ops::Range;
 
 use super::LightPlanner;
 use super::buffers::NewBuffer;
@@ -11,8 +10,8 @@ use super::error::PlanError;
 use super::layout::{ParamsRecord, PartRecord, TreeRecord};
 use super::pool::Growth;
 use super::relayout::RELAYOUT_STRIDE;
-use super::residency::{Incoming, TreeState};
-use super::room::{Restarted, ReusedLists, Room};
+use super::residency::TreeState;
+use super::room::{RecordRuns, ReusedLists, Room, TreeRoom};
 use super::runs::add_runs;
 use super::scatter::{self, RunCount};
 use super::stored::Stored;
@@ -99,13 +98,14 @@ impl LightPlanner {
         changes.add(delta);
         if self.is_lost {
             changes.add_everything(world);
-            self.residency.lose();
-            self.parts.lose_records();
+            self.trees.residency.lose();
+            self.instances.parts.lose_records();
             self.top.lose();
         }
-        let has_params = self.params_buffer.is_some() && self.params == self.params_of(world, effects);
+        let has_params =
+            self.uniforms.params_buffer.is_some() && self.uniforms.params == self.params_of(world, effects);
         let is_idle = changes.is_empty() && has_params && !self.has_work();
-        self.divide_memory(world, effects);
+        self.trees.divide_memory(world, effects);
         let mut room = self.new_room(growth);
         room.is_idle = is_idle;
         let mut result = if is_idle { Ok(()) } else { self.make_room((world, effects), &mut changes, &mut room) };
@@ -115,7 +115,7 @@ impl LightPlanner {
             let mut everything = changes.clone();
             everything.add_everything(world);
             room = self.new_room(growth);
-            room.restarted = Some(self.restart(world, effects));
+            room.trees.restarted = Some(self.trees.restart(world, effects));
             result = self.make_room((world, effects), &mut everything, &mut room);
             if result.is_ok() {
                 changes = everything;
@@ -131,30 +131,21 @@ impl LightPlanner {
 
     /// Whether trees wait that this frame may send.
     fn has_work(&self) -> bool {
-        let may_send = self.limits.frame_bytes != Some(0);
-        let has_waiting = self.residency.waiting_count() > 0 || self.residency.incoming.is_some();
-        has_waiting && may_send || self.is_resized || self.may_join_gaps()
+        let may_send = self.trees.limits.frame_bytes != Some(0);
+        let has_waiting = self.trees.residency.waiting_count() > 0 || self.trees.residency.incoming.is_some();
+        has_waiting && may_send || self.trees.is_resized || self.trees.may_join_gaps()
     }
 
     fn new_room(&mut self, growth: Growth) -> Room {
         let ReusedLists { trees, instance_runs } = std::mem::take(&mut self.lists);
-        let mut room = Room { growth, trees, instance_runs, ..Room::default() };
-        let present = if self.previous.is_kept { self.present() } else { None };
-        room.copies = self.previous.reserve(present, (&mut self.ids, &mut room.new_buffers));
-        room
-    }
-
-    /// Forgets where trees are, so that all of them are placed anew.
-    fn restart(&mut self, world: &LightWorld, effects: Effects) -> Box<Restarted> {
-        let restarted = Restarted {
-            nodes: self.nodes.restart(),
-            lights: self.lights.restart(),
-            residency: self.residency.restart(),
-            directionals: std::mem::take(&mut self.directionals),
+        let mut room = Room {
+            trees: TreeRoom { growth, is_lost: self.is_lost, writes: trees, ..TreeRoom::default() },
+            runs: RecordRuns { instances: instance_runs, ..RecordRuns::default() },
+            ..Room::default()
         };
-        self.shares = None;
-        self.divide_memory(world, effects);
-        Box::new(restarted)
+        let present = if self.previous.is_kept { self.present() } else { None };
+        room.copies = self.previous.reserve(present, (&mut self.buffers.ids, &mut room.new_buffers));
+        room
     }
 
     /// Reserves room for everything that grew. To be undone if it fails.
@@ -164,27 +155,32 @@ impl LightPlanner {
         changes: &mut PendingChanges,
         room: &mut Room,
     ) -> Result<(), PlanError> {
-        let growth = room.growth;
-        self.nodes.begin(Stored::nodes(effects))?;
-        self.lights.begin(Stored::lights(effects))?;
-        self.instances.begin(Stored::instances(effects))?;
-        self.trees.begin(Stored::whole::<TreeRecord>())?;
-        self.parts.pool().begin(Stored::whole::<PartRecord>())?;
+        let growth = room.trees.growth;
+        self.trees.nodes.begin(Stored::nodes(effects))?;
+        self.trees.lights.begin(Stored::lights(effects))?;
+        self.instances.pool.begin(Stored::instances(effects))?;
+        self.trees.records.begin(Stored::whole::<TreeRecord>())?;
+        self.instances.parts.pool().begin(Stored::whole::<PartRecord>())?;
         self.add_missing_trees(world, changes);
-        self.place_trees(world, changes, room)?;
-        self.add_placed_instances(world, room, changes);
+        self.trees.place_trees(world, changes, &mut room.trees)?;
+        self.trees.add_placed_instances(world, &room.trees, changes);
         let directionals = world.directional_count() as u32;
-        if changes.directionals && directionals as usize != self.directionals.len() {
-            room.directionals = Some(self.lights.alloc(directionals, growth)?);
+        if changes.directionals && directionals as usize != self.trees.directionals.len() {
+            room.directionals = Some(self.trees.lights.alloc(directionals, growth)?);
         }
         let slots = changes.instances.as_slice().iter();
-        let counts: Vec<_> = slots.map(|slot| (*slot, self.part_count(*slot, world, &room.placed))).collect();
-        room.parts = self.parts.reserve(counts.into_iter(), growth)?;
+        let counts: Vec<_> = slots.map(|slot| (*slot, self.part_count(*slot, world, &room.trees.placed))).collect();
+        room.parts = self.instances.parts.reserve(counts.into_iter(), growth)?;
         // Nothing of the table is ever given back, so every reservation continues the last one.
-        let more_slots = (world.slot_count() as u32).saturating_sub(self.instance_count);
-        room.slots = self.instances.alloc(more_slots, growth)?;
+        let more_slots = (world.slot_count() as u32).saturating_sub(self.instances.count);
+        room.slots = self.instances.pool.alloc(more_slots, growth)?;
         let has_masks = effects.contains(Effects::MASKS);
-        self.top.reserve(self.parts.count(), has_masks, growth, (&mut self.ids, &mut room.new_buffers))?;
+        self.top.reserve(
+            self.instances.parts.count(),
+            has_masks,
+            growth,
+            (&mut self.buffers.ids, &mut room.new_buffers),
+        )?;
         self.find_runs(world, changes, room);
         self.name_buffers(room);
         Ok(())
@@ -195,7 +191,7 @@ impl LightPlanner {
         for slot in changes.instances.as_slice().iter().chain(changes.user_data.as_slice()) {
             let tree = world.instance_at(*slot).and_then(|key| world.instance_tree(key));
             if let Some(tree) = tree
-                && self.residency.get(slot_of(tree)).key != Some(tree)
+                && self.trees.residency.get(slot_of(tree)).key != Some(tree)
             {
                 changes.trees.extend([slot_of(tree)]);
             }
@@ -207,12 +203,7 @@ impl LightPlanner {
     /// states in `placed` replace the present ones. 0 without an instance.
     fn part_count(&self, slot: u32, world: &LightWorld, placed: &BTreeMap<u32, TreeState>) -> u32 {
         let tree = world.instance_at(slot).and_then(|key| world.instance_tree(key));
-        tree.map_or(0, |tree| self.state_after(slot_of(tree), placed).records.len() as u32)
-    }
-
-    /// The state of a tree once those in `placed` replace the present ones.
-    fn state_after<'a>(&'a self, slot: u32, placed: &'a BTreeMap<u32, TreeState>) -> &'a TreeState {
-        placed.get(&slot).unwrap_or_else(|| self.residency.get(slot))
+        tree.map_or(0, |tree| self.trees.state_after(slot_of(tree), placed).records.len() as u32)
     }
 
     /// Counts the runs of records that will be written, and decides which pools take them from staged
@@ -220,129 +211,95 @@ impl LightPlanner {
     fn find_runs(&self, world: &LightWorld, changes: &PendingChanges, room: &mut Room) {
         let [mut node_count, mut light_count, mut tree_count, mut instance_count] =
             [RunCount::default(); scatter::MAX_TARGETS];
-        for (write, [nodes, lights]) in &room.trees.writes {
-            let runs = [&room.trees.runs[nodes.clone()], &room.trees.runs[lights.clone()]];
+        for (write, [nodes, lights]) in &room.trees.writes.writes {
+            let runs = [&room.trees.writes.runs[nodes.clone()], &room.trees.writes.runs[lights.clone()]];
             runs[0].iter().for_each(|run| node_count.add(run));
             runs[1].iter().for_each(|run| light_count.add(run));
             let Some(key) = world.tree_at(write.slot) else { continue };
-            let state = self.state_after(write.slot, &room.placed);
+            let state = self.trees.state_after(write.slot, &room.trees.placed);
             let written = written_records(write, state.division, world.sections(key), state.records.len(), runs);
             written.for_each(|run| tree_count.add(&run));
         }
-        room.instances = changes.records();
-        add_runs(&mut room.instance_runs, room.instances.as_slice().iter().copied(), 0);
-        room.instance_runs.iter().for_each(|run| instance_count.add(run));
+        room.runs.changed = changes.records();
+        add_runs(&mut room.runs.instances, room.runs.changed.as_slice().iter().copied(), 0);
+        room.runs.instances.iter().for_each(|run| instance_count.add(run));
         let staged = [
-            self.nodes.staged_bytes(&node_count),
-            self.lights.staged_bytes(&light_count),
-            self.trees.staged_bytes(&tree_count),
-            self.instances.staged_bytes(&instance_count),
+            self.trees.nodes.staged_bytes(&node_count),
+            self.trees.lights.staged_bytes(&light_count),
+            self.trees.records.staged_bytes(&tree_count),
+            self.instances.pool.staged_bytes(&instance_count),
         ];
-        room.run_counts = [node_count, light_count, tree_count, instance_count];
+        room.runs.counts = [node_count, light_count, tree_count, instance_count];
         let bytes: u64 = staged.iter().sum();
-        if bytes <= self.limits.largest_buffer {
-            room.is_scattered = staged.map(|bytes| bytes > 0);
-            room.staged_bytes = bytes;
+        if bytes <= self.trees.limits.largest_buffer {
+            room.runs.is_scattered = staged.map(|bytes| bytes > 0);
+            room.runs.staged_bytes = bytes;
         }
     }
 
     /// Gives numbers to the new buffers.
     fn name_buffers(&mut self, room: &mut Room) {
-        let ids = &mut self.ids;
+        let ids = &mut self.buffers.ids;
         let pools = [
-            self.nodes.end(ids),
-            self.lights.end(ids),
-            self.instances.end(ids),
-            self.trees.end(ids),
-            self.parts.pool().end(ids),
+            self.trees.nodes.end(ids),
+            self.trees.lights.end(ids),
+            self.instances.pool.end(ids),
+            self.trees.records.end(ids),
+            self.instances.parts.pool().end(ids),
         ];
         room.new_buffers.extend(pools.into_iter().flatten());
         let mut add = |buffer: NewBuffer| {
             room.new_buffers.push(buffer);
             buffer.id
         };
-        let converts = self.nodes.has_conversion() || self.lights.has_conversion() || self.instances.has_conversion();
-        if converts && self.relayout_uniform.is_none() {
-            room.relayout_uniform = Some(add(ids.uniform("relayout", 3 * u64::from(RELAYOUT_STRIDE))));
+        let converts = self.trees.nodes.has_conversion()
+            || self.trees.lights.has_conversion()
+            || self.instances.pool.has_conversion();
+        if converts && self.uniforms.relayout.is_none() {
+            room.uniforms.relayout = Some(add(ids.uniform("relayout", 3 * u64::from(RELAYOUT_STRIDE))));
         }
-        if room.staged_bytes > 0 && self.scatter_uniform.is_none() {
-            room.scatter_uniform = Some(add(ids.uniform("scatter", scatter::UNIFORM_BYTES)));
+        if room.runs.staged_bytes > 0 && self.uniforms.scatter.is_none() {
+            room.uniforms.scatter = Some(add(ids.uniform("scatter", scatter::UNIFORM_BYTES)));
         }
-        let staging = self.staging.map_or(0, |(_, bytes)| bytes);
-        if room.staged_bytes > staging {
-            let largest = self.limits.largest_buffer & !3;
-            let bytes = room.staged_bytes.max(2 * staging).min(largest);
-            room.staging = Some((add(ids.storage("staged records", bytes)), bytes));
+        let staging = self.uniforms.staging.map_or(0, |(_, bytes)| bytes);
+        if room.runs.staged_bytes > staging {
+            let largest = self.trees.limits.largest_buffer & !3;
+            let bytes = room.runs.staged_bytes.max(2 * staging).min(largest);
+            room.uniforms.staging = Some((add(ids.storage("staged records", bytes)), bytes));
         }
         // The former parameters belong to the former buffers.
         let is_replaced = self.top.is_replaced()
-            || self.nodes.is_replaced()
-            || self.instances.is_replaced()
-            || self.lights.is_replaced();
+            || self.trees.nodes.is_replaced()
+            || self.instances.pool.is_replaced()
+            || self.trees.lights.is_replaced();
         if is_replaced {
-            room.params = Some(add(ids.uniform("sampling parameters", size_of::<ParamsRecord>() as u64)));
+            room.uniforms.params = Some(add(ids.uniform("sampling parameters", size_of::<ParamsRecord>() as u64)));
         }
     }
 
     /// Takes back what was reserved.
     fn undo(&mut self, room: Room) {
-        self.lists.keep(room.trees, room.instance_runs);
-        for (slot, state) in room.placed {
-            let former = self.residency.get(slot).clone();
-            self.release_others(&state, &former);
+        self.lists.keep(room.trees.writes, room.runs.instances);
+        for (slot, state) in room.trees.placed {
+            let former = self.trees.residency.get(slot).clone();
+            self.trees.release_others(&state, &former);
         }
-        let incoming = self.residency.incoming.clone();
-        self.release_incoming(room.incoming, incoming.as_ref(), None);
-        self.parts.release(room.parts);
-        self.instances.free(room.slots);
-        room.directionals.into_iter().for_each(|range| self.lights.free(range));
-        self.nodes.undo();
-        self.lights.undo();
-        self.instances.undo();
-        self.trees.undo();
-        self.parts.pool().undo();
+        let incoming = self.trees.residency.incoming.clone();
+        self.trees.release_incoming(room.trees.incoming, incoming.as_ref(), None);
+        self.instances.parts.release(room.parts);
+        self.instances.pool.free(room.slots);
+        room.directionals.into_iter().for_each(|range| self.trees.lights.free(range));
+        self.trees.nodes.undo();
+        self.trees.lights.undo();
+        self.instances.pool.undo();
+        self.trees.records.undo();
+        self.instances.parts.pool().undo();
         self.top.undo();
-        if let Some(restarted) = room.restarted {
-            self.nodes.restore(restarted.nodes);
-            self.lights.restore(restarted.lights);
-            self.residency = restarted.residency;
-            self.directionals = restarted.directionals;
-        }
-    }
-
-    /// Frees the ranges of one state of a tree that another state of it does not have, and that are
-    /// not those of a tree that is sent in pieces.
-    pub(super) fn release_others(&mut self, state: &TreeState, kept: &TreeState) {
-        let incoming = self.residency.incoming.clone();
-        let is_incoming = |nodes: &Range<u32>, of: fn(&Incoming) -> &Range<u32>| {
-            incoming.as_ref().is_some_and(|incoming| of(incoming) == nodes)
-        };
-        if state.nodes != kept.nodes && !is_incoming(&state.nodes, |incoming| &incoming.nodes) {
-            self.nodes.free(state.nodes.clone());
-        }
-        if state.lights != kept.lights && !is_incoming(&state.lights, |incoming| &incoming.lights) {
-            self.lights.free(state.lights.clone());
-        }
-        if state.records != kept.records {
-            self.trees.free(state.records.clone());
-        }
-    }
-
-    /// Frees the ranges of a tree that is sent in pieces, but for those of another one and those that
-    /// shaders see.
-    pub(super) fn release_incoming(
-        &mut self,
-        incoming: Option<Incoming>,
-        kept: Option<&Incoming>,
-        seen: Option<&TreeState>,
-    ) {
-        let Some(incoming) = incoming else { return };
-        let is_kept = |range: &Range<u32>, of: [Option<&Range<u32>>; 2]| of.contains(&Some(range));
-        if !is_kept(&incoming.nodes, [kept.map(|kept| &kept.nodes), seen.map(|seen| &seen.nodes)]) {
-            self.nodes.free(incoming.nodes);
-        }
-        if !is_kept(&incoming.lights, [kept.map(|kept| &kept.lights), seen.map(|seen| &seen.lights)]) {
-            self.lights.free(incoming.lights);
+        if let Some(restarted) = room.trees.restarted {
+            self.trees.nodes.restore(restarted.nodes);
+            self.trees.lights.restore(restarted.lights);
+            self.trees.residency = restarted.residency;
+            self.trees.directionals = restarted.directionals;
         }
     }
 }

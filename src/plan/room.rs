@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::buffers::{BufferId, NewBuffer};
+use super::buffers::NewBuffer;
 use super::changes::Slots;
 use super::parts::NewParts;
 use super::pool::{Growth, RestartedPool};
@@ -12,6 +12,7 @@ use super::previous::Copies;
 use super::residency::{Incoming, Residency, TreeState};
 use super::scatter::{self, RunCount};
 use super::tree_writes::TreeRuns;
+use super::uniforms::NewUniforms;
 
 /// What a frame needs before it changes anything.
 #[derive(Debug, Default)]
@@ -19,6 +20,24 @@ pub(super) struct Room {
     /// Nothing has changed in what shaders read.
     pub is_idle: bool,
     pub new_buffers: Vec<NewBuffer>,
+    pub trees: TreeRoom,
+    /// New ranges for the parts of instances.
+    pub parts: NewParts,
+    /// The continuation of the table of instances.
+    pub slots: Range<u32>,
+    pub directionals: Option<Range<u32>>,
+    pub runs: RecordRuns,
+    pub uniforms: NewUniforms,
+    /// Copies of the present buffers, for shaders that read those of the last frame.
+    pub copies: Copies,
+}
+
+/// The places that trees get, and what is written of them.
+#[derive(Debug, Default)]
+pub(super) struct TreeRoom {
+    pub growth: Growth,
+    /// The device lacks what it had, which is sent first.
+    pub is_lost: bool,
     /// The trees whose place or form changes, by slot.
     pub placed: BTreeMap<u32, TreeState>,
     /// The tree that is sent in pieces, after this frame.
@@ -27,29 +46,23 @@ pub(super) struct Room {
     pub left: u64,
     /// No tree was found that can move to a gap.
     pub is_packed: bool,
-    pub growth: Growth,
+    pub writes: TreeRuns,
     /// What was in the pools of trees before they were begun anew.
     pub restarted: Option<Box<Restarted>>,
-    /// New ranges for the parts of instances.
-    pub parts: NewParts,
-    /// The continuation of the table of instances.
-    pub slots: Range<u32>,
-    pub directionals: Option<Range<u32>>,
-    pub trees: TreeRuns,
-    /// The slots of the instances that are written, and their runs.
-    pub instances: Slots,
-    pub instance_runs: Vec<Range<u32>>,
+}
+
+/// The runs of records that are written, and which of them are staged.
+#[derive(Debug, Default)]
+pub(super) struct RecordRuns {
+    /// The slots of the instances that are written.
+    pub changed: Slots,
+    /// The runs of these slots.
+    pub instances: Vec<Range<u32>>,
     /// The runs of records that are written to these pools: nodes, lights, trees, instances.
-    pub run_counts: [RunCount; scatter::MAX_TARGETS],
+    pub counts: [RunCount; scatter::MAX_TARGETS],
     /// Which of these pools take their short runs from staged records.
     pub is_scattered: [bool; scatter::MAX_TARGETS],
     pub staged_bytes: u64,
-    pub params: Option<BufferId>,
-    /// Copies of the present buffers, for shaders that read those of the last frame.
-    pub copies: Copies,
-    pub relayout_uniform: Option<BufferId>,
-    pub scatter_uniform: Option<BufferId>,
-    pub staging: Option<(BufferId, u64)>,
 }
 
 /// The most items of a list whose memory is kept for the next frame.

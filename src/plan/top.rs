@@ -27,7 +27,7 @@ use passes::{MAX_PASSES, Passes, Places, TopPass};
 use stage::{LANES, Stage};
 
 use super::buffers::{BufferId, Ids, NewBuffer};
-use super::commands::Commands;
+use super::commands::{CommandSizes, Commands};
 use super::error::PlanError;
 use super::kernel::{Binding, Kernel, UNIFORM_ALIGNMENT, pass_bytes};
 use super::layout::Strides;
@@ -85,12 +85,25 @@ pub(crate) struct TopBuild {
     /// The passes of the last build; `None` before the first build and after the buffers were
     /// replaced.
     passes: Option<Passes>,
+    /// Something has changed since the last build.
+    pub(super) is_due: bool,
+    /// What the last build took.
+    pub(super) sizes: CommandSizes,
 }
 
 impl TopBuild {
     /// No buffers yet. None will be larger than `limit` bytes.
     pub(crate) fn new(limit: u64) -> Self {
-        Self { limit, buffers: None, uniforms: None, replacement: None, new_uniforms: None, passes: None }
+        Self {
+            limit,
+            buffers: None,
+            uniforms: None,
+            replacement: None,
+            new_uniforms: None,
+            passes: None,
+            is_due: true,
+            sizes: CommandSizes::default(),
+        }
     }
 
     /// Makes room for `parts` parts, and for masks if `has_masks` or if there is room for them

@@ -11,7 +11,7 @@ use super::layout::{Bases, InstanceRecord, LightRecord, ParamsRecord, STAND_IN, 
 use super::node_record::NodeRecord;
 use super::reserve::Reservation;
 use super::residency::{Form, Incoming, TreeState};
-use super::room::Room;
+use super::room::{Room, TreeRoom};
 use super::scatter::{MAX_TARGETS, Scattered, scatter};
 use super::tree_writes::{Source, TreeRuns, written_records};
 use crate::effects::Effects;
@@ -43,12 +43,12 @@ impl Reservation<'_> {
         planner.effects = effects;
         let mut plan = FramePlan { number: planner.number, ..FramePlan::default() };
         plan.new_buffers = std::mem::take(&mut room.new_buffers);
-        planner.is_resized = false;
+        planner.trees.is_resized = false;
         let copies = std::mem::take(&mut room.copies);
-        planner.previous.adopt(copies, planner.params, (&mut plan.upload, &mut plan.freed));
+        planner.previous.adopt(copies, planner.uniforms.params, (&mut plan.upload, &mut plan.freed));
         if room.is_idle {
-            planner.lists.keep(room.trees, room.instance_runs);
-            if planner.is_top_due {
+            planner.lists.keep(room.trees.writes, room.runs.instances);
+            if planner.top.is_due {
                 planner.finish_top(&mut plan.top);
             }
             plan.report = UploadReport { bytes: plan.upload.bytes_written(), ..planner.waiting_report() };
@@ -56,42 +56,46 @@ impl Reservation<'_> {
             planner.buffers.change(&plan.new_buffers, &plan.freed);
             return plan;
         }
-        let ParamsRecord { strides, masks, home, .. } = planner.params;
+        let ParamsRecord { strides, masks, home, .. } = planner.uniforms.params;
         let former = (strides, masks, home);
         let is_new_top = planner.top.is_replaced() || planner.is_lost;
-        let replaced = [planner.nodes.is_replaced(), planner.instances.is_replaced(), planner.lights.is_replaced()];
+        let replaced = [
+            planner.trees.nodes.is_replaced(),
+            planner.instances.pool.is_replaced(),
+            planner.trees.lights.is_replaced(),
+        ];
         let room = planner.adopt(room, &mut plan);
         let mut staged = planner.make_lists(&room, &mut plan.upload);
-        let Room { placed, incoming, is_packed, parts, directionals, trees, instances, instance_runs, .. } = room;
+        let Room { trees: TreeRoom { placed, incoming, is_packed, writes, .. }, parts, directionals, runs, .. } = room;
         planner.place(placed, incoming);
-        planner.residency.is_packed |= is_packed;
+        planner.trees.residency.is_packed |= is_packed;
         if let Some(range) = directionals {
-            let former = std::mem::replace(&mut planner.directionals, range);
-            planner.lights.free(former);
+            let former = std::mem::replace(&mut planner.trees.directionals, range);
+            planner.trees.lights.free(former);
         }
         let commands = &mut plan.upload;
-        planner.parts.write(commands, parts);
+        planner.instances.parts.write(commands, parts);
         let mut report = UploadReport {
             trees: changes.trees.as_slice().len(),
-            instances: instances.as_slice().len(),
+            instances: runs.changed.as_slice().len(),
             ..planner.waiting_report()
         };
-        planner.write_trees(commands, &mut staged, world, &trees, &mut report);
-        planner.write_instances(commands, &mut staged, world, &instance_runs);
-        planner.lists.keep(trees, instance_runs);
+        planner.write_trees(commands, &mut staged, world, &writes, &mut report);
+        planner.write_instances(commands, &mut staged, world, &runs.instances);
+        planner.lists.keep(writes, runs.instances);
         if changes.directionals {
-            let run = planner.directionals.clone();
+            let run = planner.trees.directionals.clone();
             let records = world.directional_lights().map(|(_, light)| LightRecord::directional(light));
-            planner.lights.write(commands, &mut Scattered::default(), run, records);
+            planner.trees.lights.write(commands, &mut Scattered::default(), run, records);
         }
         planner.scatter(commands, staged);
         planner.write_params(commands, world, effects);
-        let ParamsRecord { strides, masks, home, .. } = planner.params;
-        planner.top.prepare(commands, planner.parts.count(), strides, (masks, home));
+        let ParamsRecord { strides, masks, home, .. } = planner.uniforms.params;
+        planner.top.prepare(commands, planner.instances.parts.count(), strides, (masks, home));
         report.bytes = commands.bytes_written();
         plan.report = report;
         planner.is_lost = false;
-        if changes.concern_lights() || is_new_top || former != (strides, masks, home) || planner.is_top_due {
+        if changes.concern_lights() || is_new_top || former != (strides, masks, home) || planner.top.is_due {
             planner.finish_top(&mut plan.top);
         }
         planner.previous.changed([
@@ -120,22 +124,27 @@ fn with_lights_from(offset: u32, mut node: Node) -> Node {
 impl LightPlanner {
     /// Takes the new places of trees into use.
     fn place(&mut self, placed: BTreeMap<u32, TreeState>, incoming: Option<Incoming>) {
-        let former_incoming = std::mem::replace(&mut self.residency.incoming, incoming.clone());
+        let former_incoming = std::mem::replace(&mut self.trees.residency.incoming, incoming.clone());
         let seen = former_incoming.as_ref().and_then(|former| placed.get(&former.slot)).cloned();
         for (slot, state) in placed {
-            let former = self.residency.replace(slot, state.clone());
-            self.release_others(&former, &state);
+            let former = self.trees.residency.replace(slot, state.clone());
+            self.trees.release_others(&former, &state);
         }
-        self.release_incoming(former_incoming, incoming.as_ref(), seen.as_ref());
+        self.trees.release_incoming(former_incoming, incoming.as_ref(), seen.as_ref());
     }
 
     /// Makes room for what is written, so that no list is copied while it grows. A few more commands
     /// and bytes are for parameters.
     fn make_lists(&self, room: &Room, commands: &mut Commands) -> Staged {
-        let strides = [self.nodes.stride(), self.lights.stride(), self.trees.stride(), self.instances.stride()];
-        let (mut writes, mut bytes) = (MORE_COMMANDS, room.staged_bytes + MORE_BYTES);
+        let strides = [
+            self.trees.nodes.stride(),
+            self.trees.lights.stride(),
+            self.trees.records.stride(),
+            self.instances.pool.stride(),
+        ];
+        let (mut writes, mut bytes) = (MORE_COMMANDS, room.runs.staged_bytes + MORE_BYTES);
         let lists: [Scattered; MAX_TARGETS] = std::array::from_fn(|i| {
-            let (count, stride, is_scattered) = (&room.run_counts[i], strides[i], room.is_scattered[i]);
+            let (count, stride, is_scattered) = (&room.runs.counts[i], strides[i], room.runs.is_scattered[i]);
             let (runs, bytes_of_runs) = count.written(stride, is_scattered);
             writes += runs;
             bytes += bytes_of_runs;
@@ -149,9 +158,9 @@ impl LightPlanner {
     /// What waits now.
     fn waiting_report(&self) -> UploadReport {
         UploadReport {
-            waiting_trees: self.residency.waiting_count(),
-            waiting_bytes: self.residency.waiting_bytes(),
-            stand_ins: self.residency.stand_in_count(),
+            waiting_trees: self.trees.residency.waiting_count(),
+            waiting_bytes: self.trees.residency.waiting_bytes(),
+            stand_ins: self.trees.residency.stand_in_count(),
             ..UploadReport::default()
         }
     }
@@ -159,23 +168,23 @@ impl LightPlanner {
     /// Takes new buffers into use. Returns what is left of the room.
     fn adopt(&mut self, room: Room, plan: &mut FramePlan) -> Room {
         let FramePlan { upload, freed, .. } = plan;
-        self.relayout_uniform = room.relayout_uniform.or(self.relayout_uniform);
-        self.scatter_uniform = room.scatter_uniform.or(self.scatter_uniform);
-        if let Some(staging) = room.staging {
-            freed.extend(self.staging.replace(staging).map(|(id, _)| id));
+        self.uniforms.relayout = room.uniforms.relayout.or(self.uniforms.relayout);
+        self.uniforms.scatter = room.uniforms.scatter.or(self.uniforms.scatter);
+        if let Some(staging) = room.uniforms.staging {
+            freed.extend(self.uniforms.staging.replace(staging).map(|(id, _)| id));
         }
-        if let Some(params) = room.params {
-            freed.extend(self.params_buffer.replace(params));
+        if let Some(params) = room.uniforms.params {
+            freed.extend(self.uniforms.params_buffer.replace(params));
             // Nothing was written to the new one.
-            self.params = ParamsRecord { slots: u32::MAX, ..ParamsRecord::default() };
+            self.uniforms.params = ParamsRecord { slots: u32::MAX, ..ParamsRecord::default() };
         }
-        self.instance_count = self.instance_count.max(room.slots.end);
-        let uniform = |pass| self.relayout_uniform.map(|buffer| (buffer, pass));
-        freed.extend(self.nodes.adopt(upload, uniform(0)));
-        freed.extend(self.lights.adopt(upload, uniform(1)));
-        freed.extend(self.instances.adopt(upload, uniform(2)));
-        freed.extend(self.trees.adopt(upload, None));
-        freed.extend(self.parts.pool().adopt(upload, None));
+        self.instances.count = self.instances.count.max(room.slots.end);
+        let uniform = |pass| self.uniforms.relayout.map(|buffer| (buffer, pass));
+        freed.extend(self.trees.nodes.adopt(upload, uniform(0)));
+        freed.extend(self.trees.lights.adopt(upload, uniform(1)));
+        freed.extend(self.instances.pool.adopt(upload, uniform(2)));
+        freed.extend(self.trees.records.adopt(upload, None));
+        freed.extend(self.instances.parts.pool().adopt(upload, None));
         self.top.adopt(upload, freed);
         room
     }
@@ -205,7 +214,7 @@ impl LightPlanner {
                     NodeRecord::of(&with_lights_from(offset, Node { parent, ..*node }))
                 });
                 let target = node_base + run.start..node_base + run.end;
-                self.nodes.write(commands, &mut staged.nodes, target, nodes);
+                self.trees.nodes.write(commands, &mut staged.nodes, target, nodes);
             }
             for run in &runs[light_runs.clone()] {
                 let range = run.start as usize..run.end as usize;
@@ -213,19 +222,19 @@ impl LightPlanner {
                 let lights = tree.lights()[range.clone()].iter().zip(&tree.leaves()[range]);
                 let fill = lights.map(|(light, place)| LightRecord::of(light, stored_place(*place, sections)));
                 let target = light_base + run.start..light_base + run.end;
-                self.lights.write(commands, &mut staged.lights, target, fill);
+                self.trees.lights.write(commands, &mut staged.lights, target, fill);
             }
             if matches!(write.source, Source::Tree) {
-                self.residency.was_written(write.slot, entry.log.revision());
+                self.trees.residency.was_written(write.slot, entry.log.revision());
             }
             // The records of stand-ins describe the whole tree, so nothing changes in the top level
             // when it takes their place.
-            let (tree, sections, state) = (&entry.tree, &entry.sections, self.residency.get(write.slot));
+            let (tree, sections, state) = (&entry.tree, &entry.sections, self.trees.residency.get(write.slot));
             let runs = [&runs[node_runs.clone()], &runs[light_runs.clone()]];
             for run in written_records(write, state.division, sections, state.records.len(), runs) {
                 let target = state.records.start + run.start..state.records.start + run.end;
                 let fill = run.map(|index| TreeRecord::of(tree, state.division, sections, index));
-                self.trees.write(commands, &mut staged.trees, target, fill);
+                self.trees.records.write(commands, &mut staged.trees, target, fill);
             }
         }
     }
@@ -234,7 +243,7 @@ impl LightPlanner {
     fn write_instances(&self, commands: &mut Commands, staged: &mut Staged, world: &LightWorld, runs: &[Range<u32>]) {
         for run in runs {
             let records = run.clone().map(|slot| self.instance_record(slot, world));
-            self.instances.write(commands, &mut staged.instances, run.clone(), records);
+            self.instances.pool.write(commands, &mut staged.instances, run.clone(), records);
         }
     }
 
@@ -243,8 +252,8 @@ impl LightPlanner {
         let generation = generation_of(key);
         let Some(instance) = world.instance(key) else { return InstanceRecord::NONE };
         let Some(placed) = instance.shown() else { return InstanceRecord::hidden(generation) };
-        let state = self.residency.get(slot_of(instance.tree));
-        let parts = self.parts.range(slot);
+        let state = self.trees.residency.get(slot_of(instance.tree));
+        let parts = self.instances.parts.range(slot);
         let stands_in = state.form == Form::StandIns;
         let bases = Bases {
             tree: state.records.start,
@@ -260,12 +269,12 @@ impl LightPlanner {
 
     /// Sends the staged records, if there are any.
     fn scatter(&self, commands: &mut Commands, staged: Staged) {
-        let (Some((staging, _)), Some(uniform)) = (self.staging, self.scatter_uniform) else { return };
+        let (Some((staging, _)), Some(uniform)) = (self.uniforms.staging, self.uniforms.scatter) else { return };
         let targets = [
-            (self.nodes.buffer(), self.nodes.stride(), staged.nodes),
-            (self.lights.buffer(), self.lights.stride(), staged.lights),
-            (self.trees.buffer(), self.trees.stride(), staged.trees),
-            (self.instances.buffer(), self.instances.stride(), staged.instances),
+            (self.trees.nodes.buffer(), self.trees.nodes.stride(), staged.nodes),
+            (self.trees.lights.buffer(), self.trees.lights.stride(), staged.lights),
+            (self.trees.records.buffer(), self.trees.records.stride(), staged.trees),
+            (self.instances.pool.buffer(), self.instances.pool.stride(), staged.instances),
         ];
         scatter(commands, targets, (staging, uniform));
     }
@@ -273,19 +282,19 @@ impl LightPlanner {
     /// Sends the parameters, if they have changed.
     fn write_params(&mut self, commands: &mut Commands, world: &LightWorld, effects: Effects) {
         let params = self.params_of(world, effects);
-        if let Some(buffer) = self.params_buffer
-            && (params != self.params || self.is_lost)
+        if let Some(buffer) = self.uniforms.params_buffer
+            && (params != self.uniforms.params || self.is_lost)
         {
             commands.write(buffer, 0, bytemuck::bytes_of(&params));
-            self.params = params;
+            self.uniforms.params = params;
         }
     }
 
     /// Adds the build of the top level, which is then no longer due.
     fn finish_top(&mut self, commands: &mut Commands) {
-        commands.reserve_as(self.top_sizes);
+        commands.reserve_as(self.top.sizes);
         self.build_top(commands);
-        self.top_sizes = commands.sizes();
-        self.is_top_due = false;
+        self.top.sizes = commands.sizes();
+        self.top.is_due = false;
     }
 }

@@ -96,7 +96,7 @@ impl LightWorld {
     /// is not shown has no record on the GPU, so a change of it has no consequences until it is
     /// shown.
     fn change_appearance(&mut self, key: InstanceKey, change: impl FnOnce(&mut Appearance)) -> Result<(), WorldError> {
-        let instance = self.instances.get_mut(key).ok_or(WorldError::NoSuchInstance(key))?;
+        let instance = self.scene.instances.get_mut(key).ok_or(WorldError::NoSuchInstance(key))?;
         let mut appearance = instance.appearance;
         change(&mut appearance);
         let is_alike = appearance.is_alike(&instance.appearance);

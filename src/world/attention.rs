@@ -2,13 +2,12 @@
 //! illuminance at the viewpoint.
 //!
 //! Counts of how often lights were sampled, read back from the GPU, were tried as weights. They
-//! recovered no more of the gap than the illuminance alone (docs/decisions.md, 22).
+//! recovered no more of the gap than the illuminance alone (docs/decisions-archive.md, 22).
 
 use glam::DVec3;
 
-use super::LightWorld;
+use super::scene::{Scene, TreeEntry};
 use crate::cluster::Cluster;
-use crate::error::{WorldError, check_finite};
 use crate::keys::TreeKey;
 
 /// The illuminance of a tree that requests a rebuild is recomputed after this many updates.
@@ -24,79 +23,49 @@ const MAX_ILLUMINANCE: f32 = 1.0e12;
 /// long gone.
 const LUX: f64 = (1_u64 << 60) as f64;
 
-/// What the weight of one tree is computed from.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct TreeWeight {
-    /// The illuminance at the viewpoint without cosines, in lux; the flux in lumens if the
-    /// viewpoint is unknown.
-    illuminance: f32,
-    /// The update in which the illuminance was computed, if it was.
-    computed_at: Option<u64>,
-}
-
 /// What the weights of all trees have in common.
 #[derive(Debug, Default)]
 pub(super) struct ViewWeights {
-    /// In metres, in world coordinates, not relative to [`LightWorld::origin`].
-    viewpoint: Option<DVec3>,
+    /// In metres, in world coordinates, not relative to the origin.
+    pub viewpoint: Option<DVec3>,
     /// The sum of the illuminance of all trees, in units of [`LUX`] and therefore exact.
     total_illuminance: u128,
 }
 
-impl LightWorld {
-    /// Sets the viewpoint: the position of the camera, in metres in world coordinates. Trees whose
-    /// light is strong there are rebuilt first. Trees whose lights change get their new priorities
-    /// within eight updates; of the waiting trees whose lights do not change, one gets its new
-    /// priority in each update. O(1).
-    ///
-    /// With [`OriginMode::Following`](crate::OriginMode::Following) this also moves the origin if the
-    /// viewpoint is far from it. Call it before [`LightWorld::take_delta`] in every frame then.
-    ///
-    /// # Errors
-    /// [`WorldError::NotFinite`] for a coordinate that is NaN or infinite. If the origin follows the
-    /// viewpoint, [`WorldError::OriginTooFar`] for a coordinate beyond
-    /// [`MAX_DISTANCE`](crate::MAX_DISTANCE).
-    pub fn set_viewpoint(&mut self, viewpoint: DVec3) -> Result<(), WorldError> {
-        check_finite("a coordinate of the viewpoint", viewpoint)?;
-        self.follow(viewpoint)?;
-        self.view_weights.viewpoint = Some(viewpoint);
-        Ok(())
-    }
-
+impl ViewWeights {
     /// The weight of a tree: its share of the illuminance of all trees.
-    pub(super) fn weight_of(&mut self, key: TreeKey) -> f32 {
-        let frame = self.scheduler.frame();
-        let weight = self.trees[key].weight;
+    pub fn of(&mut self, key: TreeKey, frame: u64, scene: &mut Scene) -> f32 {
+        let weight = scene.trees[key].weight;
         if weight.computed_at.is_none_or(|computed_at| frame - computed_at >= ILLUMINANCE_LIFETIME) {
-            let illuminance = self.illuminance_of(key);
-            let total = &mut self.view_weights.total_illuminance;
+            let illuminance = self.illuminance_of(key, scene);
+            let total = &mut self.total_illuminance;
             *total = *total + in_units(illuminance) - in_units(weight.illuminance);
-            let weight = &mut self.trees[key].weight;
+            let weight = &mut scene.trees[key].weight;
             weight.illuminance = illuminance;
             weight.computed_at = Some(frame);
         }
-        let total = self.view_weights.total_illuminance as f64 / LUX;
-        let illuminance = f64::from(self.trees[key].weight.illuminance);
+        let total = self.total_illuminance as f64 / LUX;
+        let illuminance = f64::from(scene.trees[key].weight.illuminance);
         if total > 0.0 { (illuminance / total) as f32 } else { 0.0 }
     }
 
     /// Takes a tree that is to be removed out of the sum over all trees.
-    pub(super) fn remove_weight(&mut self, key: TreeKey) {
-        self.view_weights.total_illuminance -= in_units(self.trees[key].weight.illuminance);
+    pub fn remove(&mut self, entry: &TreeEntry) {
+        self.total_illuminance -= in_units(entry.weight.illuminance);
     }
 
-    /// The illuminance of a tree at the viewpoint; see [`TreeWeight`].
-    fn illuminance_of(&self, key: TreeKey) -> f32 {
-        self.sum_over_instances(key, |cluster, dist_sq| cluster.flux / dist_sq)
+    /// The illuminance of a tree at the viewpoint; the flux without a viewpoint.
+    fn illuminance_of(&self, key: TreeKey, scene: &Scene) -> f32 {
+        self.sum_over_instances(key, scene, |cluster, dist_sq| cluster.flux / dist_sq)
     }
 
     /// About how wrong the illuminance at the viewpoint may be, in lux, if a few lights stand in for
     /// those of a tree: its illuminance times its squared angular size, at most 1. Without a
     /// viewpoint its flux. Not negative.
     #[cfg(feature = "gpu-plan")]
-    pub(crate) fn error_of_stand_ins(&self, key: TreeKey) -> f32 {
-        let has_viewpoint = self.view_weights.viewpoint.is_some();
-        self.sum_over_instances(key, |cluster, dist_sq| {
+    pub fn error_of_stand_ins(&self, key: TreeKey, scene: &Scene) -> f32 {
+        let has_viewpoint = self.viewpoint.is_some();
+        self.sum_over_instances(key, scene, |cluster, dist_sq| {
             let angular_size = if has_viewpoint { (cluster.variance / dist_sq).min(1.0) } else { 1.0 };
             cluster.flux / dist_sq * angular_size
         })
@@ -104,12 +73,12 @@ impl LightWorld {
 
     /// The sum of a function of the clusters of a tree's instances and of their mean squared
     /// distances from the viewpoint, 1 without a viewpoint. Many instances are estimated from some.
-    fn sum_over_instances(&self, key: TreeKey, f: impl Fn(&Cluster, f32) -> f32) -> f32 {
-        let instances = &self.trees[key].instances;
+    fn sum_over_instances(&self, key: TreeKey, scene: &Scene, f: impl Fn(&Cluster, f32) -> f32) -> f32 {
+        let instances = &scene.trees[key].instances;
         let step = instances.len().div_ceil(MAX_SAMPLED_INSTANCES).max(1);
-        let viewpoint = self.view_weights.viewpoint.map(|viewpoint| (viewpoint - self.origin()).as_vec3());
+        let viewpoint = self.viewpoint.map(|viewpoint| (viewpoint - scene.origin.position).as_vec3());
         let values = instances.iter().step_by(step).map(|instance| {
-            let cluster = self.cluster(*instance);
+            let cluster = scene.cluster(*instance);
             let dist_sq =
                 viewpoint.map_or(1.0, |viewpoint| viewpoint.distance_squared(cluster.mean) + cluster.variance);
             f(&cluster, dist_sq.max(f32::MIN_POSITIVE))
@@ -129,8 +98,13 @@ fn in_units(illuminance: f32) -> u128 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{FrameBudget, Light, Placement, Policy};
+    use crate::{FrameBudget, Light, LightWorld, Placement, Policy};
     use glam::Vec3;
+
+    fn weight_of(world: &mut LightWorld, tree: TreeKey) -> f32 {
+        let frame = world.rebuilds.scheduler.frame();
+        world.rebuilds.weights.of(tree, frame, &mut world.scene)
+    }
 
     #[test]
     fn shares_add_up_to_one_after_the_viewpoint_was_inside_bright_lamps() {
@@ -151,9 +125,9 @@ mod tests {
             }
             // The sum is up to date once all weights have been asked for.
             for tree in &trees {
-                world.weight_of(*tree);
+                weight_of(world, *tree);
             }
-            trees.iter().map(|tree| f64::from(world.weight_of(*tree))).sum::<f64>()
+            trees.iter().map(|tree| f64::from(weight_of(world, *tree))).sum::<f64>()
         };
         for i in 0..1000 {
             let sum = shares(&mut world, f64::from(i % 10));
@@ -167,6 +141,6 @@ mod tests {
             world.remove_instance(instance).expect("a live key");
             world.remove_tree(tree).expect("no instances");
         }
-        assert_eq!(world.view_weights.total_illuminance, 0);
+        assert_eq!(world.rebuilds.weights.total_illuminance, 0);
     }
 }

@@ -43,8 +43,8 @@ impl FrameDelta {
         // No key has slot 0.
         let all = |count: usize| (1..count.max(1) as u32).collect();
         Self {
-            trees: all(world.tree_slots.len()),
-            instances: all(world.instances.slot_count()),
+            trees: all(world.scene.trees.slot_count()),
+            instances: all(world.scene.instances.slot_count()),
             directionals: true,
             ..Self::default()
         }

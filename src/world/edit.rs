@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::staged::StagedLights;
-use super::{Instance, LightWorld, TreeEntry, set_slot};
+use super::{Instance, LightWorld, TreeEntry};
 use crate::effects::Effects;
 use crate::error::WorldError;
 use crate::instance::appearance::Appearance;
@@ -35,6 +35,38 @@ impl LightWorld {
         Ok(self.insert_tree(tree))
     }
 
+    /// Adds a tree whose lights shine at once and which later updates build within their budgets: a
+    /// [placeholder](LightTree::new_placeholder). It contributes nothing until it has an instance.
+    ///
+    /// The tree requests its build until it has been built, with or without instances, whatever
+    /// their policies, [`Policy::Static`](crate::Policy::Static) and
+    /// [`Policy::RefitOnly`](crate::Policy::RefitOnly) included.
+    /// [`LightTree::is_placeholder`] tells whether it still waits, and
+    /// [`FrameReport::placeholder_trees`](crate::FrameReport::placeholder_trees) how many trees do.
+    /// The built tree has the same bits as one from [`LightWorld::add_tree`]. If the first instance
+    /// is stretched, the tree is built for that instance, and adding the instance builds nothing.
+    ///
+    /// O(lights) on the calling thread, about half of the time of a build. To spend that time on
+    /// another thread, make the tree there and pass it to [`LightWorld::insert_tree`], or fill a
+    /// [`Region`](crate::Region) there.
+    ///
+    /// | before the tree is built | outcome |
+    /// |---|---|
+    /// | lights are changed, added or removed | the placeholder is refitted. Lights that change during the build are set again in the built tree. It is built at once where [`LightWorld::add_lights`] would rebuild any tree. |
+    /// | [`LightWorld::replace_lights`], [`LightWorld::rebuild_tree`] | the tree is built at once |
+    /// | [`LightWorld::replace_tree`] | the build is for the new tree, if that is a placeholder |
+    /// | [`LightWorld::make_unique`] | the copy is a placeholder too |
+    /// | instances come, go, move or change | nothing |
+    /// | the tree does not change for some time | it is frozen, and still built later |
+    /// | [`LightWorld::remove_tree`] | nothing is built |
+    ///
+    /// # Errors
+    /// As [`LightWorld::add_tree`].
+    pub fn add_placeholder(&mut self, lights: Vec<Light>) -> Result<TreeKey, WorldError> {
+        let tree = LightTree::new_placeholder(lights)?;
+        Ok(self.insert_tree(tree))
+    }
+
     /// Takes a tree that was made elsewhere: built on another thread, loaded from a file or removed
     /// from another world. It contributes nothing until it has an instance.
     ///
@@ -49,12 +81,12 @@ impl LightWorld {
         tree.refit_changes();
         self.effects.change(|counts| counts.add_all(tree.effects()));
         let (features, lights) = (TreeFeatures::of(&tree), tree.light_count());
-        let key = self.trees.insert(TreeEntry::new(tree));
-        self.scheduler.add(key, features, lights);
-        self.await_first_build(key);
-        self.recount(key);
+        let key = self.scene.trees.insert(TreeEntry::new(tree));
+        let entry = &mut self.scene.trees[key];
+        self.rebuilds.scheduler.add(key, features, lights);
+        self.rebuilds.await_first_build(key, &entry.tree);
+        entry.recount(&mut self.sums);
         self.wake(key);
-        set_slot(&mut self.tree_slots, slot_of(key), Some(key));
         self.changes.tree(slot_of(key));
         key
     }
@@ -76,14 +108,13 @@ impl LightWorld {
     /// for it. Frees nothing. O(1).
     pub(super) fn take_tree(&mut self, tree: TreeKey) -> RemovedTree {
         self.remove_rest_timer(tree);
-        let build = self.take_long_build(tree);
-        self.scheduler.remove(tree);
-        self.remove_weight(tree);
-        let entry = self.trees.remove(tree).expect("a live tree");
-        self.counted.remove(&entry.counted);
+        let build = self.rebuilds.take_long_build(tree);
+        self.rebuilds.scheduler.remove(tree);
+        let entry = self.scene.trees.remove(tree).expect("a live tree");
+        self.rebuilds.weights.remove(&entry);
+        self.sums.remove(&entry.counted);
         self.effects.change(|counts| counts.remove_all(entry.tree.effects()));
-        self.pending.remove(tree);
-        set_slot(&mut self.tree_slots, slot_of(tree), None);
+        self.edits.pending.remove(tree);
         self.changes.tree(slot_of(tree));
         RemovedTree { entry, build }
     }
@@ -129,7 +160,7 @@ impl LightWorld {
     /// `lights`, [`WorldError::TooManyLights`] for more than [`MAX_LIGHTS`](crate::tree::MAX_LIGHTS)
     /// indices.
     pub fn add_lights(&mut self, tree: TreeKey, lights: &[Light]) -> Result<Vec<u32>, WorldError> {
-        let entry = self.trees.get_mut(tree).ok_or(WorldError::NoSuchTree(tree))?;
+        let entry = self.scene.trees.get_mut(tree).ok_or(WorldError::NoSuchTree(tree))?;
         check_lights(lights.iter().enumerate())?;
         if entry.is_static() {
             return Err(WorldError::StaticTree(tree));
@@ -137,9 +168,9 @@ impl LightWorld {
         check_light_count(entry.staged.index_count_with(lights.len(), &entry.tree))?;
         let indices = lights.iter().map(|light| entry.staged.add(*light, &entry.tree)).collect();
         if !lights.is_empty() {
-            self.pending.insert(tree);
+            self.edits.pending.insert(tree);
         }
-        self.recount(tree);
+        entry.recount(&mut self.sums);
         Ok(indices)
     }
 
@@ -171,13 +202,13 @@ impl LightWorld {
     /// never takes a new light for an old one. Calls that replace or remove whole trees or instances
     /// are not listed.
     pub fn removed_lights(&self) -> &[(TreeKey, u32)] {
-        &self.removed_lights
+        &self.edits.removed
     }
 
     /// The lights that the last [`LightWorld::update`] added to trees, as
     /// [`LightWorld::add_lights`] asked for.
     pub fn added_lights(&self) -> &[(TreeKey, u32)] {
-        &self.added_lights
+        &self.edits.added
     }
 
     /// Changes the emission of one light of a tree, in the unit of [`Light::emission`], for all
@@ -213,7 +244,7 @@ impl LightWorld {
         tree: TreeKey,
         changes: impl Iterator<Item = (u32, &'a Light)>,
     ) -> Result<(), WorldError> {
-        let entry = &mut self.trees[tree];
+        let entry = &mut self.scene.trees[tree];
         if entry.is_static() {
             return Err(WorldError::StaticTree(tree));
         }
@@ -221,9 +252,9 @@ impl LightWorld {
             entry.staged.set(index, *light, entry.tree.lights());
         }
         if !entry.staged.is_empty() {
-            self.pending.insert(tree);
+            self.edits.pending.insert(tree);
         }
-        self.recount(tree);
+        entry.recount(&mut self.sums);
         Ok(())
     }
 
@@ -238,7 +269,7 @@ impl LightWorld {
         if self.entry(tree)?.is_static() {
             return Err(WorldError::StaticTree(tree));
         }
-        let built = LightTree::with_reference(lights, self.trees[tree].tree.reference().copied())?;
+        let built = LightTree::with_reference(lights, self.scene.trees[tree].tree.reference().copied())?;
         self.exchange(tree, built);
         Ok(())
     }
@@ -269,28 +300,26 @@ impl LightWorld {
 
     /// Puts a tree whose nodes are up to date in the place of another one, which is returned.
     fn exchange(&mut self, tree: TreeKey, by: LightTree) -> LightTree {
-        let entry = &mut self.trees[tree];
-        self.light_count -= entry.tree.light_count() * entry.instances.len();
-        self.light_count += by.light_count() * entry.instances.len();
+        let entry = &mut self.scene.trees[tree];
         self.effects.change(|counts| {
             counts.add_all(by.effects());
             counts.remove_all(entry.tree.effects());
         });
         entry.history = AttributeHistory::start(by.attributes());
-        self.scheduler.was_replaced(tree, TreeFeatures::of(&by), by.light_count());
+        self.rebuilds.scheduler.was_replaced(tree, TreeFeatures::of(&by), by.light_count());
         let former = std::mem::replace(&mut entry.tree, by);
         entry.staged = StagedLights::default();
         entry.has_new_policy = false;
-        self.pending.remove(tree);
+        self.edits.pending.remove(tree);
         self.cancel_build(tree);
-        self.await_first_build(tree);
-        self.recount(tree);
+        let entry = &mut self.scene.trees[tree];
+        self.rebuilds.await_first_build(tree, &entry.tree);
+        entry.recount(&mut self.sums);
         self.has_moved(tree);
-        for index in 0..self.trees[tree].instances.len() {
-            self.judge_later(self.trees[tree].instances[index]);
-        }
+        let (divisions, mut edit) = self.divisions();
+        divisions.judge_all_later(tree, &mut edit);
         self.whole_tree_changed(tree);
-        self.renew_sections(tree);
+        self.divisions().1.renew_sections(tree);
         self.top.take();
         former
     }
@@ -313,7 +342,7 @@ impl LightWorld {
         self.entry(tree)?;
         policy.validate()?;
         let placement = placement.into();
-        let placed = Placed::new(&placement, self.origin.anchor())?;
+        let placed = Placed::new(&placement, self.scene.origin.anchor())?;
         let appearance = Appearance::default();
         let instance = Instance { tree, placement, policy, appearance, placed, index_in_tree: 0, region: None };
         Ok(self.insert_instance(instance, false))
@@ -324,10 +353,11 @@ impl LightWorld {
     pub(super) fn insert_instance(&mut self, instance: Instance, builds_later: bool) -> InstanceKey {
         let (tree, policy) = (instance.tree, instance.policy);
         self.effects.change(|counts| counts.add(instance.effects()));
-        let key = self.instances.insert(instance);
+        let key = self.scene.instances.insert(instance);
         self.attach(key, tree, policy);
         self.build_for_first(key, builds_later);
-        self.judge_later(key);
+        let (divisions, mut edit) = self.divisions();
+        divisions.judge_later(key, &mut edit);
         self.changes.added(slot_of(key));
         self.top.take();
         key
@@ -338,10 +368,10 @@ impl LightWorld {
     /// # Errors
     /// [`WorldError::NoSuchInstance`].
     pub fn remove_instance(&mut self, key: InstanceKey) -> Result<(), WorldError> {
-        let instance = self.instances.remove(key).ok_or(WorldError::NoSuchInstance(key))?;
+        let instance = self.scene.instances.remove(key).ok_or(WorldError::NoSuchInstance(key))?;
         self.effects.change(|counts| counts.remove(instance.effects()));
-        self.forget_overlap(key, instance.tree);
-        self.forget_neighbours(key, instance.tree);
+        let (divisions, mut edit) = self.divisions();
+        divisions.forget(key, instance.tree, &mut edit);
         self.detach(instance.tree, instance.index_in_tree, instance.policy);
         self.changes.removed(slot_of(key));
         self.top.take();
@@ -360,18 +390,18 @@ impl LightWorld {
     /// [`WorldError::NoSuchInstance`], [`WorldError::Policy`].
     pub fn set_policy(&mut self, key: InstanceKey, policy: Policy) -> Result<(), WorldError> {
         policy.validate()?;
-        let instance = self.instances.get_mut(key).ok_or(WorldError::NoSuchInstance(key))?;
+        let instance = self.scene.instances.get_mut(key).ok_or(WorldError::NoSuchInstance(key))?;
         if policy == instance.policy {
             return Ok(());
         }
         let former = std::mem::replace(&mut instance.policy, policy);
         let tree = instance.tree;
-        let entry = &mut self.trees[tree];
+        let entry = &mut self.scene.trees[tree];
         entry.policies.remove(former);
         entry.policies.insert(policy);
         if policy.may_rebuild() && policy != Policy::AlwaysRebuild {
             entry.has_new_policy = true;
-            self.pending.insert(tree);
+            self.edits.pending.insert(tree);
         }
         self.forget_requests_that_no_policy_allows(tree);
         Ok(())
@@ -384,9 +414,9 @@ impl LightWorld {
     /// # Errors
     /// [`WorldError::NoSuchInstance`].
     pub fn make_unique(&mut self, key: InstanceKey) -> Result<TreeKey, WorldError> {
-        let instance = self.instances.get(key).ok_or(WorldError::NoSuchInstance(key))?;
+        let instance = self.scene.instances.get(key).ok_or(WorldError::NoSuchInstance(key))?;
         let (shared, index_in_tree, policy) = (instance.tree, instance.index_in_tree, instance.policy);
-        let entry = &self.trees[shared];
+        let entry = &self.scene.trees[shared];
         if entry.instances.len() == 1 {
             return Ok(shared);
         }
@@ -395,25 +425,26 @@ impl LightWorld {
         let has_new_policy = entry.has_new_policy;
         let own = self.insert_tree(copy);
         if !staged.is_empty() || has_new_policy {
-            self.pending.insert(own);
+            self.edits.pending.insert(own);
         }
-        let entry = &mut self.trees[own];
+        let entry = &mut self.scene.trees[own];
         entry.has_new_policy = has_new_policy;
         entry.history = history;
         entry.staged = staged;
-        self.recount(own);
-        self.scheduler.copy(shared, own);
-        self.forget_overlap(key, shared);
-        self.forget_neighbours(key, shared);
+        entry.recount(&mut self.sums);
+        self.rebuilds.scheduler.copy(shared, own);
+        let (divisions, mut edit) = self.divisions();
+        divisions.forget(key, shared, &mut edit);
         self.detach(shared, index_in_tree, policy);
         self.attach(key, own, policy);
-        self.instances[key].tree = own;
+        self.scene.instances[key].tree = own;
         self.was_copied(key, own);
-        self.judge_later(key);
+        let (divisions, mut edit) = self.divisions();
+        divisions.judge_later(key, &mut edit);
         self.instance_changed(key);
-        if self.scheduler.waits(shared) || self.trees[shared].successor.is_some() {
+        if self.rebuilds.scheduler.waits(shared) || self.scene.trees[shared].successor.is_some() {
             // The copy needs a rebuild as much as the tree that it was copied from.
-            self.update_request(own);
+            self.rebuilds.update_request(own, &mut self.scene);
         }
         Ok(own)
     }
@@ -426,7 +457,7 @@ impl LightWorld {
         check_directional(&light)?;
         self.changes.directionals = true;
         self.effects.change(|counts| counts.add(Effects::DIRECTIONAL));
-        Ok(self.directionals.insert(light))
+        Ok(self.scene.directionals.insert(light))
     }
 
     /// Changes a directional light, at once. A value that equals the present one changes nothing.
@@ -435,7 +466,7 @@ impl LightWorld {
     /// [`WorldError::NoSuchDirectional`], [`WorldError::Directional`].
     pub fn set_directional(&mut self, key: DirectionalKey, light: DirectionalLight) -> Result<(), WorldError> {
         check_directional(&light)?;
-        let present = self.directionals.get_mut(key).ok_or(WorldError::NoSuchDirectional(key))?;
+        let present = self.scene.directionals.get_mut(key).ok_or(WorldError::NoSuchDirectional(key))?;
         if *present != light {
             *present = light;
             self.changes.directionals = true;
@@ -448,7 +479,7 @@ impl LightWorld {
     /// # Errors
     /// [`WorldError::NoSuchDirectional`].
     pub fn remove_directional(&mut self, key: DirectionalKey) -> Result<(), WorldError> {
-        self.directionals.remove(key).ok_or(WorldError::NoSuchDirectional(key))?;
+        self.scene.directionals.remove(key).ok_or(WorldError::NoSuchDirectional(key))?;
         self.changes.directionals = true;
         self.effects.change(|counts| counts.remove(Effects::DIRECTIONAL));
         Ok(())
@@ -474,10 +505,7 @@ impl LightWorld {
     ///
     /// Source: Arvo, Stratified Sampling of Spherical Triangles (1995).
     pub fn set_solid_angle_sampling(&mut self, is_on: bool) {
-        if is_on != self.solid_angle_sampling {
-            self.solid_angle_sampling = is_on;
-            self.switch(Effects::SOLID_ANGLES, is_on);
-        }
+        self.switch(Effects::SOLID_ANGLES, is_on);
     }
 
     /// Sets whether shaders that are made for this world's [`LightWorld::effects`] choose lights by
@@ -489,10 +517,7 @@ impl LightWorld {
     /// points as matte ones. [`LightSampler`](crate::LightSampler) does not need the setting: it
     /// always follows [`ShadingPoint::gloss`](crate::ShadingPoint::gloss).
     pub fn set_glossy_sampling(&mut self, is_on: bool) {
-        if is_on != self.glossy_sampling {
-            self.glossy_sampling = is_on;
-            self.switch(Effects::GLOSSY, is_on);
-        }
+        self.switch(Effects::GLOSSY, is_on);
     }
 
     /// Sets whether shaders that are made for this world's [`LightWorld::effects`] choose lights
@@ -503,57 +528,53 @@ impl LightWorld {
     /// the point in its middle. [`LightSampler`](crate::LightSampler) does not need the setting: it
     /// always follows [`ShadingPoint::segment`](crate::ShadingPoint::segment).
     pub fn set_segment_sampling(&mut self, is_on: bool) {
-        if is_on != self.segment_sampling {
-            self.segment_sampling = is_on;
-            self.switch(Effects::SEGMENTS, is_on);
+        self.switch(Effects::SEGMENTS, is_on);
+    }
+
+    /// Sets whether the world itself has an effect, which is nothing else's.
+    pub(super) fn switch(&mut self, effect: Effects, is_on: bool) {
+        if is_on != self.effects.counts().has(effect) {
+            self.effects.change(|counts| if is_on { counts.add(effect) } else { counts.remove(effect) });
         }
     }
 
-    /// Adds an effect that a setting of the world has, or removes it.
-    pub(super) fn switch(&mut self, effect: Effects, is_on: bool) {
-        self.effects.change(|counts| if is_on { counts.add(effect) } else { counts.remove(effect) });
-    }
-
     pub(super) fn entry(&self, tree: TreeKey) -> Result<&TreeEntry, WorldError> {
-        self.trees.get(tree).ok_or(WorldError::NoSuchTree(tree))
+        self.scene.trees.get(tree).ok_or(WorldError::NoSuchTree(tree))
     }
 
     fn attach(&mut self, key: InstanceKey, tree: TreeKey, policy: Policy) {
-        let entry = &mut self.trees[tree];
-        self.instances[key].index_in_tree = entry.instances.len();
+        let entry = &mut self.scene.trees[tree];
+        self.scene.instances[key].index_in_tree = entry.instances.len();
         entry.instances.push(key);
         entry.policies.insert(policy);
-        self.light_count += entry.tree.light_count();
-        self.section_count += entry.sections.len();
-        self.recount(tree);
+        entry.recount(&mut self.sums);
     }
 
     /// Removes the instance at an index of its tree's list; the last instance of the list takes the
     /// index. O(1).
     fn detach(&mut self, tree: TreeKey, index: usize, policy: Policy) {
-        let entry = &mut self.trees[tree];
+        let entry = &mut self.scene.trees[tree];
         entry.instances.swap_remove(index);
         if let Some(moved) = entry.instances.get(index) {
-            self.instances[*moved].index_in_tree = index;
+            self.scene.instances[*moved].index_in_tree = index;
         }
         entry.policies.remove(policy);
-        self.light_count -= entry.tree.light_count();
-        self.section_count -= entry.sections.len();
+        entry.recount(&mut self.sums);
         self.forget_requests_that_no_policy_allows(tree);
     }
 
     /// Withdraws the request of a tree, and drops its long build, if none of its policies can
     /// request a rebuild any more. A placeholder keeps them.
     fn forget_requests_that_no_policy_allows(&mut self, tree: TreeKey) {
-        if !self.trees[tree].may_rebuild() {
-            self.scheduler.withdraw(tree);
+        if !self.scene.trees[tree].may_rebuild() {
+            self.rebuilds.scheduler.withdraw(tree);
             self.cancel_build(tree);
         }
     }
 
     /// Records that all nodes and lights of a tree changed.
     pub(super) fn whole_tree_changed(&mut self, key: TreeKey) {
-        self.trees[key].log.restart();
+        self.scene.trees[key].log.restart();
         self.changes.tree(slot_of(key));
     }
 

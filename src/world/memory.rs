@@ -1,11 +1,9 @@
-//! The memory that a world takes, kept up to date by every change.
+//! The memory that a world takes.
 
-use super::{Instance, LightWorld, TreeEntry};
-use crate::keys::{InstanceKey, TreeKey};
-use crate::tree::{Section, TreeMemory};
+use crate::tree::TreeMemory;
 
-/// The memory of a [`LightWorld`] on the heap of the CPU, in bytes: the capacities of its arrays
-/// times the sizes of their elements.
+/// The memory of a [`LightWorld`](crate::LightWorld) on the heap of the CPU, in bytes: the capacities
+/// of its arrays times the sizes of their elements.
 ///
 /// Not counted is what is comparatively small or short-lived: builds that are under way (about 150
 /// bytes per light, and the tree that they make), the top level that the CPU samples, the grids in
@@ -35,89 +33,17 @@ impl WorldMemory {
         self.trees.total() + self.successors + self.edits + self.lists + self.tables
     }
 
-    fn add(&mut self, other: &Self) {
+    pub(super) fn add(&mut self, other: &Self) {
         self.trees.add(&other.trees);
         self.successors += other.successors;
         self.edits += other.edits;
         self.lists += other.lists;
     }
 
-    fn remove(&mut self, other: &Self) {
+    pub(super) fn remove(&mut self, other: &Self) {
         self.trees.remove(&other.trees);
         self.successors -= other.successors;
         self.edits -= other.edits;
         self.lists -= other.lists;
-    }
-}
-
-/// The terms of one tree in the sums over all trees, or these sums.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Counted {
-    memory: WorldMemory,
-    pub placeholders: usize,
-}
-
-impl TreeEntry {
-    /// A slot map has a version beside each record.
-    const RECORD_BYTES: usize = size_of::<(u64, Self)>();
-
-    /// The present terms of this tree in the sums.
-    fn present_count(&self) -> Counted {
-        let memory = WorldMemory {
-            trees: self.tree.memory(),
-            successors: self.successor.as_ref().map_or(0, |tree| size_of_val(&**tree) + tree.memory_bytes()),
-            edits: self.staged.memory_bytes() + self.log.memory_bytes(),
-            lists: size_of::<InstanceKey>() * self.instances.capacity()
-                + size_of::<Section>() * self.sections.capacity(),
-            tables: 0,
-        };
-        Counted { memory, placeholders: usize::from(self.tree.is_placeholder()) }
-    }
-}
-
-impl Instance {
-    const RECORD_BYTES: usize = size_of::<Option<(InstanceKey, Self)>>();
-}
-
-impl Counted {
-    fn add(&mut self, other: &Self) {
-        self.memory.add(&other.memory);
-        self.placeholders += other.placeholders;
-    }
-
-    /// Subtracts what was added.
-    pub fn remove(&mut self, other: &Self) {
-        self.memory.remove(&other.memory);
-        self.placeholders -= other.placeholders;
-    }
-
-    /// Adds or removes bytes of the lists of regions.
-    pub fn change_lists(&mut self, former: usize, present: usize) {
-        self.memory.lists = self.memory.lists - former + present;
-    }
-}
-
-impl LightWorld {
-    /// The memory that the world takes on the heap of the CPU, by use. O(1): the sums follow every
-    /// change.
-    ///
-    /// Once all instances, regions and trees have been removed, everything but the tables is 0.
-    pub fn memory(&self) -> WorldMemory {
-        // A slot map has one slot that it never uses.
-        let trees = (self.trees.capacity() + 1) * TreeEntry::RECORD_BYTES;
-        let instances = self.instances.capacity() * Instance::RECORD_BYTES;
-        let keys = (self.instances.key_capacity() + 1) * size_of::<u64>();
-        let tables = trees + instances + keys + self.tree_slots.capacity() * size_of::<Option<TreeKey>>();
-        WorldMemory { tables: tables + self.regions.memory_bytes(), ..self.counted.memory }
-    }
-
-    /// Brings the sums over all trees up to date with a tree that changed. O(1).
-    pub(super) fn recount(&mut self, tree: TreeKey) {
-        let entry = &mut self.trees[tree];
-        let former = std::mem::take(&mut entry.counted);
-        let present = entry.present_count();
-        entry.counted = present;
-        self.counted.remove(&former);
-        self.counted.add(&present);
     }
 }

@@ -6,8 +6,10 @@ mod attention;
 mod build_thread;
 mod change_log;
 mod delta;
+mod division;
+mod divisions;
 mod edit;
-mod instance_map;
+mod edits;
 mod key_set;
 mod memory;
 mod moves;
@@ -16,55 +18,64 @@ mod origin;
 mod overlap;
 mod parts;
 mod placeholders;
+mod placing;
 mod rebuild;
+mod rebuilds;
 mod reference;
 mod refit;
 mod region;
 mod region_table;
 mod regions;
+mod reports;
 mod requests;
 mod rest;
 mod rest_timers;
-mod sections;
+mod scene;
 mod slot_round;
 mod slot_set;
+mod slot_table;
 mod staged;
+mod sums;
 mod neighbours;
 mod update;
+mod viewpoint;
 
 use std::fmt;
 use std::sync::{Arc, OnceLock};
 
-use slotmap::SlotMap;
+use glam::Vec3;
 
 #[cfg(feature = "gpu-plan")]
 pub(crate) use change_log::TreeChanges;
-use delta::Changes;
 pub use delta::FrameDelta;
 pub use memory::WorldMemory;
 pub use origin::OriginMode;
-pub use rebuild::{JobReport, RebuildState};
 pub use region::{RefusedRegion, Region, RegionInstance, RegionTree};
 pub use region_table::RegionView;
 pub use regions::RemovedRegion;
-pub use update::{BackgroundReport, FrameReport};
+pub use reports::{BackgroundReport, FrameReport, JobReport, RebuildState};
+pub(crate) use scene::{Instance, TreeEntry};
 
+use crate::cluster::Cluster;
 use crate::effects::{EffectCounts, Effects, HeldEffects};
-use crate::instance::appearance::Appearance;
-use crate::instance::placement::{Placed, Placement};
-use crate::keys::{DirectionalKey, InstanceKey, RegionKey, TreeKey, generation_of, slot_of};
+use crate::instance::part::{Division, Part};
+use crate::instance::placement::Placement;
+use crate::keys::{DirectionalKey, InstanceKey, TreeKey, generation_of, slot_of};
 use crate::light::DirectionalLight;
-use crate::policy::{AttributeHistory, Policy, PolicySet};
-use crate::scheduler::{Clock, Scheduler, SystemClock};
+use crate::policy::Policy;
+use crate::scheduler::{Clock, SystemClock};
 use crate::top::TopLevel;
 use crate::tree::{LightTree, Section};
-use change_log::ChangeLog;
-use instance_map::InstanceMap;
-use key_set::KeySet;
-use memory::Counted;
+use delta::Changes;
+use division::DivisionEdit;
+use divisions::Divisions;
+use edits::Edits;
+use placing::MoveScratch;
+use rebuilds::Rebuilds;
 use region_table::Regions;
 use rest_timers::RestTimers;
-use staged::StagedLights;
+use scene::Scene;
+use sums::Sums;
 
 /// All lights of a scene: light trees, instances of them, and directional lights.
 ///
@@ -72,131 +83,18 @@ use staged::StagedLights;
 /// at the next [`LightWorld::update`]; moves, additions and removals of instances and trees take
 /// effect at once.
 pub struct LightWorld {
-    trees: SlotMap<TreeKey, TreeEntry>,
-    instances: InstanceMap<Instance>,
-    directionals: SlotMap<DirectionalKey, DirectionalLight>,
-    /// The live tree of each slot.
-    tree_slots: Vec<Option<TreeKey>>,
-    origin: origin::Origin,
-    light_count: usize,
+    scene: Scene,
+    sums: Sums,
     effects: HeldEffects,
-    solid_angle_sampling: bool,
-    glossy_sampling: bool,
-    segment_sampling: bool,
     /// When trees stop counting as moving, and when they are frozen.
     rest_timers: RestTimers,
-    /// Trees that the next update refits, or whose rebuild request it updates.
-    pending: KeySet<TreeKey>,
-    /// What the last update added and removed.
-    added_lights: Vec<(TreeKey, u32)>,
-    removed_lights: Vec<(TreeKey, u32)>,
+    edits: Edits,
     changes: Changes,
-    move_scratch: moves::MoveScratch,
-    scheduler: Scheduler,
-    long_builder: long_build::LongBuilder,
-    /// The jobs of the last update.
-    jobs: Vec<JobReport>,
-    view_weights: attention::ViewWeights,
-    overlaps: overlap::Overlaps,
-    neighbours: neighbours::Neighbours,
-    /// The number of sections of all instances.
-    section_count: usize,
+    move_scratch: MoveScratch,
+    rebuilds: Rebuilds,
+    divisions: Divisions,
     regions: Regions,
-    /// Placeholders that came since the last update.
-    new_placeholders: Vec<TreeKey>,
-    /// Sums over all trees, and over the lists of regions.
-    counted: Counted,
-    clock: Arc<dyn Clock>,
     top: OnceLock<TopLevel>,
-}
-
-pub(crate) struct TreeEntry {
-    pub tree: LightTree,
-    pub instances: Vec<InstanceKey>,
-    /// The policies of all instances.
-    policies: PolicySet,
-    /// The nodes and lights that changed, for uploads.
-    pub log: ChangeLog,
-    history: AttributeHistory,
-    staged: StagedLights,
-    /// A policy changed since the last update, so that the tree may request a rebuild although no
-    /// light changes.
-    has_new_policy: bool,
-    weight: attention::TreeWeight,
-    /// The number of instances that lie within others.
-    surrounded: u32,
-    /// Each light is a leaf of the top level.
-    has_light_parts: bool,
-    /// The number of instances of a large tree that lie among others.
-    among_others: u32,
-    /// Enough of them do for the tree to have sections.
-    is_among_others: bool,
-    /// The sections that are leaves of the top level; none of a tree that has another division.
-    pub sections: Vec<Section>,
-    /// The tree that was built in slices or in the background. It replaces this one at the next
-    /// refit.
-    successor: Option<Box<LightTree>>,
-    /// What the sums over all trees hold of this one.
-    counted: Counted,
-}
-
-pub(crate) struct Instance {
-    pub tree: TreeKey,
-    pub placement: Placement,
-    pub policy: Policy,
-    pub appearance: Appearance,
-    /// `None` while the instance is hidden by a scale of zero. [`Instance::shown`] tells whether
-    /// its lights shine.
-    placed: Option<Placed>,
-    /// Its index in its tree's list of instances.
-    index_in_tree: usize,
-    /// The region that it was added with.
-    region: Option<RegionKey>,
-}
-
-impl TreeEntry {
-    fn new(tree: LightTree) -> Self {
-        Self {
-            history: AttributeHistory::start(tree.attributes()),
-            tree,
-            instances: Vec::new(),
-            policies: PolicySet::default(),
-            log: ChangeLog::default(),
-            staged: StagedLights::default(),
-            has_new_policy: false,
-            weight: attention::TreeWeight::default(),
-            surrounded: 0,
-            has_light_parts: false,
-            among_others: 0,
-            is_among_others: false,
-            sections: Vec::new(),
-            successor: None,
-            counted: Counted::default(),
-        }
-    }
-
-    /// The tree has yet to be built, or some instance has a policy that can request a rebuild.
-    fn may_rebuild(&self) -> bool {
-        self.policies.may_rebuild() || self.tree.is_placeholder()
-    }
-
-    /// There are instances, and all of them promise that the lights do not change.
-    fn is_static(&self) -> bool {
-        self.policies.is_static()
-    }
-}
-
-impl Instance {
-    /// Where the lights shine; `None` if they do not, because a scale of zero hides the instance or
-    /// because of its appearance.
-    pub fn shown(&self) -> Option<&Placed> {
-        self.placed.as_ref().filter(|_| self.appearance.is_shown())
-    }
-
-    /// The effects that the instance has; none if it is not shown.
-    fn effects(&self) -> Effects {
-        self.shown().map_or(Effects::empty(), |placed| placed.effects() | self.appearance.effects())
-    }
 }
 
 impl Default for LightWorld {
@@ -212,7 +110,7 @@ impl fmt::Debug for LightWorld {
             .field("trees", &self.tree_count())
             .field("instances", &self.instance_count())
             .field("regions", &self.region_count())
-            .field("directionals", &self.directionals.len())
+            .field("directionals", &self.scene.directionals.len())
             .field("lights", &self.light_count())
             .field("effects", &self.effects())
             .field("origin", &self.origin())
@@ -229,57 +127,40 @@ impl LightWorld {
     /// Creates an empty world with a given clock, for tests and replays.
     pub fn with_clock(clock: Arc<dyn Clock>) -> Self {
         Self {
-            trees: SlotMap::with_key(),
-            instances: InstanceMap::default(),
-            directionals: SlotMap::with_key(),
-            tree_slots: Vec::new(),
-            origin: origin::Origin::default(),
-            light_count: 0,
+            scene: Scene::default(),
+            sums: Sums::default(),
             effects: HeldEffects::default(),
-            solid_angle_sampling: false,
-            glossy_sampling: false,
-            segment_sampling: false,
             rest_timers: RestTimers::default(),
-            pending: KeySet::default(),
-            added_lights: Vec::new(),
-            removed_lights: Vec::new(),
+            edits: Edits::default(),
             changes: Changes::default(),
-            move_scratch: moves::MoveScratch::default(),
-            scheduler: Scheduler::default(),
-            long_builder: long_build::LongBuilder::default(),
-            jobs: Vec::new(),
-            view_weights: attention::ViewWeights::default(),
-            overlaps: overlap::Overlaps::default(),
-            neighbours: neighbours::Neighbours::default(),
-            section_count: 0,
+            move_scratch: MoveScratch::default(),
+            rebuilds: Rebuilds::new(clock),
+            divisions: Divisions::default(),
             regions: Regions::default(),
-            new_placeholders: Vec::new(),
-            counted: Counted::default(),
-            clock,
             top: OnceLock::new(),
         }
     }
 
     /// The number of trees, with or without instances.
     pub fn tree_count(&self) -> usize {
-        self.trees.len()
+        self.scene.trees.len()
     }
 
     /// The number of instances, hidden ones included.
     pub fn instance_count(&self) -> usize {
-        self.instances.len()
+        self.scene.instances.len()
     }
 
     /// The number of directional lights.
     pub fn directional_count(&self) -> usize {
-        self.directionals.len()
+        self.scene.directionals.len()
     }
 
     /// The number of lights that have a [`LightId`](crate::LightId): the lights of each tree once
     /// per instance, hidden instances included, and the directional lights. Lights that were added
     /// or removed count from the next [`LightWorld::update`] on.
     pub fn light_count(&self) -> usize {
-        self.light_count + self.directionals.len()
+        self.sums.lights + self.scene.directionals.len()
     }
 
     /// For each effect, the number of lights (those of each tree once, with or without instances),
@@ -307,69 +188,69 @@ impl LightWorld {
     /// Whether rectangles and triangles that are large or near are sampled by solid angle. False
     /// until [`LightWorld::set_solid_angle_sampling`] is called.
     pub fn solid_angle_sampling(&self) -> bool {
-        self.solid_angle_sampling
+        self.effects.counts().has(Effects::SOLID_ANGLES)
     }
 
     /// Whether shaders that are made for this world know glossy surfaces. False until
     /// [`LightWorld::set_glossy_sampling`] is called.
     pub fn glossy_sampling(&self) -> bool {
-        self.glossy_sampling
+        self.effects.counts().has(Effects::GLOSSY)
     }
 
     /// Whether shaders that are made for this world know segments of rays. False until
     /// [`LightWorld::set_segment_sampling`] is called.
     pub fn segment_sampling(&self) -> bool {
-        self.segment_sampling
+        self.effects.counts().has(Effects::SEGMENTS)
     }
 
     /// A tree as of the last update; `None` for a stale key.
     pub fn tree(&self, tree: TreeKey) -> Option<&LightTree> {
-        self.trees.get(tree).map(|entry| &entry.tree)
+        self.scene.trees.get(tree).map(|entry| &entry.tree)
     }
 
     /// The keys of all trees.
     pub fn trees(&self) -> impl Iterator<Item = TreeKey> {
-        self.trees.keys()
+        self.scene.trees.keys()
     }
 
     /// The keys of all instances, hidden ones included.
     pub fn instances(&self) -> impl Iterator<Item = InstanceKey> {
-        self.instances.keys()
+        self.scene.instances.keys()
     }
 
     /// A directional light; `None` for a stale key.
     pub fn directional(&self, key: DirectionalKey) -> Option<&DirectionalLight> {
-        self.directionals.get(key)
+        self.scene.directionals.get(key)
     }
 
     /// The keys of all directional lights.
     pub fn directionals(&self) -> impl Iterator<Item = DirectionalKey> {
-        self.directionals.keys()
+        self.scene.directionals.keys()
     }
 
     /// All directional lights with their keys, in the order of the keys.
     pub(crate) fn directional_lights(&self) -> impl Iterator<Item = (DirectionalKey, &DirectionalLight)> {
-        self.directionals.iter()
+        self.scene.directionals.iter()
     }
 
     /// The placement of an instance; `None` for a stale key.
     pub fn placement(&self, instance: InstanceKey) -> Option<Placement> {
-        self.instances.get(instance).map(|i| i.placement)
+        self.scene.instances.get(instance).map(|i| i.placement)
     }
 
     /// The tree of an instance; `None` for a stale key.
     pub fn instance_tree(&self, instance: InstanceKey) -> Option<TreeKey> {
-        self.instances.get(instance).map(|i| i.tree)
+        self.scene.instances.get(instance).map(|i| i.tree)
     }
 
     /// The policy of an instance; `None` for a stale key.
     pub fn policy(&self, instance: InstanceKey) -> Option<Policy> {
-        self.instances.get(instance).map(|i| i.policy)
+        self.scene.instances.get(instance).map(|i| i.policy)
     }
 
     /// The number by which shaders refer to an instance; `None` for a stale key.
     pub fn slot(&self, instance: InstanceKey) -> Option<u32> {
-        self.instances.contains_key(instance).then(|| slot_of(instance))
+        self.scene.instances.contains_key(instance).then(|| slot_of(instance))
     }
 
     /// A number that shaders read with `light_generation(slot)`, at least 1; `None` for a stale key.
@@ -377,38 +258,64 @@ impl LightWorld {
     /// frame still means the same instance if its slot has the same generation. It repeats after
     /// 2²⁴ - 1 instances of one slot.
     pub fn generation(&self, instance: InstanceKey) -> Option<u32> {
-        self.instances.contains_key(instance).then(|| generation_of(instance))
+        self.scene.instances.contains_key(instance).then(|| generation_of(instance))
     }
 
     /// The live instance that shaders refer to by this number; `None` if there is none.
     pub fn instance_at(&self, slot: u32) -> Option<InstanceKey> {
-        self.instances.key_at(slot)
+        self.scene.instances.key_at(slot)
     }
 
     /// The number of instance slots that are or were in use.
     pub(crate) fn slot_count(&self) -> usize {
-        self.instances.slot_count()
+        self.scene.instances.slot_count()
     }
 
     /// The number of tree slots that are or were in use.
     #[cfg(feature = "gpu-plan")]
     pub(crate) fn tree_slot_count(&self) -> u32 {
-        self.tree_slots.len() as u32
+        self.scene.trees.slot_count() as u32
     }
 
     /// The live tree of a tree slot.
     #[cfg(feature = "gpu-plan")]
     pub(crate) fn tree_at(&self, slot: u32) -> Option<TreeKey> {
-        self.tree_slots.get(slot as usize).copied().flatten()
+        self.scene.trees.key_at(slot)
     }
 
     #[cfg(feature = "gpu-plan")]
     pub(crate) fn tree_entry(&self, tree: TreeKey) -> Option<&TreeEntry> {
-        self.trees.get(tree)
+        self.scene.trees.get(tree)
+    }
+
+    /// How a tree is divided in the top level.
+    pub(crate) fn division(&self, tree: TreeKey) -> Division {
+        self.scene.division(tree)
+    }
+
+    /// The sections of a tree, in the order of their places; empty for another division.
+    pub(crate) fn sections(&self, tree: TreeKey) -> &[Section] {
+        self.scene.sections(tree)
+    }
+
+    /// The parts of all instances, in the order of the slots, with their clusters.
+    pub(crate) fn parts(&self) -> Vec<(Part, Cluster)> {
+        self.scene.parts()
+    }
+
+    /// The origin as the centre of a sector; 0 where there are no sectors.
+    pub(crate) fn home(&self) -> Vec3 {
+        self.scene.origin.home
+    }
+
+    /// The error that stand-ins make for a tree, see [`ViewWeights::error_of_stand_ins`].
+    #[cfg(feature = "gpu-plan")]
+    pub(crate) fn error_of_stand_ins(&self, tree: TreeKey) -> f32 {
+        self.rebuilds.weights.error_of_stand_ins(tree, &self.scene)
     }
 
     pub(crate) fn instance(&self, instance: InstanceKey) -> Option<&Instance> {
-        self.instances.get(instance)
+        self.scene.instances.get(instance)
     }
 
     /// The top level on the CPU, built when it is first needed after a change.
@@ -421,18 +328,26 @@ impl LightWorld {
         if let Some(top) = self.top.get() {
             return top;
         }
-        let mut built = TopLevel::build(&self.parts(), self.instances.slot_count());
+        let mut built = TopLevel::build(&self.parts(), self.scene.instances.slot_count());
         if self.active_effects().contains(Effects::MASKS) {
-            built.set_masks(|slot| self.instance_at(slot).map_or(0, |key| self.instances[key].appearance.mask));
+            built.set_masks(|slot| self.instance_at(slot).map_or(0, |key| self.scene.instances[key].appearance.mask));
         }
         self.top.get_or_init(|| built)
     }
-}
 
-/// Records which key occupies a slot now.
-fn set_slot<K: Copy>(slots: &mut Vec<Option<K>>, slot: u32, key: Option<K>) {
-    if slots.len() <= slot as usize {
-        slots.resize(slot as usize + 1, None);
+    /// The memory that the world takes on the heap of the CPU, by use. O(1): the sums follow every
+    /// change.
+    ///
+    /// Once all instances, regions and trees have been removed, everything but the tables is 0.
+    pub fn memory(&self) -> WorldMemory {
+        let Scene { trees, instances, .. } = &self.scene;
+        let tables = trees.memory_bytes() + instances.memory_bytes() + self.regions.memory_bytes();
+        WorldMemory { tables, ..self.sums.memory }
     }
-    slots[slot as usize] = key;
+
+    /// How instances lie among others, and what that changes.
+    fn divisions(&mut self) -> (&mut Divisions, DivisionEdit<'_>) {
+        let Self { divisions, scene, sums, changes, top, .. } = self;
+        (divisions, DivisionEdit { scene, sums, changes, top })
+    }
 }

@@ -1,5 +1,5 @@
 //! Finds large trees whose instances lie among others, such as all lamps of a town above its
-//! houses. Such trees have sections (`sections.rs`), which the top level sorts among the neighbours.
+//! houses. Such trees have sections (`division.rs`), which the top level sorts among the neighbours.
 //!
 //! Instances of large trees are filed in grids by size and position. Every instance looks for large
 //! ones that its own box overlaps, and becomes one of their *neighbours*. It does so after it was
@@ -12,8 +12,9 @@ use std::collections::HashMap;
 use glam::{DVec3, Vec3};
 use slotmap::SecondaryMap;
 
-use super::LightWorld;
+use super::division::DivisionEdit;
 use super::overlap::{GridCell, corner_cells};
+use super::scene::Scene;
 use super::slot_round::SlotRound;
 use crate::keys::{InstanceKey, TreeKey};
 
@@ -97,7 +98,7 @@ impl ThickBox {
 
 impl Neighbours {
     /// Files an instance of a large tree. Returns whether it is new or has another box.
-    fn file(&mut self, key: InstanceKey, bounds: ThickBox) -> bool {
+    fn put(&mut self, key: InstanceKey, bounds: ThickBox) -> bool {
         let former = self.large.get(key).copied();
         if former.is_some_and(|former| former.bounds == bounds) {
             return false;
@@ -122,7 +123,7 @@ impl Neighbours {
     }
 
     /// Forgets an instance. Returns whether it lay among others.
-    fn forget(&mut self, key: InstanceKey) -> bool {
+    fn take(&mut self, key: InstanceKey) -> bool {
         let Some(large) = self.large.remove(key) else { return false };
         self.take_from_cell(key, &large);
         large.is_among_others
@@ -172,112 +173,107 @@ impl Neighbours {
     }
 }
 
-impl LightWorld {
-    /// The box around the lights of an instance; `None` if they do not shine.
-    fn thick_box(&self, key: InstanceKey) -> Option<ThickBox> {
-        let instance = self.instances.get(key)?;
-        let cluster = self.trees[instance.tree].tree.cluster();
-        let placed = instance.shown().filter(|_| cluster.flux > 0.0)?;
-        // Without the translation, which f32 would round.
-        let aabb = cluster.aabb.transformed(&placed.linear.linear, Vec3::ZERO);
-        Some(ThickBox::new(instance.placement.translation + aabb.center().as_dvec3(), aabb.extent()))
-    }
-
+impl Neighbours {
     /// Notes an instance that was added or whose tree changed. The next update judges it.
-    pub(super) fn judge_later(&mut self, key: InstanceKey) {
-        self.file_new(key);
-        self.neighbours.new.push(key);
-        let tree = self.instances[key].tree;
-        if !self.trees[tree].sections.is_empty() {
-            // With more instances, each may have fewer sections.
-            self.update_sections(tree);
-        }
+    pub fn judge_later(&mut self, key: InstanceKey) {
+        self.new.push(key);
     }
 
     /// Forgets an instance that leaves its tree, or whose tree is not large any more.
-    pub(super) fn forget_neighbours(&mut self, key: InstanceKey, tree: TreeKey) {
-        if self.neighbours.forget(key) {
-            self.trees[tree].among_others -= 1;
-            self.judge_tree(tree);
+    pub fn forget(&mut self, key: InstanceKey, tree: TreeKey, edit: &mut DivisionEdit) {
+        if self.take(key) {
+            edit.scene.trees[tree].among_others -= 1;
+            judge_tree(tree, edit);
         }
     }
 
     /// Judges the instances that were added since the last update. Until all instances have been
     /// judged after the last move, judges some others too. O(1) for each.
-    pub(super) fn judge_neighbours(&mut self, has_moved: bool) {
-        let new = std::mem::take(&mut self.neighbours.new);
+    pub fn judge_some(&mut self, has_moved: bool, edit: &mut DivisionEdit) {
+        let new = std::mem::take(&mut self.new);
         for key in &new {
-            self.file_large(*key);
+            self.file_large(*key, edit);
         }
-        if self.neighbours.large.is_empty() {
-            self.neighbours.round.end();
+        if self.large.is_empty() {
+            self.round.end();
             return;
         }
         for key in new {
-            self.meet_others(key);
+            self.meet_others(key, edit);
         }
         if has_moved {
-            self.neighbours.round.restart(self.slot_count());
+            self.round.restart(edit.scene.instances.slot_count());
         }
         for _ in 0..SLOTS_PER_UPDATE {
-            let Some(slot) = self.neighbours.round.visit(self.slot_count()) else { break };
-            if let Some(key) = self.instance_at(slot) {
-                self.file_large(key);
-                self.meet_others(key);
-                self.part_from_others(key);
+            let Some(slot) = self.round.visit(edit.scene.instances.slot_count()) else { break };
+            if let Some(key) = edit.scene.instances.key_at(slot) {
+                self.file_large(key, edit);
+                self.meet_others(key, edit);
+                self.part_from_others(key, edit);
             }
         }
     }
 
     /// Files an instance if its tree is large, or forgets it.
-    fn file_large(&mut self, key: InstanceKey) {
-        let Some(tree) = self.instances.get(key).map(|instance| instance.tree) else { return };
-        match self.thick_box(key).filter(|_| self.is_large(tree)) {
+    fn file_large(&mut self, key: InstanceKey, edit: &mut DivisionEdit) {
+        let Some(tree) = edit.scene.instances.get(key).map(|instance| instance.tree) else { return };
+        match thick_box(key, edit.scene).filter(|_| edit.scene.is_large(tree)) {
             Some(bounds) => {
-                if self.neighbours.file(key, bounds) {
+                if self.put(key, bounds) {
                     // Any other instance may be its neighbour.
-                    self.neighbours.round.restart(self.slot_count());
+                    self.round.restart(edit.scene.instances.slot_count());
                 }
             }
-            None => self.forget_neighbours(key, tree),
+            None => self.forget(key, tree, edit),
         }
     }
 
     /// Makes an instance a neighbour of large ones.
-    fn meet_others(&mut self, key: InstanceKey) {
-        let Some(bounds) = self.thick_box(key) else { return };
+    fn meet_others(&mut self, key: InstanceKey, edit: &mut DivisionEdit) {
+        let Some(bounds) = thick_box(key, edit.scene) else { return };
         let mut changed = Vec::new();
-        self.neighbours.meet(key, &bounds, |other| changed.push(other));
+        self.meet(key, &bounds, |other| changed.push(other));
         for other in changed {
-            let tree = self.instances[other].tree;
-            self.trees[tree].among_others += 1;
-            self.judge_tree(tree);
+            let tree = edit.scene.instances[other].tree;
+            edit.scene.trees[tree].among_others += 1;
+            judge_tree(tree, edit);
         }
     }
 
     /// Drops the neighbours of a large instance that are gone.
-    fn part_from_others(&mut self, key: InstanceKey) {
-        let Some(large) = self.neighbours.large.get(key).copied() else { return };
-        let is_near =
-            |other: &InstanceKey| self.thick_box(*other).is_some_and(|bounds| large.bounds.share(&bounds) >= MIN_SHARE);
+    fn part_from_others(&mut self, key: InstanceKey, edit: &mut DivisionEdit) {
+        let Some(large) = self.large.get(key).copied() else { return };
+        let is_near = |other: &InstanceKey| {
+            thick_box(*other, edit.scene).is_some_and(|bounds| large.bounds.share(&bounds) >= MIN_SHARE)
+        };
         let neighbours = large.neighbours.map(|other| other.filter(is_near));
         let is_among_others = large.is_among_others && neighbours.iter().any(Option::is_some);
-        self.neighbours.large[key] = Large { neighbours, is_among_others, ..large };
+        self.large[key] = Large { neighbours, is_among_others, ..large };
         if is_among_others != large.is_among_others {
-            let tree = self.instances[key].tree;
-            self.trees[tree].among_others -= 1;
-            self.judge_tree(tree);
+            let tree = edit.scene.instances[key].tree;
+            edit.scene.trees[tree].among_others -= 1;
+            judge_tree(tree, edit);
         }
     }
+}
 
-    /// Gives a tree sections, or takes them away, according to the share of its instances that lie
-    /// among others.
-    fn judge_tree(&mut self, tree: TreeKey) {
-        let entry = &mut self.trees[tree];
-        let share = entry.among_others as f32 / entry.instances.len().max(1) as f32;
-        entry.is_among_others = share > if entry.is_among_others { 0.5 * MIN_AMONG } else { MIN_AMONG };
-        self.update_sections(tree);
-    }
+/// The box around the lights of an instance; `None` if they do not shine.
+fn thick_box(key: InstanceKey, scene: &Scene) -> Option<ThickBox> {
+    let instance = scene.instances.get(key)?;
+    let cluster = scene.trees[instance.tree].tree.cluster();
+    let placed = instance.shown().filter(|_| cluster.flux > 0.0)?;
+    // Without the translation, which f32 would round.
+    let aabb = cluster.aabb.transformed(&placed.linear.linear, Vec3::ZERO);
+    Some(ThickBox::new(instance.placement.translation + aabb.center().as_dvec3(), aabb.extent()))
+}
+
+/// Gives a tree sections, or takes them away, according to the share of its instances that lie among
+/// others.
+fn judge_tree(tree: TreeKey, edit: &mut DivisionEdit) {
+    let entry = &mut edit.scene.trees[tree];
+    let share = entry.among_others as f32 / entry.instances.len().max(1) as f32;
+    entry.is_among_others = share > if entry.is_among_others { 0.5 * MIN_AMONG } else { MIN_AMONG };
+    edit.update_sections(tree);
 }
 
 #[cfg(test)]
@@ -285,6 +281,7 @@ mod tests {
     use glam::{DVec3, Mat3};
 
     use super::*;
+    use crate::LightWorld;
     use crate::instance::part::Division;
     use crate::instance::placement::Placement;
     use crate::light::Light;
@@ -323,7 +320,7 @@ mod tests {
         for far in [DVec3::ZERO, DVec3::new(1.0e7, -9.0e6, 8.0e6)] {
             let (world, tree, _) = small_beside_large(20.0, far);
             assert!(has_sections(&world, tree));
-            assert_eq!(world.section_count, world.sections(tree).len());
+            assert_eq!(world.sums.sections, world.sections(tree).len());
             // One for each light, of which there are few.
             assert_eq!(world.parts().len(), 300 + 2);
             let (world, tree, _) = small_beside_large(120.0, far);
@@ -364,14 +361,17 @@ mod tests {
         assert!(has_sections(&world, tree), "one neighbour keeps them");
         world.move_instance(second, Placement::at(DVec3::X * 500.0)).expect("valid");
         world.update(FrameBudget::NONE);
-        assert!(!has_sections(&world, tree) && world.section_count == 0);
+        assert!(!has_sections(&world, tree) && world.sums.sections == 0);
         world.move_instance(second, Placement::at(DVec3::new(1.0, 4.0, 0.0))).expect("valid");
         add(&mut world, lamps(1), DVec3::Z);
         world.update(FrameBudget::NONE);
         assert!(has_sections(&world, tree));
         // Everything was judged, so updates do nothing more.
         world.update(FrameBudget::NONE);
-        assert_eq!((world.neighbours.round.visit(world.slot_count()), world.neighbours.new.len()), (None, 0));
+        assert_eq!(
+            (world.divisions.neighbours.round.visit(world.slot_count()), world.divisions.neighbours.new.len()),
+            (None, 0)
+        );
     }
 
     #[test]
@@ -386,7 +386,7 @@ mod tests {
                 world.update(FrameBudget::NONE);
             }
             let sections = world.sections(tree).len();
-            assert_eq!(world.section_count, sections * (i as usize + 1));
+            assert_eq!(world.sums.sections, sections * (i as usize + 1));
             most = most.max(sections * (i as usize + 1));
         }
         assert!((4096..=2 * 8192 + 2048).contains(&most), "{most}");
@@ -402,12 +402,12 @@ mod tests {
             .collect();
         world.update(FrameBudget::NONE);
         let check = |world: &LightWorld, filed: usize| {
-            let neighbours = &world.neighbours;
+            let neighbours = &world.divisions.neighbours;
             let listed: usize = neighbours.cells.values().map(Vec::len).sum();
             let counted: u32 = neighbours.sizes.iter().map(|(_, count)| count).sum();
             assert_eq!((listed, counted as usize, neighbours.large.len()), (filed, filed, filed));
             let among = neighbours.large.values().filter(|large| large.is_among_others).count();
-            assert_eq!(world.trees.values().map(|entry| entry.among_others as usize).sum::<usize>(), among);
+            assert_eq!(world.scene.trees.values().map(|entry| entry.among_others as usize).sum::<usize>(), among);
         };
         check(&world, 10);
         world.make_unique(keys[1]).expect("it lives");
@@ -428,6 +428,6 @@ mod tests {
         }
         world.update(FrameBudget::NONE);
         check(&world, 0);
-        assert!(world.neighbours.cells.is_empty() && world.section_count == 0);
+        assert!(world.divisions.neighbours.cells.is_empty() && world.sums.sections == 0);
     }
 }

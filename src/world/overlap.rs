@@ -14,14 +14,9 @@ use std::collections::HashMap;
 use glam::{DVec3, Vec3};
 use slotmap::SecondaryMap;
 
-use super::LightWorld;
+use super::division::{DivisionEdit, may_have_light_parts};
 use super::slot_round::SlotRound;
-use crate::keys::{InstanceKey, TreeKey, slot_of};
-
-/// Trees of more lights stay whole: each *light part* of a tree, one for each light, is a leaf of the
-/// top level, which is built anew when anything moves. So do trees that are divided into sides: as single lights they
-/// are noisier, because the top level divides by position alone.
-pub(super) const MAX_LIGHT_PARTS: usize = 128;
+use crate::keys::{InstanceKey, TreeKey};
 
 /// An instance is surrounded if its middle lies within this many others.
 const MIN_SURROUNDING: usize = 4;
@@ -140,7 +135,7 @@ fn index_of(size: i32) -> usize {
 impl Overlaps {
     /// Files an instance with the box around its lights, in place of what was filed before. Returns
     /// whether that had another box.
-    fn file(&mut self, key: InstanceKey, bounds: WorldBox) -> bool {
+    fn put(&mut self, key: InstanceKey, bounds: WorldBox) -> bool {
         let former = self.filed.get(key).copied();
         if former.is_some_and(|former| former.bounds == bounds) {
             return false;
@@ -162,7 +157,7 @@ impl Overlaps {
     }
 
     /// Forgets an instance. Returns whether it was surrounded.
-    fn forget(&mut self, key: InstanceKey) -> bool {
+    fn take(&mut self, key: InstanceKey) -> bool {
         let Some(filed) = self.filed.remove(key) else { return false };
         self.take_from_cell(key, &filed);
         filed.is_surrounded
@@ -200,101 +195,93 @@ impl Overlaps {
     }
 }
 
-/// Whether a tree of so many lights may have light parts.
-pub(super) fn may_have_light_parts(lights: usize) -> bool {
-    (2..=MAX_LIGHT_PARTS).contains(&lights)
-}
-
-impl LightWorld {
+impl Overlaps {
     /// Files an instance of a tree that may have light parts. The next update judges it.
-    pub(super) fn file_new(&mut self, key: InstanceKey) {
-        if self.file(key) {
-            self.overlaps.new.push(key);
+    pub fn file_new(&mut self, key: InstanceKey, edit: &mut DivisionEdit) {
+        if self.file(key, edit) {
+            self.new.push(key);
         }
     }
 
     /// Files an instance, or forgets it if it is hidden or its tree may not have light parts.
     /// Returns whether it is filed.
-    fn file(&mut self, key: InstanceKey) -> bool {
-        let Some(instance) = self.instances.get(key) else { return false };
-        let tree = &self.trees[instance.tree].tree;
+    fn file(&mut self, key: InstanceKey, edit: &mut DivisionEdit) -> bool {
+        let Some(instance) = edit.scene.instances.get(key) else { return false };
+        let tree = &edit.scene.trees[instance.tree].tree;
         let (cluster, count) = (tree.cluster(), tree.light_count());
         let may_have_light_parts = may_have_light_parts(count) && tree.sides().is_empty() && cluster.flux > 0.0;
         let placed = instance.shown().filter(|_| may_have_light_parts);
         let Some(placed) = placed else {
-            self.forget_overlap(key, instance.tree);
+            self.forget(key, instance.tree, edit);
             return false;
         };
         // Without the translation, which f32 would round.
         let aabb = cluster.aabb.transformed(&placed.linear.linear, Vec3::ZERO);
         let center = instance.placement.translation + aabb.center().as_dvec3();
-        if self.overlaps.file(key, WorldBox::new(center, aabb.extent())) {
+        if self.put(key, WorldBox::new(center, aabb.extent())) {
             // What was judged by its former box is judged again.
-            self.overlaps.round.restart(self.slot_count());
+            self.round.restart(edit.scene.instances.slot_count());
         }
         true
     }
 
     /// Forgets an instance that leaves its tree, or whose tree may not have light parts any more.
-    pub(super) fn forget_overlap(&mut self, key: InstanceKey, tree: TreeKey) {
-        if self.overlaps.forget(key) {
-            self.trees[tree].surrounded -= 1;
-            self.judge_light_parts(tree);
+    pub fn forget(&mut self, key: InstanceKey, tree: TreeKey, edit: &mut DivisionEdit) {
+        if self.take(key) {
+            edit.scene.trees[tree].surrounded -= 1;
+            judge_light_parts(tree, edit);
         }
     }
 
     /// Judges the instances that were added since the last update, and some others if anything has
     /// moved since all of them were judged. O(1) for each.
-    pub(super) fn judge_overlaps(&mut self, has_moved: bool) {
-        for key in std::mem::take(&mut self.overlaps.new) {
-            self.judge(key);
+    pub fn judge_some(&mut self, has_moved: bool, edit: &mut DivisionEdit) {
+        for key in std::mem::take(&mut self.new) {
+            self.judge(key, edit);
         }
         if has_moved {
-            self.overlaps.round.restart(self.slot_count());
+            self.round.restart(edit.scene.instances.slot_count());
         }
         let mut judged = 0;
         for _ in 0..SLOTS_PER_UPDATE {
             if judged == JUDGED_PER_UPDATE {
                 break;
             }
-            let Some(slot) = self.overlaps.round.visit(self.slot_count()) else { break };
-            if let Some(key) = self.instance_at(slot) {
-                judged += usize::from(self.judge(key));
+            let Some(slot) = self.round.visit(edit.scene.instances.slot_count()) else { break };
+            if let Some(key) = edit.scene.instances.key_at(slot) {
+                judged += usize::from(self.judge(key, edit));
             }
         }
     }
 
     /// Judges one instance. Returns whether its tree may have light parts.
-    fn judge(&mut self, key: InstanceKey) -> bool {
-        if !self.file(key) {
+    fn judge(&mut self, key: InstanceKey, edit: &mut DivisionEdit) -> bool {
+        if !self.file(key, edit) {
             return false;
         }
-        let is_surrounded = self.overlaps.is_surrounded(key);
-        let filed = &mut self.overlaps.filed[key];
+        let is_surrounded = self.is_surrounded(key);
+        let filed = &mut self.filed[key];
         if std::mem::replace(&mut filed.is_surrounded, is_surrounded) != is_surrounded {
-            let tree = self.instances[key].tree;
-            let surrounded = &mut self.trees[tree].surrounded;
+            let tree = edit.scene.instances[key].tree;
+            let surrounded = &mut edit.scene.trees[tree].surrounded;
             if is_surrounded {
                 *surrounded += 1
             } else {
                 *surrounded -= 1
             }
-            self.judge_light_parts(tree);
+            judge_light_parts(tree, edit);
         }
         true
     }
+}
 
-    /// Gives a tree light parts, or makes it whole, according to the share of its instances that are
-    /// surrounded.
-    fn judge_light_parts(&mut self, tree: TreeKey) {
-        let entry = &mut self.trees[tree];
-        let share = entry.surrounded as f32 / entry.instances.len().max(1) as f32;
-        let has_light_parts = share > if entry.has_light_parts { 0.5 * LIGHT_PARTS_SHARE } else { LIGHT_PARTS_SHARE };
-        if std::mem::replace(&mut entry.has_light_parts, has_light_parts) != has_light_parts {
-            self.changes.tree(slot_of(tree));
-            self.top.take();
-        }
-    }
+/// Gives a tree light parts, or makes it whole, according to the share of its instances that are
+/// surrounded.
+fn judge_light_parts(tree: TreeKey, edit: &mut DivisionEdit) {
+    let entry = &edit.scene.trees[tree];
+    let share = entry.surrounded as f32 / entry.instances.len().max(1) as f32;
+    let least = if entry.has_light_parts { 0.5 * LIGHT_PARTS_SHARE } else { LIGHT_PARTS_SHARE };
+    edit.set_light_parts(tree, share > least);
 }
 
 #[cfg(test)]
@@ -302,11 +289,13 @@ mod tests {
     use glam::{DVec3, Mat3};
 
     use super::*;
+    use crate::LightWorld;
     use crate::instance::part::Division;
     use crate::instance::placement::Placement;
     use crate::light::Light;
     use crate::policy::Policy;
     use crate::scheduler::FrameBudget;
+    use crate::world::division::MAX_LIGHT_PARTS;
 
     fn string(lamps: usize) -> Vec<Light> {
         (0..lamps).map(|i| Light::point(Vec3::X * (i as f32 - 0.5 * lamps as f32), Vec3::ONE)).collect()
@@ -399,15 +388,15 @@ mod tests {
         }
         assert_eq!(before, 0);
         // Everything was judged, so updates do nothing more.
-        assert_eq!(world.overlaps.round.visit(world.slot_count()), None);
-        assert!(world.overlaps.new.is_empty());
+        assert_eq!(world.divisions.overlaps.round.visit(world.slot_count()), None);
+        assert!(world.divisions.overlaps.new.is_empty());
     }
 
     #[test]
     fn instances_at_one_place_far_away_or_without_extent_cost_no_more_than_others() {
         let (mut world, keys) = world_of((0..1000).map(|_| crossing(0.0)), 3);
         world.update(FrameBudget::NONE);
-        assert!(world.overlaps.cells.values().all(|listed| listed.len() <= MAX_LISTED));
+        assert!(world.divisions.overlaps.cells.values().all(|listed| listed.len() <= MAX_LISTED));
         assert_eq!(light_parts_count(&world), 1000);
         let point = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE); 2]).expect("valid");
         for i in 0..1000 {
@@ -419,11 +408,11 @@ mod tests {
         for _ in 0..1100 {
             world.update(FrameBudget::NONE);
         }
-        assert!(world.overlaps.cells.values().all(|listed| listed.len() <= MAX_LISTED));
+        assert!(world.divisions.overlaps.cells.values().all(|listed| listed.len() <= MAX_LISTED));
         for key in keys {
             world.remove_instance(key).expect("it lives");
         }
-        assert_eq!(world.overlaps.filed.len(), 1000);
+        assert_eq!(world.divisions.overlaps.filed.len(), 1000);
     }
 
     #[test]
@@ -431,12 +420,12 @@ mod tests {
         let (mut world, keys) = world_of((0..8).map(|i| crossing(i as f32)), 10);
         world.update(FrameBudget::NONE);
         let filed = |world: &LightWorld| {
-            let in_cells: usize = world.overlaps.cells.values().map(Vec::len).sum();
-            let counted: u32 = world.overlaps.counts.iter().sum();
-            let listed = world.overlaps.filed.values().filter(|filed| filed.is_listed).count();
+            let in_cells: usize = world.divisions.overlaps.cells.values().map(Vec::len).sum();
+            let counted: u32 = world.divisions.overlaps.counts.iter().sum();
+            let listed = world.divisions.overlaps.filed.values().filter(|filed| filed.is_listed).count();
             assert_eq!((in_cells, counted as usize), (listed, listed));
-            let surrounded = world.overlaps.filed.values().filter(|filed| filed.is_surrounded).count();
-            assert_eq!(world.trees.values().map(|entry| entry.surrounded as usize).sum::<usize>(), surrounded);
+            let surrounded = world.divisions.overlaps.filed.values().filter(|filed| filed.is_surrounded).count();
+            assert_eq!(world.scene.trees.values().map(|entry| entry.surrounded as usize).sum::<usize>(), surrounded);
             in_cells
         };
         assert_eq!(filed(&world), 8);
@@ -447,10 +436,10 @@ mod tests {
         world.make_unique(second).expect("it lives");
         world.update(FrameBudget::NONE);
         assert_eq!((filed(&world), light_parts_count(&world)), (8, 8));
-        let round = world.overlaps.round;
+        let round = world.divisions.overlaps.round;
         world.set_origin(DVec3::new(1.0e4, 0.0, 7.0)).expect("near");
         // Nothing is filed again.
-        assert_eq!((filed(&world), world.overlaps.round), (8, round));
+        assert_eq!((filed(&world), world.divisions.overlaps.round), (8, round));
         world.replace_lights(shared, string(1)).expect("valid");
         world.move_instance(keys[2], Placement { linear: Mat3::ZERO, ..Placement::IDENTITY }).expect("valid");
         for _ in 0..4 {
@@ -461,6 +450,6 @@ mod tests {
         world.update(FrameBudget::NONE);
         world.update(FrameBudget::NONE);
         assert_eq!((filed(&world), light_parts_count(&world)), (1, 0));
-        assert_eq!(world.overlaps.cells.len(), 1);
+        assert_eq!(world.divisions.overlaps.cells.len(), 1);
     }
 }

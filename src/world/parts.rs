@@ -1,18 +1,18 @@
 //! The parts of instances that become leaves of the top level.
 
-use super::LightWorld;
+use super::scene::Scene;
 use crate::cluster::{Cluster, MAX_FLUX};
 use crate::instance::part::{Division, Part};
 use crate::keys::InstanceKey;
 use crate::light::MIN_FLUX;
 use crate::tree::ChildRef;
 
-impl LightWorld {
+impl Scene {
     /// The parts of all instances in the order of their slots, with their clusters in the world.
-    pub(crate) fn parts(&self) -> Vec<(Part, Cluster)> {
-        let mut parts = Vec::with_capacity(self.slot_count());
-        for slot in 0..self.slot_count() as u32 {
-            if let Some(key) = self.instance_at(slot) {
+    pub fn parts(&self) -> Vec<(Part, Cluster)> {
+        let mut parts = Vec::with_capacity(self.instances.slot_count());
+        for slot in 0..self.instances.slot_count() as u32 {
+            if let Some(key) = self.instances.key_at(slot) {
                 self.add_parts(slot, key, &mut parts);
             }
         }
@@ -21,7 +21,7 @@ impl LightWorld {
 
     /// The cluster of all lights of an instance, in the world. Empty for a dark tree and for a
     /// hidden instance.
-    pub(crate) fn cluster(&self, key: InstanceKey) -> Cluster {
+    pub fn cluster(&self, key: InstanceKey) -> Cluster {
         self.cluster_of(key, &self.trees[self.instances[key].tree].tree.cluster())
     }
 
@@ -64,7 +64,7 @@ impl LightWorld {
         let brightness = instance.appearance.brightness();
         let flux = flux.min(MAX_FLUX / brightness.max(1.0)) * brightness;
         // At a small enough scale, the flux of a light that is not dark would round to 0.
-        cluster.transformed(&placed.linear, placed.translation(self.home()), flux.max(MIN_FLUX))
+        cluster.transformed(&placed.linear, placed.translation(self.origin.home), flux.max(MIN_FLUX))
     }
 }
 
@@ -72,8 +72,7 @@ impl LightWorld {
 mod tests {
     use glam::{Mat3, Vec3};
 
-    use super::*;
-    use crate::{Light, Placement, Policy};
+    use crate::{Light, LightWorld, Placement, Policy};
 
     #[test]
     fn a_part_has_the_flux_of_its_lights_of_both_kinds() {

@@ -54,10 +54,10 @@ impl LightWorld {
     /// the placement changes how the lights should be divided. A placeholder is built later, and so is
     /// any tree if `is_later`.
     pub(super) fn build_for_first(&mut self, key: InstanceKey, is_later: bool) {
-        let instance = &self.instances[key];
+        let instance = &self.scene.instances[key];
         let (tree, placed) = (instance.tree, instance.shown());
         let Some(map) = placed.map(|placed| placed.linear) else { return };
-        let entry = &mut self.trees[tree];
+        let entry = &mut self.scene.trees[tree];
         // What is derived from the matrix may differ in the last bit where another machine baked it.
         let has_map = entry.tree.reference().is_some_and(|reference| reference.linear == map.linear);
         if entry.instances.len() == 1 && !has_map && changes_tree(&map, entry.tree.light_count()) {
@@ -71,8 +71,9 @@ impl LightWorld {
             }
             // A build that is under way does not know the map.
             self.cancel_build(tree);
-            self.await_first_build(tree);
-            self.recount(tree);
+            let entry = &mut self.scene.trees[tree];
+            self.rebuilds.await_first_build(tree, &entry.tree);
+            entry.recount(&mut self.sums);
         }
     }
 }

@@ -2,9 +2,9 @@
 
 use super::LightWorld;
 use super::change_log::ChangeLog;
-use super::overlap::may_have_light_parts;
+use super::division::may_have_light_parts;
+use super::reports::FrameReport;
 use super::staged::StagedLights;
-use super::update::FrameReport;
 use crate::effects::EffectCounts;
 use crate::keys::{TreeKey, slot_of};
 use crate::light::Light;
@@ -16,9 +16,9 @@ impl LightWorld {
     /// Refits the trees whose lights changed or that were built in slices or in the background, and
     /// updates the rebuild requests of those and of the trees with a new policy.
     pub(super) fn refit_edited(&mut self, report: &mut FrameReport) {
-        let start = self.clock.now();
-        self.added_lights.clear();
-        self.removed_lights.clear();
+        let start = self.rebuilds.clock.now();
+        self.edits.added.clear();
+        self.edits.removed.clear();
         let mut jobs = self.take_pending();
         #[cfg(feature = "parallel")]
         {
@@ -38,15 +38,15 @@ impl LightWorld {
         }
         if report.refit_trees > 0 {
             self.top.take();
-            self.clock.worked(Work { kind: WorkKind::Refit, lights: report.refit_lights });
+            self.rebuilds.clock.worked(Work { kind: WorkKind::Refit, lights: report.refit_lights });
         }
-        report.refit_time = self.clock.now().saturating_sub(start);
+        report.refit_time = self.rebuilds.clock.now().saturating_sub(start);
     }
 
     /// Moves the pending trees out of the map, so that threads can work on them. The trees that
     /// stay behind are empty and cost nothing.
     fn take_pending(&mut self) -> Vec<RefitJob> {
-        let Self { pending, trees, .. } = self;
+        let (pending, trees) = (&mut self.edits.pending, &mut self.scene.trees);
         let job = |key: TreeKey| {
             let entry = &mut trees[key];
             let successor = entry.successor.take();
@@ -90,23 +90,21 @@ impl LightWorld {
             });
         }
         let (is_thawed, is_replaced) = (!tree.is_frozen(), swap.is_some());
-        let entry = &mut self.trees[key];
+        let entry = &mut self.scene.trees[key];
         entry.tree = tree;
         entry.staged = staged;
         entry.log = log;
         let (lights, is_divided) = (entry.tree.light_count(), !entry.tree.sides().is_empty());
         if lights != former_lights {
-            self.scheduler.was_resized(key, lights);
-            self.light_count += lights * entry.instances.len();
-            self.light_count -= former_lights * entry.instances.len();
+            self.rebuilds.scheduler.was_resized(key, lights);
         }
         if let Some(Swap { features, history, .. }) = swap {
-            self.scheduler.was_rebuilt(key, features);
+            self.rebuilds.scheduler.was_rebuilt(key, features);
             entry.history = history;
         }
         if let Some(features) = features {
             entry.history.observe(&entry.tree.attributes());
-            self.scheduler.has_changed(key, &features);
+            self.rebuilds.scheduler.has_changed(key, &features);
         }
         if is_edited {
             self.has_moved(key);
@@ -116,25 +114,24 @@ impl LightWorld {
         if is_as_built {
             // No policy requests more than a tree that was just built, not even
             // `Policy::AlwaysRebuild`.
-            self.scheduler.withdraw(key);
+            self.rebuilds.scheduler.withdraw(key);
         } else {
-            self.update_request(key);
+            self.rebuilds.update_request(key, &mut self.scene);
         }
         if changes_nodes {
             self.changes.tree(slot_of(key));
             if is_replaced {
-                self.renew_sections(key)
+                self.divisions().1.renew_sections(key)
             } else if !added.is_empty() || !removed.is_empty() {
-                self.update_sections(key)
+                self.divisions().1.update_sections(key)
             }
         }
-        self.recount(key);
-        self.added_lights.extend(added.into_iter().map(|light| (key, light)));
-        self.removed_lights.extend(removed.into_iter().map(|light| (key, light)));
+        self.scene.trees[key].recount(&mut self.sums);
+        self.edits.added.extend(added.into_iter().map(|light| (key, light)));
+        self.edits.removed.extend(removed.into_iter().map(|light| (key, light)));
         if is_divided != was_divided || may_have_light_parts(lights) != may_have_light_parts(former_lights) {
-            for index in 0..self.trees[key].instances.len() {
-                self.judge_later(self.trees[key].instances[index]);
-            }
+            let (divisions, mut edit) = self.divisions();
+            divisions.judge_all_later(key, &mut edit);
         }
     }
 }

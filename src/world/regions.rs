@@ -61,13 +61,13 @@ impl LightWorld {
     /// Why a region cannot be added.
     fn region_error(&self, region: &Region) -> Option<WorldError> {
         let tree_error = |(index, tree): (usize, &RegionSource)| match tree {
-            RegionSource::OfWorld(key) if !self.trees.contains_key(*key) => {
+            RegionSource::OfWorld(key) if !self.scene.trees.contains_key(*key) => {
                 Some(WorldError::RegionTree { index, source: Box::new(WorldError::NoSuchTree(*key)) })
             }
             _ => None,
         };
         let instance_error = |(index, PlacedInstance { placement, .. }): (usize, &PlacedInstance)| {
-            let error = Placed::check(placement, placement, self.origin.anchor()).err()?;
+            let error = Placed::check(placement, placement, self.scene.origin.anchor()).err()?;
             Some(WorldError::RegionInstance { index, source: Box::new(error.into()) })
         };
         let in_trees = region.trees.iter().enumerate().find_map(tree_error);
@@ -85,15 +85,15 @@ impl LightWorld {
         let trees: Vec<TreeKey> = region.trees.into_iter().map(insert_tree).collect();
         let insert_instance = |instance: PlacedInstance| {
             let PlacedInstance { tree, placement, policy, appearance, placed } = instance;
-            let placed =
-                Placed::moved(placed.as_ref(), &placement, &placement, self.origin.anchor()).expect("checked before");
+            let placed = Placed::moved(placed.as_ref(), &placement, &placement, self.scene.origin.anchor())
+                .expect("checked before");
             let (tree, region) = (trees[tree], Some(key));
             let instance = Instance { tree, placement, policy, appearance, placed, index_in_tree: 0, region };
             self.insert_instance(instance, true)
         };
         let instances = region.instances.into_iter().map(insert_instance).collect();
         let entry = RegionEntry { trees, is_own, instances, copies: Vec::new() };
-        self.counted.change_lists(0, entry.memory_bytes());
+        self.sums.change_lists(0, entry.memory_bytes());
         self.regions.by_key[key] = entry;
         key
     }
@@ -133,9 +133,9 @@ impl LightWorld {
     /// [`WorldError::RegionInUse`] if an instance outside the region uses one of its trees.
     pub fn remove_region(&mut self, region: RegionKey) -> Result<RemovedRegion, WorldError> {
         let entry = self.regions.by_key.get(region).ok_or(WorldError::NoSuchRegion(region))?;
-        let is_outside = |key: &&InstanceKey| self.instances[**key].region != Some(region);
+        let is_outside = |key: &&InstanceKey| self.scene.instances[**key].region != Some(region);
         for tree in entry.own_trees() {
-            let Some(entry) = self.trees.get(tree) else { continue };
+            let Some(entry) = self.scene.trees.get(tree) else { continue };
             // Stops at the first one outside, so it costs no more than the instances of the region.
             if entry.instances.iter().any(|key| is_outside(&key)) {
                 let instances = entry.instances.iter().filter(is_outside).count();
@@ -143,14 +143,14 @@ impl LightWorld {
             }
         }
         let entry = self.regions.by_key.remove(region).expect("a live region");
-        self.counted.change_lists(entry.memory_bytes(), 0);
+        self.sums.change_lists(entry.memory_bytes(), 0);
         for key in &entry.instances {
             // Those that were removed before are skipped.
             let _ = self.remove_instance(*key);
         }
         let mut trees = Vec::with_capacity(entry.trees.len() + entry.copies.len());
         for tree in entry.own_trees() {
-            if self.trees.contains_key(tree) {
+            if self.scene.trees.contains_key(tree) {
                 trees.push(self.take_tree(tree));
             }
         }
@@ -160,11 +160,11 @@ impl LightWorld {
     /// Records that an instance got a copy of its tree, which belongs to the region of the
     /// instance.
     pub(super) fn was_copied(&mut self, instance: InstanceKey, copy: TreeKey) {
-        let Some(region) = self.instances[instance].region else { return };
+        let Some(region) = self.scene.instances[instance].region else { return };
         let entry = &mut self.regions.by_key[region];
         let former = entry.memory_bytes();
         entry.copies.push(copy);
         let present = entry.memory_bytes();
-        self.counted.change_lists(former, present);
+        self.sums.change_lists(former, present);
     }
 }

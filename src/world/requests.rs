@@ -1,6 +1,7 @@
 //! Tells the scheduler what changed, and what the policies of trees request.
 
-use super::{LightWorld, TreeEntry};
+use super::rebuilds::Rebuilds;
+use super::scene::{Scene, TreeEntry};
 use crate::keys::TreeKey;
 use crate::policy::{Excess, RebuildRequest};
 use crate::tree::WIDTH;
@@ -19,17 +20,18 @@ impl TreeEntry {
     }
 }
 
-impl LightWorld {
+impl Rebuilds {
     /// Re-evaluates whether a tree requests a rebuild, and with which priority: after a refit or a
     /// change of its weight.
-    pub(super) fn update_request(&mut self, key: TreeKey) {
-        let entry = &self.trees[key];
+    pub fn update_request(&mut self, key: TreeKey, scene: &mut Scene) {
+        let entry = &scene.trees[key];
         if !entry.may_rebuild() {
             return self.scheduler.withdraw(key);
         }
         let request = entry.rebuild_request(self.scheduler.excess(key));
         let request = self.scheduler.standing_request(key, request);
-        let share = if request > RebuildRequest::Doubtful { self.weight_of(key) } else { 0.0 };
+        let share =
+            if request > RebuildRequest::Doubtful { self.weights.of(key, self.scheduler.frame(), scene) } else { 0.0 };
         self.scheduler.set_request(key, request, share);
     }
 }

@@ -37,10 +37,10 @@ impl LightWorld {
         }
         for _ in 0..MAX_FREEZES {
             let Some(tree) = self.rest_timers.take_due() else { break };
-            let entry = &mut self.trees[tree];
+            let entry = &mut self.scene.trees[tree];
             entry.tree.freeze();
             entry.staged = StagedLights::default();
-            self.recount(tree);
+            entry.recount(&mut self.sums);
         }
     }
 }

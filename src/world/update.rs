@@ -4,70 +4,10 @@
 use std::time::Duration;
 
 use super::LightWorld;
+use super::reports::FrameReport;
 use crate::error::WorldError;
 use crate::keys::TreeKey;
 use crate::scheduler::FrameBudget;
-
-/// What [`LightWorld::update`] did.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct FrameReport {
-    /// Instances that were added, moved, shown, hidden or removed since the last update, each
-    /// counted once.
-    pub moved_instances: usize,
-    /// Trees that were refitted because their lights changed.
-    pub refit_trees: usize,
-    /// Lights of these trees.
-    pub refit_lights: usize,
-    /// Nodes of these trees that were computed anew: those above a changed light, or all nodes of a
-    /// tree where many lights changed.
-    pub refit_nodes: usize,
-    /// Trees that were rebuilt within the frame.
-    pub rebuilt_trees: usize,
-    /// Trees that request a rebuild and wait for a later frame, without the tree whose build is
-    /// under way: in slices, or in the background.
-    pub waiting_trees: usize,
-    /// [Placeholders](LightWorld::add_placeholder) that have yet to be built, those whose build is
-    /// under way included.
-    pub placeholder_trees: usize,
-    /// The longest wait in updates, of the trees that were served in this update and of the trees
-    /// that still wait.
-    pub longest_wait: u64,
-    /// Builds on another thread.
-    pub background: BackgroundReport,
-    /// The time that rebuilds were allowed to take.
-    pub budget: Duration,
-    /// The predicted time of the rebuilds that were done.
-    pub predicted: Duration,
-    /// The measured time of the rebuilds that were done, by the world's clock. [`LightWorld::jobs`]
-    /// lists each.
-    pub spent: Duration,
-    /// The time that the choice among the waiting trees took.
-    pub deciding: Duration,
-    /// The time by which rebuilds and the choice among them exceeded the budget; 0 if nothing was
-    /// rebuilt.
-    pub overrun: Duration,
-    /// The time that refits took. Refits are not part of the budget.
-    pub refit_time: Duration,
-}
-
-/// The builds in the background of [`LightWorld::update`]: trees that do not fit into a frame, one
-/// at a time.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct BackgroundReport {
-    /// Builds that were started in this update.
-    pub started: usize,
-    /// Builds that replaced their tree in this update, after a refit to the present lights.
-    pub taken: usize,
-    /// Builds that were dropped because their tree was removed, got other lights or changed its
-    /// policy meanwhile.
-    pub dropped: usize,
-    /// Builds in progress, 0 or 1.
-    pub running: usize,
-    /// The time that the finished builds took, on their thread.
-    pub spent: Duration,
-}
 
 impl LightWorld {
     /// Brings trees up to date with the edits since the last call, and rebuilds trees within a time
@@ -104,16 +44,16 @@ impl LightWorld {
     pub fn update(&mut self, budget: FrameBudget) -> FrameReport {
         let moved_instances = self.changes.take_reported();
         let mut report = FrameReport { moved_instances, budget: budget.time(), ..FrameReport::default() };
-        self.scheduler.start_frame(budget.time());
+        self.rebuilds.scheduler.start_frame(budget.time());
         self.take_finished_build(&mut report);
         self.refit_edited(&mut report);
-        self.request_first_builds();
-        self.judge_overlaps(report.moved_instances > 0);
-        self.judge_neighbours(report.moved_instances > 0);
+        self.rebuilds.request_first_builds(&mut self.scene);
+        let (divisions, mut edit) = self.divisions();
+        divisions.judge_some(report.moved_instances > 0, &mut edit);
         self.do_jobs(&mut report);
         self.effects.count_update();
         self.freeze_resting();
-        report.placeholder_trees = self.counted.placeholders;
+        report.placeholder_trees = self.sums.placeholders;
         report
     }
 
@@ -131,15 +71,15 @@ impl LightWorld {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{neighbours, overlap, sections};
+    use super::super::{division, neighbours, overlap};
     use crate::documented::{assert_says, grouped, word};
 
     #[test]
     fn the_documentation_of_an_update_names_its_limits() {
         let says = |sentence: &str| assert_says(include_str!("update.rs"), sentence);
-        says(&format!("A tree of up to {} lights that is not divided by side is divided", overlap::MAX_LIGHT_PARTS));
+        says(&format!("A tree of up to {} lights that is not divided by side is divided", division::MAX_LIGHT_PARTS));
         says(&format!("{} others in each call while anything moves. A larger", word(overlap::JUDGED_PER_UPDATE)));
-        says(&format!("is divided into up to {} *sections*", grouped(sections::MAX_SECTIONS)));
+        says(&format!("is divided into up to {} *sections*", grouped(division::MAX_SECTIONS)));
         says(&format!("and {} others in each call while anything moves. 3.", neighbours::SLOTS_PER_UPDATE));
     }
 }

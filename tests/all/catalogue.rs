@@ -8,7 +8,7 @@ use std::path::Path;
 fn functions(folder: &Path, names: &mut BTreeSet<String>) {
     for entry in fs::read_dir(folder).expect("a folder of the repository") {
         let path = entry.expect("a readable entry").path();
-        if path.is_dir() {
+        if path.is_dir() && !path.ends_with("target") {
             functions(&path, names);
         } else if path.extension().is_some_and(|extension| extension == "rs" || extension == "wgsl") {
             let text = fs::read_to_string(&path).expect("a readable file");
@@ -22,7 +22,7 @@ fn functions(folder: &Path, names: &mut BTreeSet<String>) {
 fn tests_that_the_catalogue_of_hard_cases_names_exist() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut known = BTreeSet::new();
-    ["src", "tests", "shaders"].iter().for_each(|folder| functions(&root.join(folder), &mut known));
+    ["src", "tests", "shaders", "examples"].iter().for_each(|folder| functions(&root.join(folder), &mut known));
     let page = fs::read_to_string(root.join("docs/hard-cases.md")).expect("a readable file");
     // Names of tests are sentences. Few functions have such long names.
     let is_test = |word: &&str| word.matches('_').count() >= 4 && word.chars().all(|c| c == '_' || c.is_alphanumeric());

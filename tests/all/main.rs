@@ -6,6 +6,7 @@ mod allocations;
 mod appearance;
 mod catalogue;
 mod concurrency;
+mod decisions;
 mod dependencies;
 mod distribution;
 mod edits;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 const FOLDERS: [&str; 7] = ["src", "shaders", "tests", "benches", "examples", "scripts", "docs"];
 
 /// The files of a folder and of those in it. `target` folders of the packages in `examples` are left out.
-fn files(folder: &Path) -> Vec<PathBuf> {
+pub fn files(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).expect("a folder of the crate").map(|entry| entry.expect("readable").path());
     let sources = entries.filter(|path| !path.ends_with("target"));
     sources.flat_map(|path| if path.is_dir() { files(&path) } else { vec![path] }).collect()

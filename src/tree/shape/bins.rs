@@ -26,7 +26,7 @@ const MIN_DIRECTION_SHARE: f32 = 0.1;
 
 /// The most that is added to the factor on the cost of a cut by direction, in a group that is large
 /// in its tree. Without it, beams in all directions from all places of a hall are first divided by
-/// direction, which nearly doubles the noise (docs/decisions.md, 41).
+/// direction, which nearly doubles the noise (docs/decisions.md, 17).
 const MAX_DIRECTION_PENALTY: f32 = 1.0;
 
 /// A group with this share of the tree's diagonal has half of the greatest penalty.

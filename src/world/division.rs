@@ -1,14 +1,24 @@
-//! The sections of trees in a world: which trees have them, and how they follow changes of a tree.
+//! Which parts of each tree are leaves of the top level: the whole tree, its sides, its sections or
+//! its lights.
 
-use super::LightWorld;
-use super::overlap::MAX_LIGHT_PARTS;
+use std::sync::OnceLock;
+
+use super::delta::Changes;
+use super::scene::Scene;
+use super::sums::Sums;
 use crate::instance::part::Division;
 use crate::keys::{TreeKey, slot_of};
+use crate::top::TopLevel;
 use crate::tree::{Section, WIDTH};
+
+/// Trees of more lights stay whole: each *light part* of a tree, one for each light, is a leaf of the
+/// top level, which is built anew when anything moves. So do trees that are divided into sides: as
+/// single lights they are noisier, because the top level divides by position alone.
+pub(super) const MAX_LIGHT_PARTS: usize = 128;
 
 /// The largest number of sections of a tree. Each of them takes 80 bytes on the GPU. For each
 /// instance of the tree it takes 24 bytes more and is a leaf of the top level, which costs work in
-/// each build (docs/decisions.md, 62).
+/// each build (docs/decisions.md, 49).
 pub(super) const MAX_SECTIONS: usize = 2048;
 
 /// The largest number of sections of all instances of a tree.
@@ -18,9 +28,9 @@ const MAX_OF_INSTANCES: usize = 8192;
 /// with sections may exceed it.
 const MAX_OF_WORLD: usize = 65_536;
 
-impl LightWorld {
+impl Scene {
     /// How the tree of an entry is divided in the top level.
-    pub(crate) fn division(&self, tree: TreeKey) -> Division {
+    pub fn division(&self, tree: TreeKey) -> Division {
         let entry = &self.trees[tree];
         match &entry.tree {
             _ if !entry.sections.is_empty() => Division::Sections(entry.sections.len() as u32),
@@ -31,27 +41,51 @@ impl LightWorld {
     }
 
     /// The sections of a tree, in the order of their places; empty for another division.
-    pub(crate) fn sections(&self, tree: TreeKey) -> &[Section] {
+    pub fn sections(&self, tree: TreeKey) -> &[Section] {
         &self.trees[tree].sections
     }
 
     /// Whether a tree may have sections. Smaller ones may have light parts instead.
-    pub(super) fn is_large(&self, tree: TreeKey) -> bool {
+    pub fn is_large(&self, tree: TreeKey) -> bool {
         let tree = &self.trees[tree].tree;
         tree.light_count() > MAX_LIGHT_PARTS && tree.sides().is_empty()
     }
+}
+
+/// Whether a tree of so many lights may have light parts.
+pub(super) fn may_have_light_parts(lights: usize) -> bool {
+    (2..=MAX_LIGHT_PARTS).contains(&lights)
+}
+
+/// The scene, and what has to follow when the division of a tree changes.
+pub(super) struct DivisionEdit<'a> {
+    pub scene: &'a mut Scene,
+    pub sums: &'a mut Sums,
+    pub changes: &'a mut Changes,
+    pub top: &'a mut OnceLock<TopLevel>,
+}
+
+impl DivisionEdit<'_> {
+    /// Gives a tree light parts, or takes them away.
+    pub fn set_light_parts(&mut self, tree: TreeKey, has_light_parts: bool) {
+        let entry = &mut self.scene.trees[tree];
+        if std::mem::replace(&mut entry.has_light_parts, has_light_parts) != has_light_parts {
+            self.changes.tree(slot_of(tree));
+            self.top.take();
+        }
+    }
 
     /// Chooses the sections of a tree anew, after its nodes were replaced.
-    pub(super) fn renew_sections(&mut self, tree: TreeKey) {
+    pub fn renew_sections(&mut self, tree: TreeKey) {
         self.set_sections(tree, Vec::new());
         self.update_sections(tree);
     }
 
     /// Gives a tree sections or takes them away, and chooses them anew if they do not fit the tree
     /// any more. O(sections).
-    pub(super) fn update_sections(&mut self, key: TreeKey) {
-        let entry = &self.trees[key];
-        let is_wanted = entry.is_among_others && self.is_large(key);
+    pub fn update_sections(&mut self, key: TreeKey) {
+        let entry = &self.scene.trees[key];
+        let is_wanted = entry.is_among_others && self.scene.is_large(key);
         let instances = entry.instances.len().max(1);
         if entry.sections.is_empty() && !is_wanted {
             return;
@@ -64,19 +98,17 @@ impl LightWorld {
                 return;
             }
         }
-        let others = self.section_count - entry.sections.len() * entry.instances.len();
+        let others = self.sums.sections - entry.counted.sections;
         let left = MAX_OF_WORLD.saturating_sub(others).min(MAX_OF_INSTANCES) / instances;
         let sections = if is_wanted { entry.tree.sections(left.min(MAX_SECTIONS)) } else { Vec::new() };
         self.set_sections(key, sections);
     }
 
     fn set_sections(&mut self, key: TreeKey, sections: Vec<Section>) {
-        let entry = &mut self.trees[key];
+        let entry = &mut self.scene.trees[key];
         if entry.sections == sections {
             return;
         }
-        let instances = entry.instances.len();
-        self.section_count = self.section_count - entry.sections.len() * instances + sections.len() * instances;
         let former = std::mem::replace(&mut entry.sections, sections);
         // The nodes and lights of sections are uploaded with the number of the section.
         let (tree, mut nodes, mut lights) = (&entry.tree, Vec::new(), Vec::new());
@@ -92,7 +124,7 @@ impl LightWorld {
         nodes.dedup();
         let records = tree.nodes().len() + tree.lights().len();
         entry.log.add(&nodes, lights.into_iter(), records);
-        self.recount(key);
+        entry.recount(self.sums);
         self.changes.tree(slot_of(key));
         self.top.take();
     }

@@ -1,25 +1,25 @@
-//! The instances of a world by key.
+//! Values by key whose slots are numbered, as shaders number trees and instances.
 
 use std::ops::{Index, IndexMut};
 
-use slotmap::SlotMap;
+use slotmap::{Key, SlotMap};
 
-use crate::keys::{InstanceKey, slot_of};
+use crate::keys::slot_of;
 
-/// A map as `SlotMap<InstanceKey, T>`, whose values lie in a list that threads can divide.
-pub(super) struct InstanceMap<T> {
-    keys: SlotMap<InstanceKey, ()>,
-    /// The live instance of each slot that is or was in use, with its key.
-    slots: Vec<Option<(InstanceKey, T)>>,
+/// A map as `SlotMap<K, T>`, whose values lie in a list that threads can divide.
+pub(super) struct SlotTable<K: Key, T> {
+    keys: SlotMap<K, ()>,
+    /// The live value of each slot that is or was in use, with its key.
+    slots: Vec<Option<(K, T)>>,
 }
 
-impl<T> Default for InstanceMap<T> {
+impl<K: Key, T> Default for SlotTable<K, T> {
     fn default() -> Self {
         Self { keys: SlotMap::with_key(), slots: Vec::new() }
     }
 }
 
-impl<T> InstanceMap<T> {
+impl<K: Key, T> SlotTable<K, T> {
     pub fn len(&self) -> usize {
         self.keys.len()
     }
@@ -29,91 +29,88 @@ impl<T> InstanceMap<T> {
         self.slots.len()
     }
 
-    /// The number of slots that the list has room for.
-    pub fn capacity(&self) -> usize {
-        self.slots.capacity()
+    /// The bytes of the map itself, without what the values own.
+    pub fn memory_bytes(&self) -> usize {
+        // A slot map has one slot that it never uses.
+        self.slots.capacity() * size_of::<Option<(K, T)>>() + (self.keys.capacity() + 1) * size_of::<u64>()
     }
 
-    /// The number of keys that the map has room for.
-    pub fn key_capacity(&self) -> usize {
-        self.keys.capacity()
-    }
-
-    pub fn contains_key(&self, key: InstanceKey) -> bool {
+    pub fn contains_key(&self, key: K) -> bool {
         self.keys.contains_key(key)
     }
 
-    /// The key of the live instance in a slot.
-    pub fn key_at(&self, slot: u32) -> Option<InstanceKey> {
+    /// The key of the live value in a slot.
+    pub fn key_at(&self, slot: u32) -> Option<K> {
         self.slots.get(slot as usize)?.as_ref().map(|(key, _)| *key)
     }
 
-    pub fn get(&self, key: InstanceKey) -> Option<&T> {
-        let (live, instance) = self.slots.get(slot_of(key) as usize)?.as_ref()?;
-        (*live == key).then_some(instance)
+    pub fn get(&self, key: K) -> Option<&T> {
+        let (live, value) = self.slots.get(slot_of(key) as usize)?.as_ref()?;
+        (*live == key).then_some(value)
     }
 
-    pub fn get_mut(&mut self, key: InstanceKey) -> Option<&mut T> {
-        let (live, instance) = self.slots.get_mut(slot_of(key) as usize)?.as_mut()?;
-        (*live == key).then_some(instance)
+    pub fn get_mut(&mut self, key: K) -> Option<&mut T> {
+        let (live, value) = self.slots.get_mut(slot_of(key) as usize)?.as_mut()?;
+        (*live == key).then_some(value)
     }
 
-    pub fn insert(&mut self, instance: T) -> InstanceKey {
+    pub fn insert(&mut self, value: T) -> K {
         let key = self.keys.insert(());
         let slot = slot_of(key) as usize;
         if self.slots.len() <= slot {
             self.slots.resize_with(slot + 1, || None);
         }
-        self.slots[slot] = Some((key, instance));
+        self.slots[slot] = Some((key, value));
         key
     }
 
-    pub fn remove(&mut self, key: InstanceKey) -> Option<T> {
+    pub fn remove(&mut self, key: K) -> Option<T> {
         self.keys.remove(key)?;
-        self.slots[slot_of(key) as usize].take().map(|(_, instance)| instance)
+        self.slots[slot_of(key) as usize].take().map(|(_, value)| value)
     }
 
     /// In the order of their slots, as all iterators here.
-    pub fn keys(&self) -> impl Iterator<Item = InstanceKey> {
+    pub fn keys(&self) -> impl Iterator<Item = K> {
         self.slots.iter().flatten().map(|(key, _)| *key)
     }
 
     pub fn values(&self) -> impl Iterator<Item = &T> {
-        self.slots.iter().flatten().map(|(_, instance)| instance)
+        self.slots.iter().flatten().map(|(_, value)| value)
     }
 
     pub fn values_mut(&mut self) -> impl Iterator<Item = &mut T> {
-        self.slots.iter_mut().flatten().map(|(_, instance)| instance)
+        self.slots.iter_mut().flatten().map(|(_, value)| value)
     }
 
     /// What each slot holds.
     #[cfg(feature = "parallel")]
-    pub fn slots_mut(&mut self) -> &mut [Option<(InstanceKey, T)>] {
+    pub fn slots_mut(&mut self) -> &mut [Option<(K, T)>] {
         &mut self.slots
     }
 }
 
-impl<T> Index<InstanceKey> for InstanceMap<T> {
+impl<K: Key, T> Index<K> for SlotTable<K, T> {
     type Output = T;
 
-    fn index(&self, key: InstanceKey) -> &T {
-        self.get(key).expect("a live instance")
+    fn index(&self, key: K) -> &T {
+        self.get(key).expect("a live key")
     }
 }
 
-impl<T> IndexMut<InstanceKey> for InstanceMap<T> {
-    fn index_mut(&mut self, key: InstanceKey) -> &mut T {
-        self.get_mut(key).expect("a live instance")
+impl<K: Key, T> IndexMut<K> for SlotTable<K, T> {
+    fn index_mut(&mut self, key: K) -> &mut T {
+        self.get_mut(key).expect("a live key")
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::keys::InstanceKey;
 
     #[test]
     fn a_map_of_instances_does_what_a_slot_map_does() {
-        let (mut map, mut expected) = (InstanceMap::default(), SlotMap::<InstanceKey, usize>::with_key());
+        let (mut map, mut expected) = (SlotTable::default(), SlotMap::<InstanceKey, usize>::with_key());
         let mut keys = vec![InstanceKey::default()];
         for step in 0..3000_usize {
             let key = keys[step * 31 % keys.len()];

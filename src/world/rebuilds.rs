@@ -1,0 +1,61 @@
+//! What a world has for the rebuilds of its trees.
+
+use std::sync::Arc;
+
+use super::attention::ViewWeights;
+use super::build_thread::{BuildThread, RunningBuild};
+use super::reports::JobReport;
+use crate::keys::TreeKey;
+use crate::scheduler::{Clock, Scheduler};
+use crate::tree::TreeBuild;
+
+/// Which trees are rebuilt next, and the builds that are under way.
+pub(super) struct Rebuilds {
+    pub scheduler: Scheduler,
+    pub clock: Arc<dyn Clock>,
+    pub weights: ViewWeights,
+    pub long_builder: LongBuilder,
+    /// Placeholders that came since the last update.
+    pub new_placeholders: Vec<TreeKey>,
+    /// The jobs of the last update.
+    pub jobs: Vec<JobReport>,
+}
+
+impl Rebuilds {
+    pub fn new(clock: Arc<dyn Clock>) -> Self {
+        Self {
+            scheduler: Scheduler::default(),
+            clock,
+            weights: ViewWeights::default(),
+            long_builder: LongBuilder::default(),
+            new_placeholders: Vec::new(),
+            jobs: Vec::new(),
+        }
+    }
+}
+
+/// Does the long build that the scheduler has begun.
+#[derive(Debug, Default)]
+pub(super) struct LongBuilder {
+    pub state: LongBuildState,
+    pub thread: BuildThread,
+    /// Builds never go on in the background.
+    pub is_kept_in_frames: bool,
+}
+
+/// How far the long build is.
+#[derive(Debug, Default)]
+pub(super) enum LongBuildState {
+    #[default]
+    None,
+    InFrames(TreeKey, Box<TreeBuild>),
+    /// No tree if the tree does not need the build any more.
+    InBackground(Option<TreeKey>, RunningBuild),
+}
+
+impl LongBuilder {
+    /// Whether a build runs in the background or waits to be installed.
+    pub fn is_in_background(&self) -> bool {
+        matches!(self.state, LongBuildState::InBackground(..))
+    }
+}

@@ -1,0 +1,153 @@
+//! What a world contains, as it is now.
+
+use slotmap::SlotMap;
+
+use super::change_log::ChangeLog;
+use super::memory::WorldMemory;
+use super::origin::Origin;
+use super::slot_table::SlotTable;
+use super::staged::StagedLights;
+use super::sums::Sums;
+use crate::effects::Effects;
+use crate::instance::appearance::Appearance;
+use crate::instance::placement::{Placed, Placement};
+use crate::keys::{DirectionalKey, InstanceKey, RegionKey, TreeKey};
+use crate::light::DirectionalLight;
+use crate::policy::{AttributeHistory, Policy, PolicySet};
+use crate::tree::{LightTree, Section};
+
+/// The trees, instances and directional lights of a world, and the origin of their coordinates.
+#[derive(Default)]
+pub(super) struct Scene {
+    pub trees: SlotTable<TreeKey, TreeEntry>,
+    pub instances: SlotTable<InstanceKey, Instance>,
+    pub directionals: SlotMap<DirectionalKey, DirectionalLight>,
+    pub origin: Origin,
+}
+
+/// A tree of a world.
+pub(crate) struct TreeEntry {
+    pub tree: LightTree,
+    pub instances: Vec<InstanceKey>,
+    /// The policies of all instances.
+    pub policies: PolicySet,
+    /// The nodes and lights that changed, for uploads.
+    pub log: ChangeLog,
+    pub history: AttributeHistory,
+    pub(super) staged: StagedLights,
+    /// A policy changed since the last update, so that the tree may request a rebuild although no
+    /// light changes.
+    pub has_new_policy: bool,
+    pub weight: TreeWeight,
+    /// The number of instances that lie within others.
+    pub surrounded: u32,
+    /// Each light is a leaf of the top level.
+    pub has_light_parts: bool,
+    /// The number of instances of a large tree that lie among others.
+    pub among_others: u32,
+    /// Enough of them do for the tree to have sections.
+    pub is_among_others: bool,
+    /// The sections that are leaves of the top level; none of a tree that has another division.
+    pub sections: Vec<Section>,
+    /// The tree that was built in slices or in the background. It replaces this one at the next
+    /// refit.
+    pub successor: Option<Box<LightTree>>,
+    /// What the sums over all trees hold of this one.
+    pub(super) counted: Sums,
+}
+
+/// What the weight of one tree is computed from.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct TreeWeight {
+    /// The illuminance at the viewpoint without cosines, in lux; the flux in lumens if the
+    /// viewpoint is unknown.
+    pub illuminance: f32,
+    /// The update in which the illuminance was computed, if it was.
+    pub computed_at: Option<u64>,
+}
+
+/// An instance of a world.
+pub(crate) struct Instance {
+    pub tree: TreeKey,
+    pub placement: Placement,
+    pub policy: Policy,
+    pub appearance: Appearance,
+    /// `None` while the instance is hidden by a scale of zero. [`Instance::shown`] tells whether
+    /// its lights shine.
+    pub placed: Option<Placed>,
+    /// Its index in its tree's list of instances.
+    pub index_in_tree: usize,
+    /// The region that it was added with.
+    pub region: Option<RegionKey>,
+}
+
+impl TreeEntry {
+    pub fn new(tree: LightTree) -> Self {
+        Self {
+            history: AttributeHistory::start(tree.attributes()),
+            tree,
+            instances: Vec::new(),
+            policies: PolicySet::default(),
+            log: ChangeLog::default(),
+            staged: StagedLights::default(),
+            has_new_policy: false,
+            weight: TreeWeight::default(),
+            surrounded: 0,
+            has_light_parts: false,
+            among_others: 0,
+            is_among_others: false,
+            sections: Vec::new(),
+            successor: None,
+            counted: Sums::default(),
+        }
+    }
+
+    /// The tree has yet to be built, or some instance has a policy that can request a rebuild.
+    pub fn may_rebuild(&self) -> bool {
+        self.policies.may_rebuild() || self.tree.is_placeholder()
+    }
+
+    /// Brings the sums over all trees up to date with this one. O(1).
+    pub(super) fn recount(&mut self, sums: &mut Sums) {
+        let present = self.present_sums();
+        let former = std::mem::replace(&mut self.counted, present);
+        sums.replace(&former, &present);
+    }
+
+    /// The present terms of this tree in the sums.
+    fn present_sums(&self) -> Sums {
+        let memory = WorldMemory {
+            trees: self.tree.memory(),
+            successors: self.successor.as_ref().map_or(0, |tree| size_of_val(&**tree) + tree.memory_bytes()),
+            edits: self.staged.memory_bytes() + self.log.memory_bytes(),
+            lists: size_of::<InstanceKey>() * self.instances.capacity()
+                + size_of::<Section>() * self.sections.capacity(),
+            tables: 0,
+        };
+        let instances = self.instances.len();
+        Sums {
+            memory,
+            placeholders: usize::from(self.tree.is_placeholder()),
+            lights: self.tree.light_count() * instances,
+            sections: self.sections.len() * instances,
+        }
+    }
+
+    /// There are instances, and all of them promise that the lights do not change.
+    pub fn is_static(&self) -> bool {
+        self.policies.is_static()
+    }
+}
+
+impl Instance {
+    /// Where the lights shine; `None` if they do not, because a scale of zero hides the instance or
+    /// because of its appearance.
+    pub fn shown(&self) -> Option<&Placed> {
+        self.placed.as_ref().filter(|_| self.appearance.is_shown())
+    }
+
+    /// The effects that the instance has; none if it is not shown.
+    pub fn effects(&self) -> Effects {
+        self.shown().map_or(Effects::empty(), |placed| placed.effects() | self.appearance.effects())
+    }
+}

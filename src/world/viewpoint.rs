@@ -1,0 +1,119 @@
+//! How the origin moves, by itself or with the camera.
+
+use glam::DVec3;
+
+use super::LightWorld;
+use super::origin::{Origin, OriginMode, check_limit, nearest_origin};
+use crate::effects::Effects;
+use crate::error::{WorldError, check_finite};
+use crate::instance::placement::{Anchor, Placed};
+use crate::instance::sector::ORIGIN_GRID;
+use crate::keys::slot_of;
+
+impl LightWorld {
+    /// The point that sampling coordinates are relative to, in metres. Zero until
+    /// [`LightWorld::set_origin`] is called or the origin follows the viewpoint.
+    ///
+    /// A shader sees a new origin after the upload of the next delta, whose
+    /// [`FrameDelta::origin_shift`](crate::FrameDelta::origin_shift) is the move. A
+    /// [`LightSampler`](crate::LightSampler) sees it at once.
+    pub fn origin(&self) -> DVec3 {
+        self.scene.origin.position
+    }
+
+    /// How the origin moves: [`OriginMode::Free`] until [`LightWorld::set_origin_mode`] is called.
+    pub fn origin_mode(&self) -> OriginMode {
+        self.scene.origin.mode
+    }
+
+    /// Sets how the origin moves. The origin itself stays where it is.
+    ///
+    /// Call it before instances are added: then it is O(1). Later, a change from or to
+    /// [`OriginMode::Free`] is O(instances) and uploads every instance again. It also changes
+    /// [`LightWorld::effects`], so other shaders are needed. Between the other two modes it is
+    /// O(1).
+    ///
+    /// # Errors
+    /// [`WorldError::OriginOffGrid`] and [`WorldError::OriginTooFar`] if the new mode does not
+    /// allow the present origin; [`WorldError::Placement`] if an instance would be too far away.
+    pub fn set_origin_mode(&mut self, mode: OriginMode) -> Result<(), WorldError> {
+        let former = self.scene.origin.mode;
+        let origin = Origin::at(mode, self.scene.origin.position)?;
+        let [was_on_grid, is_on_grid] = [former, mode].map(|mode| mode != OriginMode::Free);
+        if was_on_grid != is_on_grid {
+            self.place_all_relative_to(origin.anchor())?;
+            self.switch(Effects::SECTORS, is_on_grid);
+        }
+        self.scene.origin = origin;
+        Ok(())
+    }
+
+    /// Moves the point that sampling coordinates are relative to, in metres, for example to the
+    /// camera. Instances keep their places in the world, and do not count as moved.
+    ///
+    /// With [`OriginMode::Free`] this is O(instances), and every instance is uploaded again: call it
+    /// when the camera has moved by kilometres, not in every frame. With the other modes it is O(1),
+    /// and the next upload sends less than 200 bytes for it. In all modes the top level is built
+    /// again: once on the GPU, and at the next sample on the CPU. With [`OriginMode::Following`] the
+    /// next call to [`LightWorld::set_viewpoint`] may move the origin again.
+    ///
+    /// # Errors
+    /// [`WorldError::NotFinite`] for a coordinate that is NaN or infinite. With
+    /// [`OriginMode::Free`] [`WorldError::Placement`] if an instance would be too far from the
+    /// origin. With the other modes [`WorldError::OriginOffGrid`] and [`WorldError::OriginTooFar`].
+    pub fn set_origin(&mut self, position: DVec3) -> Result<(), WorldError> {
+        let origin = Origin::at(self.scene.origin.mode, position)?;
+        if position == self.scene.origin.position {
+            return Ok(());
+        }
+        if origin.mode == OriginMode::Free {
+            self.place_all_relative_to(origin.anchor())?;
+        }
+        self.scene.origin = origin;
+        self.top.take();
+        Ok(())
+    }
+
+    /// Moves the origin if it follows the viewpoint and the viewpoint is far from it.
+    pub(super) fn follow(&mut self, viewpoint: DVec3) -> Result<(), WorldError> {
+        if self.scene.origin.mode != OriginMode::Following {
+            return Ok(());
+        }
+        check_limit("a coordinate of the viewpoint", viewpoint)?;
+        let is_far = (viewpoint - self.scene.origin.position).abs().max_element() > ORIGIN_GRID;
+        if is_far { self.set_origin(nearest_origin(viewpoint)) } else { Ok(()) }
+    }
+
+    /// Computes the data of all instances again, with translations relative to another anchor.
+    fn place_all_relative_to(&mut self, anchor: Anchor) -> Result<(), WorldError> {
+        let placed: Vec<Option<Placed>> =
+            self.scene.instances.values().map(|i| Placed::new(&i.placement, anchor)).collect::<Result<_, _>>()?;
+        for (instance, placed) in self.scene.instances.values_mut().zip(placed) {
+            instance.placed = placed;
+        }
+        for key in self.scene.instances.keys() {
+            self.changes.instance(slot_of(key));
+        }
+        self.top.take();
+        Ok(())
+    }
+
+    /// Sets the viewpoint: the position of the camera, in metres in world coordinates. Trees whose
+    /// light is strong there are rebuilt first. Trees whose lights change get their new priorities
+    /// within eight updates; of the waiting trees whose lights do not change, one gets its new
+    /// priority in each update. O(1).
+    ///
+    /// With [`OriginMode::Following`](crate::OriginMode::Following) this also moves the origin if the
+    /// viewpoint is far from it. Call it before [`LightWorld::take_delta`] in every frame then.
+    ///
+    /// # Errors
+    /// [`WorldError::NotFinite`] for a coordinate that is NaN or infinite. If the origin follows the
+    /// viewpoint, [`WorldError::OriginTooFar`] for a coordinate beyond
+    /// [`MAX_DISTANCE`](crate::MAX_DISTANCE).
+    pub fn set_viewpoint(&mut self, viewpoint: DVec3) -> Result<(), WorldError> {
+        check_finite("a coordinate of the viewpoint", viewpoint)?;
+        self.follow(viewpoint)?;
+        self.rebuilds.weights.viewpoint = Some(viewpoint);
+        Ok(())
+    }
+}
