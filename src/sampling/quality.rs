@@ -9,10 +9,10 @@ use crate::sampling::counts::{CandidateCount, SplitCount};
 ///
 /// ```
 /// use girandole::glam::Vec3;
-/// use girandole::{Light, LightWorld, Placement, Policy, Quality, ShadingPoint};
+/// use girandole::{Light, LightTree, LightWorld, Placement, Policy, Quality, ShadingPoint};
 ///
 /// let mut world = LightWorld::new();
-/// let lamp = world.add_tree(vec![Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(800.0))])?;
+/// let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(800.0))])?);
 /// world.add_instance(lamp, Placement::IDENTITY, Policy::Static)?;
 ///
 /// let quality = Quality::High;

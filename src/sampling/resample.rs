@@ -82,11 +82,11 @@ impl LightSampler<'_> {
     /// ```
     /// use girandole::glam::Vec3;
     /// use girandole::light::luminance;
-    /// use girandole::{CandidateCount, Light, LightWorld, Placement, Policy, ShadingPoint};
+    /// use girandole::{CandidateCount, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint};
     ///
     /// let mut world = LightWorld::new();
     /// let lamps = (0..9).map(|i| Light::point(Vec3::new(i as f32, 3.0, 0.0), Vec3::splat(100.0)));
-    /// let tree = world.add_tree(lamps.collect())?;
+    /// let tree = world.add_tree(LightTree::new(lamps.collect())?);
     /// world.add_instance(tree, Placement::IDENTITY, Policy::Static)?;
     ///
     /// let ground = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);

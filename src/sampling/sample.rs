@@ -90,10 +90,10 @@ pub struct LightSample {
 ///
 /// ```
 /// use girandole::glam::{DVec3, Vec3};
-/// use girandole::{Light, LightWorld, Placement, Policy, ShadingPoint};
+/// use girandole::{Light, LightTree, LightWorld, Placement, Policy, ShadingPoint};
 ///
 /// let mut world = LightWorld::new();
-/// let lamp = world.add_tree(vec![Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(800.0))])?;
+/// let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(800.0))])?);
 /// for x in [0.0, 10.0, 20.0] {
 ///     world.add_instance(lamp, Placement::at(DVec3::new(x, 0.0, 0.0)), Policy::Budgeted)?;
 /// }

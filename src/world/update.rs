@@ -32,7 +32,7 @@ impl LightWorld {
     ///    all trees that wait could be rebuilt once. Once a tree that gains something has waited
     ///    for nine rounds, only trees that already wait are rebuilt before it. This holds for any
     ///    sequence of budgets; `docs/math.md` has the exact statement.
-    ///    [Placeholders](LightWorld::add_placeholder) request their build as a policy that must be
+    ///    [Placeholders](crate::LightTree::new_placeholder) request their build as a policy that must be
     ///    served does.
     /// 6. Effects that nothing in the world had for
     ///    [`EFFECT_HOLD_UPDATES`](crate::effects::EFFECT_HOLD_UPDATES) calls leave

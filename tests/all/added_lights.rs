@@ -38,7 +38,7 @@ fn lamps(rng: &mut Rng, count: usize) -> Vec<Light> {
 
 fn world_of(lights: Vec<Light>, policy: Policy) -> (LightWorld, TreeKey, InstanceKey) {
     let mut world = LightWorld::new();
-    let tree = world.add_tree(lights).expect("valid");
+    let tree = world.add_tree(LightTree::new(lights).expect("valid"));
     let instance = world.add_instance(tree, Placement::IDENTITY, policy).expect("valid");
     (world, tree, instance)
 }
@@ -439,7 +439,7 @@ proptest! {
         for count in [0, 5, 40, 150, 600] {
             let lights = rng.lights(count, 12.0);
             let model: Model = lights.iter().copied().map(Some).collect();
-            let tree = world.add_tree(lights).expect("valid");
+            let tree = world.add_tree(LightTree::new(lights).expect("valid"));
             let policy = [Policy::Budgeted, Policy::RefitOnly, Policy::AlwaysRebuild][below(&mut rng, 3)];
             models.push((tree, world.add_instance(tree, rng.affine(20.0), policy).expect("valid"), model));
         }
@@ -478,7 +478,7 @@ fn a_build_that_is_open_while_lights_come_and_go_has_all_of_them_when_it_is_take
         let mut rng = Rng(407);
         let lights = rng.lights(3_000, 12.0);
         let model: Model = lights.iter().copied().map(Some).collect();
-        let tree = world.add_tree(lights).expect("valid");
+        let tree = world.add_tree(LightTree::new(lights).expect("valid"));
         let instance = world.add_instance(tree, Placement::IDENTITY, Policy::AlwaysRebuild).expect("valid");
         let mut models = vec![(tree, instance, model)];
         let mut finished = 0;
@@ -519,8 +519,10 @@ fn divided_and_open_trees_follow_additions_and_removals_on_both_sides() {
     };
     let mut world = LightWorld::new();
     let panels = (0..30).map(|i| panel(&mut rng, if i % 2 == 0 { 1.0 } else { -1.0 })).collect();
-    let divided = world.add_tree(panels).expect("valid");
-    let open = world.add_tree((0..100).map(|_| Light::point(rng.position(5.0), Vec3::ONE)).collect()).expect("valid");
+    let divided = world.add_tree(LightTree::new(panels).expect("valid"));
+    let open = world.add_tree(
+        LightTree::new((0..100).map(|_| Light::point(rng.position(5.0), Vec3::ONE)).collect()).expect("valid"),
+    );
     for i in 0..20 {
         let at = |x: f64| Placement::at(DVec3::new(x, 0.0, 0.0));
         world.add_instance(divided, at(8.0 * f64::from(i)), Policy::Budgeted).expect("valid");

@@ -5,8 +5,8 @@ use girandole::glam::{DVec3, Vec3};
 use girandole::gpu::{GpuLights, wgsl};
 use girandole::light::MAX_EMISSION;
 use girandole::{
-    Effects, FrameBudget, InstanceKey, Light, LightId, LightWorld, MAX_FACTOR, Placement, Policy, ShadingPoint,
-    VisibilityTable,
+    Effects, FrameBudget, InstanceKey, Light, LightId, LightTree, LightWorld, MAX_FACTOR, Placement, Policy,
+    ShadingPoint, VisibilityTable,
 };
 
 use crate::gpu::{OTHER_PICKS, ask, close, gpu, requests, sample};
@@ -15,7 +15,7 @@ use testbed::testing::support::{Rng, SPLITS, all_pmfs, user_data_of};
 /// Cars in a row along x that share a tree of one lamp.
 fn cars(count: u32) -> (LightWorld, Vec<InstanceKey>) {
     let mut world = LightWorld::new();
-    let tree = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
+    let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid"));
     let at = |i: u32| Placement::at(DVec3::X * 3.0 * f64::from(i));
     let keys = (0..count).map(|i| world.add_instance(tree, at(i), Policy::Static).expect("valid")).collect();
     (world, keys)
@@ -253,7 +253,7 @@ fn the_gpu_chooses_the_same_lights_for_masked_points() {
     let mut rng = Rng(309);
     let mut world = rng.varied_world(6, 30, 8, 20.0);
     // More parts than one piece of the top level, so that masks pass through rounds.
-    let lamp = world.add_tree(rng.lights(3, 1.0)).expect("valid");
+    let lamp = world.add_tree(LightTree::new(rng.lights(3, 1.0)).expect("valid"));
     for i in 0..900 {
         let key = world.add_instance(lamp, rng.affine(60.0), Policy::Static).expect("valid");
         world.set_mask(key, [0b01, 0b10, u32::MAX, 0][i % 4]).expect("it lives");
@@ -363,7 +363,7 @@ fn factors_change_probabilities_as_lights_of_that_emission_do() {
         for (i, size) in [(0, 20.0), (1, 20.0), (2, 3.0)] {
             let share = if i == 1 { scale } else { 1.0 };
             let scaled = lights.iter().map(|light| Light { emission: light.emission * share, ..*light });
-            let tree = world.add_tree(scaled.collect()).expect("valid");
+            let tree = world.add_tree(LightTree::new(scaled.collect()).expect("valid"));
             world.add_instance(tree, Rng(i).affine(size), Policy::Static).expect("valid");
         }
         world
@@ -389,7 +389,7 @@ fn the_greatest_and_the_least_factors_leave_all_results_finite() {
         lights.extend([MAX_EMISSION, 1.0e-20].map(|candela| Light::point(rng.position(3.0), Vec3::splat(candela))));
         lights.push(Light::sphere(rng.position(3.0), 1.0, Vec3::splat(MAX_EMISSION)));
         let lamp = lights[30].aabb().center();
-        let tree = world.add_tree(lights).expect("valid");
+        let tree = world.add_tree(LightTree::new(lights).expect("valid"));
         let instance = world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
         let plain = world.add_instance(tree, Placement::at(DVec3::X), Policy::Static).expect("valid");
         world.set_factor(instance, Vec3::splat(factor)).expect("within the limits");

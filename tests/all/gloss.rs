@@ -5,8 +5,8 @@ use girandole::glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
 use girandole::gpu::{GpuLights, wgsl};
 use girandole::light::luminance;
 use girandole::{
-    CandidateCount, DirectionalLight, Effects, Gloss, Light, LightId, LightSampler, LightWorld, Placement, Policy,
-    ShadingPoint,
+    CandidateCount, DirectionalLight, Effects, Gloss, Light, LightId, LightSampler, LightTree, LightWorld, Placement,
+    Policy, ShadingPoint,
 };
 
 use crate::gpu::{ask, close, gpu};
@@ -47,7 +47,7 @@ fn distribution(sampler: &LightSampler, at: &ShadingPoint) -> Vec<f32> {
 /// A world of one tree in one instance.
 fn world_of(lights: Vec<Light>, placement: Placement) -> LightWorld {
     let mut world = LightWorld::new();
-    let tree = world.add_tree(lights).expect("valid lights");
+    let tree = world.add_tree(LightTree::new(lights).expect("valid lights"));
     world.add_instance(tree, placement, Policy::Static).expect("a valid placement");
     world
 }

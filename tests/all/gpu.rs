@@ -7,7 +7,8 @@ use std::sync::{Arc, LazyLock, Mutex, OnceLock};
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::{GpuError, GpuLights, SampleRecord, SampleRequest, wgsl};
 use girandole::{
-    Effects, FrameBudget, FrameDelta, Light, LightId, LightWorld, Placement, Policy, ShadingPoint, SplitCount,
+    Effects, FrameBudget, FrameDelta, Light, LightId, LightTree, LightWorld, Placement, Policy, ShadingPoint,
+    SplitCount,
 };
 
 use testbed::common::gpu as device;
@@ -266,12 +267,12 @@ fn an_empty_world_gives_no_light_and_no_error() {
     let requests = requests(&mut rng, 64, 10.0);
     assert!(sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests).iter().all(|r| r.pmf == 0.0));
     // A tree without lights, a dark tree, and an instance that is removed.
-    let empty = world.add_tree(vec![]).expect("fine");
-    let dark = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ZERO)]).expect("fine");
+    let empty = world.add_tree(LightTree::new(vec![]).expect("fine"));
+    let dark = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ZERO)]).expect("fine"));
     for tree in [empty, dark] {
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     }
-    let tree = world.add_tree(rng.lights(5, 5.0)).expect("valid");
+    let tree = world.add_tree(LightTree::new(rng.lights(5, 5.0)).expect("valid"));
     let removed = world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     assert!(sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests).iter().any(|r| r.pmf > 0.0));
     world.remove_instance(removed).expect("it lives");
@@ -295,7 +296,7 @@ fn a_world_that_changes_and_grows_is_sampled_alike_on_both_sides() {
             );
         }
         // Grows past the first buffers, and edits, moves and removes.
-        let tree = world.add_tree(rng.lights(200, 3.0)).expect("valid");
+        let tree = world.add_tree(LightTree::new(rng.lights(200, 3.0)).expect("valid"));
         for _ in 0..20 {
             world.add_instance(tree, rng.affine(20.0), Policy::AlwaysRebuild).expect("valid");
         }
@@ -344,7 +345,7 @@ fn a_world_of_points_sends_no_bytes_for_cones_ranges_and_scales() {
     let mut world = LightWorld::new();
     let points =
         |rng: &mut Rng, count| (0..count).map(|_| Light::point(rng.position(5.0), Vec3::ONE)).collect::<Vec<_>>();
-    let tree = world.add_tree(points(&mut rng, 300)).expect("valid");
+    let tree = world.add_tree(LightTree::new(points(&mut rng, 300)).expect("valid"));
     let instance = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
     world.add_instance(tree, Placement::at(DVec3::X), Policy::Budgeted).expect("valid");
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
@@ -366,7 +367,7 @@ fn a_world_of_points_sends_no_bytes_for_cones_ranges_and_scales() {
     // the uniform of shaders, and those of the top level: of the four passes of its sort, since
     // there is one part more, and of its only round.
     let spot = |_| Light::spot(rng.position(5.0), Vec3::NEG_Y, 0.1, 0.4, Vec3::ONE).with_range(9.0);
-    let spots = world.add_tree((0..20).map(spot).collect()).expect("valid");
+    let spots = world.add_tree(LightTree::new((0..20).map(spot).collect()).expect("valid"));
     // So far away that the other tree has no sections.
     world.add_instance(spots, Placement::at(DVec3::X * 100.0), Policy::Budgeted).expect("valid");
     let table = 16 + 2 * 14 * 16;
@@ -397,7 +398,7 @@ fn a_delta_that_was_dropped_does_not_leave_an_instance_without_its_tree() {
     let (device, queue) = gpu();
     let mut rng = Rng(49);
     let mut world = LightWorld::new();
-    let tree = world.add_tree(rng.lights(20, 5.0)).expect("valid");
+    let tree = world.add_tree(LightTree::new(rng.lights(20, 5.0)).expect("valid"));
     // This delta is never uploaded.
     world.take_delta();
     world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
@@ -418,7 +419,8 @@ fn changes_that_do_not_fit_are_refused_and_sent_with_the_next_upload_that_fits()
     let first = world.take_delta();
     lights.upload(&world, &first).expect("room enough");
     // 20,000 lights of 64 bytes take more than a mebibyte, and trees of 16 lights have no stand-ins.
-    let trees: Vec<_> = (0..1250).map(|_| world.add_tree(rng.lights(16, 5.0)).expect("valid")).collect();
+    let trees: Vec<_> =
+        (0..1250).map(|_| world.add_tree(LightTree::new(rng.lights(16, 5.0)).expect("valid"))).collect();
     let instance = world.add_instance(trees[0], Placement::IDENTITY, Policy::Static).expect("valid");
     let mover = world.instances().next().expect("seven instances");
     world.move_instance(mover, Placement::at(DVec3::X)).expect("valid");
@@ -505,7 +507,7 @@ fn an_upload_that_does_not_fit_in_its_longer_layout_leaves_the_last_one_in_place
     for _ in 0..750 {
         // Trees of 16 lights have no stand-ins.
         let points = (0..16).map(|_| Light::point(rng.position(5.0), Vec3::ONE)).collect();
-        let tree = world.add_tree(points).expect("valid");
+        let tree = world.add_tree(LightTree::new(points).expect("valid"));
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     }
     let mut lights = GpuLights::new(&limited.0, &limited.1).expect("such limits are enough");
@@ -515,7 +517,7 @@ fn an_upload_that_does_not_fit_in_its_longer_layout_leaves_the_last_one_in_place
     let before = sample_again(&limited, &mut lights, &requests);
     // At 64 bytes each, 12,000 lights fit into a mebibyte, and 18,000 do not.
     let mut spot = |_| Light::spot(rng.position(5.0), Vec3::NEG_Y, 0.1, 0.4, Vec3::ONE);
-    let mut add = |_| world.add_tree((0..16).map(&mut spot).collect()).expect("valid");
+    let mut add = |_| world.add_tree(LightTree::new((0..16).map(&mut spot).collect()).expect("valid"));
     let spots: Vec<_> = (0..375).map(&mut add).collect();
     let instance = world.add_instance(spots[0], Placement::IDENTITY, Policy::Static).expect("valid");
     let delta = world.take_delta();
@@ -564,9 +566,10 @@ fn the_shader_function_for_a_pmf_gives_the_probabilities_of_the_cpu() {
     let mut world = rng.varied_world(4, 25, 3, 15.0);
     // Strings that cross each other, whose lights are leaves of the top level.
     for i in 0..6 {
-        let tree = world.add_tree((0..9).map(|i| Light::point(Vec3::X * (i as f32 - 4.0), Vec3::ONE)).collect());
+        let lights = (0..9).map(|i| Light::point(Vec3::X * (i as f32 - 4.0), Vec3::ONE)).collect();
+        let tree = world.add_tree(LightTree::new(lights).expect("valid"));
         let placement = Placement { linear: Mat3::from_rotation_y(i as f32), ..Placement::IDENTITY };
-        world.add_instance(tree.expect("valid"), placement, Policy::Budgeted).expect("valid");
+        world.add_instance(tree, placement, Policy::Budgeted).expect("valid");
     }
     world.update(FrameBudget::NONE);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
@@ -617,7 +620,7 @@ fn the_shader_function_for_a_pmf_gives_the_probabilities_of_the_cpu() {
 fn a_build_whose_encoder_is_dropped_is_recorded_again() {
     let (device, queue) = gpu();
     let mut world = LightWorld::new();
-    let lamp = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
+    let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid"));
     world.add_instance(lamp, Placement::IDENTITY, Policy::Static).expect("valid");
     let request = SampleRequest { normal: [0.0, 1.0, 0.0], u: [0.5; 4], ..SampleRequest::default() };
     for is_finished in [false, true] {

@@ -29,7 +29,8 @@ impl Scene {
 
     fn world(&self) -> LightWorld {
         let mut world = LightWorld::new();
-        let trees: Vec<_> = self.trees.iter().map(|lights| world.add_tree(lights.clone()).expect("valid")).collect();
+        let trees: Vec<_> =
+            self.trees.iter().map(|lights| world.add_tree(LightTree::new(lights.clone()).expect("valid"))).collect();
         for (tree, placement) in &self.instances {
             world.add_instance(trees[*tree], *placement, Policy::Static).expect("valid");
         }
@@ -126,7 +127,7 @@ fn pmfs(world: &LightWorld, at: &ShadingPoint, splits: SplitCount) -> Vec<f32> {
 /// A world with one instance.
 fn one(lights: Vec<Light>, placement: Placement) -> LightWorld {
     let mut world = LightWorld::new();
-    let tree = world.add_tree(lights).expect("valid");
+    let tree = world.add_tree(LightTree::new(lights).expect("valid"));
     world.add_instance(tree, placement, Policy::Static).expect("valid");
     world
 }

@@ -31,7 +31,7 @@ fn world(seed: u64) -> LightWorld {
     }
     for lights in [5, 12, 12, 40] {
         for first in [Placement::IDENTITY, stretched(&mut rng)] {
-            let tree = world.add_tree(rng.lights(lights, 2.0)).expect("valid");
+            let tree = world.add_tree(LightTree::new(rng.lights(lights, 2.0)).expect("valid"));
             world.add_instance(tree, first, Policy::Budgeted).expect("valid");
             for _ in 0..4 {
                 world.add_instance(tree, rng.affine(10.0), Policy::Budgeted).expect("valid");
@@ -139,7 +139,7 @@ proptest! {
     fn a_delta_names_what_was_moved_and_what_was_removed(seed in any::<u64>()) {
         let mut rng = Rng(seed);
         let mut world = LightWorld::new();
-        let tree = world.add_tree(rng.lights(3, 1.0)).expect("valid");
+        let tree = world.add_tree(LightTree::new(rng.lights(3, 1.0)).expect("valid"));
         for _ in 0..80 {
             world.add_instance(tree, rng.affine(9.0), Policy::Budgeted).expect("valid");
         }

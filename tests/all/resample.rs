@@ -4,8 +4,8 @@ use girandole::glam::Vec3;
 use girandole::gpu::{GpuLights, ReservoirRecord, SampleRequest, TargetHook};
 use girandole::light::luminance;
 use girandole::{
-    CandidateCount, Effects, Light, LightId, LightSample, LightSampler, LightWorld, MAX_CANDIDATES, Placement, Policy,
-    Reservoir, ShadingPoint, Shape,
+    CandidateCount, Effects, Light, LightId, LightSample, LightSampler, LightTree, LightWorld, MAX_CANDIDATES,
+    Placement, Policy, Reservoir, ShadingPoint, Shape,
 };
 
 use crate::gpu::{OTHER_PICKS, ask, buffer, close, gpu, read, shading_point};
@@ -74,7 +74,7 @@ fn without_size(rng: &mut Rng) -> Vec<Light> {
 fn world_without_size(rng: &mut Rng) -> LightWorld {
     let mut world = rng.world(0, 0, 0, 1.0);
     for _ in 0..4 {
-        let tree = world.add_tree(without_size(rng)).expect("valid");
+        let tree = world.add_tree(LightTree::new(without_size(rng)).expect("valid"));
         for _ in 0..4 {
             world.add_instance(tree, rng.affine(10.0), Policy::Static).expect("valid");
         }
@@ -267,7 +267,8 @@ fn extreme_lights_and_empty_worlds_give_finite_weights_or_none() {
     let ground = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
     assert_eq!(world.sampler().resample(&ground, [0.5; 5], CandidateCount::of::<8>()), None);
     let mut add = |height: f32, candela: f32| {
-        let tree = world.add_tree(vec![Light::point(Vec3::Y * height, Vec3::splat(candela))]).expect("valid");
+        let tree =
+            world.add_tree(LightTree::new(vec![Light::point(Vec3::Y * height, Vec3::splat(candela))]).expect("valid"));
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid")
     };
     add(-3.0, 1.0);

@@ -5,7 +5,7 @@ use girandole::glam::{DVec3, Vec3};
 use girandole::gpu::{GpuLights, wgsl};
 use girandole::light::luminance;
 use girandole::{
-    CandidateCount, DirectionalLight, Effects, Light, LightId, LightSampler, LightWorld, Placement, Policy,
+    CandidateCount, DirectionalLight, Effects, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy,
     ShadingPoint,
 };
 
@@ -33,7 +33,7 @@ fn distribution(sampler: &LightSampler, at: &ShadingPoint) -> Vec<f32> {
 /// A world of one tree in one instance.
 fn world_of(lights: Vec<Light>) -> LightWorld {
     let mut world = LightWorld::new();
-    let tree = world.add_tree(lights).expect("valid lights");
+    let tree = world.add_tree(LightTree::new(lights).expect("valid lights"));
     world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("a valid placement");
     world
 }

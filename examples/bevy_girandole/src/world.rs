@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use bevy::ecs::resource::Resource;
 use bevy::log::warn_once;
-use girandole::{
+use girandole::{LightTree, 
     DirectionalKey, DirectionalLight, FrameBudget, FrameReport, InstanceKey, Light, LightWorld, Placement, Policy,
     TreeKey, WorldError,
 };
@@ -175,7 +175,7 @@ impl Lights {
             self.trees.resize(kind as usize + 1, None);
         }
         self.trees[kind as usize] = None;
-        self.trees[kind as usize] = Some(self.world.add_tree(lights)?);
+        self.trees[kind as usize] = Some(self.world.add_tree(LightTree::new(lights)?));
         Ok(())
     }
 

@@ -102,7 +102,7 @@ fn world(rng: &mut Rng) -> LightWorld {
             let emission = size(rng, -3.0, 3.0);
             light(rng, 2.0, emission)
         });
-        let tree = world.add_tree(lights.collect()).expect("valid");
+        let tree = world.add_tree(LightTree::new(lights.collect()).expect("valid"));
         for i in 0..6 {
             let stretch = Vec3::new(size(rng, -0.5, 0.5), size(rng, -0.5, 0.5), size(rng, -0.5, 0.5));
             let linear = match i % 4 {

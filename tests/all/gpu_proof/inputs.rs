@@ -3,7 +3,8 @@
 use girandole::glam::{Mat3, Vec3};
 use girandole::gpu::GpuLights;
 use girandole::{
-    DirectionalLight, FrameBudget, FrameDelta, Light, LightWorld, Placement, Policy, ShadingPoint, SplitCount,
+    DirectionalLight, FrameBudget, FrameDelta, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint,
+    SplitCount,
 };
 
 use super::{Question, Sampled, Text, named_lights};
@@ -68,7 +69,7 @@ fn upload(world: &mut LightWorld) -> GpuLights {
 /// A world with all shapes, scales from 1e-9 to 1e9 with ranges, factors and directional lights.
 fn varied(rng: &mut Rng) -> LightWorld {
     let mut world = rng.varied_world(5, 30, 3, 15.0);
-    let tree = world.add_tree(shapes(rng)).expect("valid lights");
+    let tree = world.add_tree(LightTree::new(shapes(rng)).expect("valid lights"));
     for scale in [1.1e-9, 1.0e-3, 1.0, 1.0e3, 0.9e9] {
         let placement =
             Placement { linear: Mat3::from_diagonal(Vec3::new(scale, -scale, scale)), ..rng.affine(9.0).into() };
@@ -162,7 +163,7 @@ fn numbers_outside_the_unit_interval_give_the_samples_of_clamped_ones_on_the_gpu
     let mut rng = Rng(901);
     let shapes = shapes(&mut rng);
     let mut world = LightWorld::new();
-    let tree = world.add_tree(vec![shapes[0]]).expect("a valid light");
+    let tree = world.add_tree(LightTree::new(vec![shapes[0]]).expect("a valid light"));
     world.add_instance(tree, rng.affine(0.0), Policy::Budgeted).expect("a valid placement");
     let mut lights = upload(&mut world);
     world.take_delta();

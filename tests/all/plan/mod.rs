@@ -19,7 +19,7 @@ fn place(rng: &mut Rng) -> Placement {
 /// Instances of one lamp each.
 fn lamps(count: usize) -> (LightWorld, TreeKey, Vec<InstanceKey>) {
     let (mut world, mut rng) = (LightWorld::new(), Rng(5));
-    let tree = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
+    let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid"));
     let mut add = |_| world.add_instance(tree, place(&mut rng), Policy::Static).expect("valid");
     let keys = (0..count).map(&mut add).collect();
     (world, tree, keys)
@@ -73,7 +73,7 @@ fn many_flickering_trees_go_up_in_one_write() {
     let lamp = |rng: &mut Rng| Light::point(rng.position(1.0), Vec3::splat(rng.between(1.0, 2.0)));
     let mut trees = Vec::new();
     for _ in 0..1000 {
-        let tree = world.add_tree((0..4).map(|_| lamp(&mut rng)).collect()).expect("valid");
+        let tree = world.add_tree(LightTree::new((0..4).map(|_| lamp(&mut rng)).collect()).expect("valid"));
         world.add_instance(tree, place(&mut rng), Policy::Budgeted).expect("valid");
         trees.push(tree);
     }
@@ -106,7 +106,7 @@ fn changed_lights_of_trees_in_sections_and_open_trees_go_up_alone_beside_many_sm
     let (mut world, mut rng) = (LightWorld::new(), Rng(8));
     let lamp = |rng: &mut Rng| Light::point(rng.position(50.0), Vec3::splat(rng.between(1.0, 2.0)));
     let mut add = |world: &mut LightWorld, lights: usize| {
-        let tree = world.add_tree((0..lights).map(|_| lamp(&mut rng)).collect()).expect("valid");
+        let tree = world.add_tree(LightTree::new((0..lights).map(|_| lamp(&mut rng)).collect()).expect("valid"));
         world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
         tree
     };
@@ -186,7 +186,7 @@ fn a_dropped_reservation_changes_nothing_and_its_changes_come_with_the_next() {
     for round in 0..4 {
         // More of everything than the buffers hold, also in another layout.
         let lights = (0..300).map(|_| Light::sphere(rng.position(5.0), 0.1, Vec3::ONE)).collect();
-        let tree = world.add_tree(lights).expect("valid");
+        let tree = world.add_tree(LightTree::new(lights).expect("valid"));
         for _ in 0..200 << round {
             world.add_instance(tree, place(&mut rng), Policy::Static).expect("valid");
         }
@@ -343,7 +343,7 @@ fn after_a_loss_the_last_frame_has_no_lights_until_the_second_plan() {
 fn indices_of_lights_that_never_were_are_sent_as_removed_lights() {
     let mut world = LightWorld::new();
     let lamp = |i: u32| Light::point(Vec3::splat(i as f32), Vec3::ONE);
-    let tree = world.add_tree((0..100).map(lamp).collect()).expect("valid");
+    let tree = world.add_tree(LightTree::new((0..100).map(lamp).collect()).expect("valid"));
     world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
     let mut played = Played::new();
     let delta = update(&mut world);
@@ -404,7 +404,8 @@ fn a_world_that_does_not_fit_is_refused_and_fits_once_it_holds_less() {
     played.frame(&world, &delta);
     // Trees of so few lights have no stand-ins.
     let lamp = |i: u32| Light::point(Vec3::splat(i as f32), Vec3::ONE);
-    let trees: Vec<_> = (0..300).map(|_| world.add_tree((0..16).map(lamp).collect()).expect("valid")).collect();
+    let trees: Vec<_> =
+        (0..300).map(|_| world.add_tree(LightTree::new((0..16).map(lamp).collect()).expect("valid"))).collect();
     world.move_instance(keys[0], Placement::at(DVec3::X)).expect("valid");
     let delta = update(&mut world);
     for delta in [&delta, &FrameDelta::default()] {
@@ -429,7 +430,7 @@ fn a_loaded_tree_is_sent_as_the_tree_that_was_baked() {
     let loaded = LightTree::from_baked(&baked).expect("it was just baked");
     let sent = [tree, loaded].map(|tree| {
         let mut world = LightWorld::new();
-        let key = world.insert_tree(tree);
+        let key = world.add_tree(tree);
         world.add_instance(key, Placement::IDENTITY, Policy::Budgeted).expect("valid");
         let mut played = Played::new();
         let delta = update(&mut world);
