@@ -31,6 +31,7 @@ use crate::sampling::counts::{CandidateCount, SplitCount};
 /// `cargo run --release -p accuracy -- --out DIR --pictures 4 [--matte]` on an Intel Xeon, 2026-11-22;
 /// `docs/accuracy.md` has the intervals and the other settings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum Quality {
     /// Four splits, one candidate: 0.86 of the time, 1.49 of the error on diffuse materials, 1.40 on
     /// glossy ones. Fewer splits are hardly faster.

@@ -40,6 +40,7 @@ pub(crate) const MAX_RESERVOIR_WEIGHT: f32 = f32::MAX;
 /// `brdf * cosine * chosen.incident.radiance * weight` estimates the light that arrives from all
 /// lights, if the point is not in shadow: `weight` replaces `1 / (pmf * pdf)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Reservoir {
     /// The candidate that was kept, with its own `pmf` and `pdf`.
     pub chosen: LightSample,

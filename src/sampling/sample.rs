@@ -28,6 +28,7 @@ use crate::world::LightWorld;
 
 /// The name of a light that can be sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum LightId {
     /// A light of an instance's tree.
     Local {
@@ -57,6 +58,7 @@ pub struct LightPick {
 /// the segment, where the phase function and any factor of the medium are those at
 /// [`Incident::along`].
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct LightSample {
     /// The light.
     pub light: LightId,

@@ -9,6 +9,7 @@ use web_time::Instant;
 /// A piece of work on trees. A world describes its work to its [`Clock`], so that a clock can
 /// compute the time that the work takes instead of measuring it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub struct Work {
     /// The kind of work.
     pub kind: WorkKind,

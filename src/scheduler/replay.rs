@@ -8,6 +8,7 @@ use super::clock::{Clock, Work};
 
 /// One answer of a recorded clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum ClockEvent {
     /// [`Clock::now`] returned this time.
     Now(Duration),

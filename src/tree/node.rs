@@ -78,6 +78,7 @@ pub struct Node {
 
 /// The kind and the index of a child.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ChildRef {
     /// The index of a node.
     Node(u32),

@@ -78,7 +78,7 @@ fn lights_are_added_and_removed_at_the_update_and_keep_their_indices() {
     world.set_emission(tree, 3, Vec3::splat(5.0)).expect("added lights may be set at once");
     assert!(lights(&world).len() == 3 && pmf(&world, 1) > 0.0, "nothing happens before the update");
     world.update(FrameBudget::NONE);
-    let bright = Light { emission: Vec3::splat(5.0), ..lamp(7.0) };
+    let bright = lamp(7.0).with_emission(Vec3::splat(5.0));
     let now = lights(&world);
     assert_eq!((now[0], now[2], now[3], now[4]), (lamp(0.0), lamp(2.0), bright, lamp(9.0)));
     assert!(now[1].is_removed() && now.len() == 5);

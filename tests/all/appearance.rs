@@ -362,7 +362,7 @@ fn factors_change_probabilities_as_lights_of_that_emission_do() {
         let mut world = LightWorld::new();
         for (i, size) in [(0, 20.0), (1, 20.0), (2, 3.0)] {
             let share = if i == 1 { scale } else { 1.0 };
-            let scaled = lights.iter().map(|light| Light { emission: light.emission * share, ..*light });
+            let scaled = lights.iter().map(|light| light.with_emission(light.emission * share));
             let tree = world.add_tree(LightTree::new(scaled.collect()).expect("valid"));
             world.add_instance(tree, Rng(i).affine(size), Policy::Static).expect("valid");
         }

@@ -129,7 +129,7 @@ fn dark_lights_of_divided_and_open_trees_are_never_chosen() {
     let mut rng = Rng(91);
     let Street { mut world, strings, trains, train: tree, .. } = street(&mut rng);
     let lamps = (1..20).step_by(4);
-    let dark = lamps.clone().map(|i| (i as u32, Light { emission: Vec3::ZERO, ..train(0.0)[i] }));
+    let dark = lamps.clone().map(|i| (i as u32, train(0.0)[i].with_emission(Vec3::ZERO)));
     world.set_lights(tree, &dark.collect::<Vec<_>>()).expect("valid");
     world.update(FrameBudget::NONE);
     let sampler = world.sampler();

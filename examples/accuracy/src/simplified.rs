@@ -53,9 +53,9 @@ fn simplify(light: &Light, effect: Effects) -> Light {
         (Effects::TWO_SIDED, _) => one_sided_to(false),
         (_, shape) => without_extent(shape),
     };
-    let simple = Light { shape, ..*light };
+    let simple = light.with_shape(shape);
     let factor = if simple.flux() > 0.0 { light.flux() / simple.flux() } else { 0.0 };
-    Light { emission: light.emission * factor, ..simple }
+    simple.with_emission(light.emission * factor)
 }
 
 /// A light at the middle of a shape. One-sided surfaces become spots of a half space.

@@ -92,7 +92,7 @@ impl Traffic {
             let flicker = |i: usize| {
                 let index = (frame as usize * FLICKERING + i) % lights.len();
                 let light = lights[index];
-                (index as u32, Light { emission: light.emission * rng.range(0.5, 1.5), ..light })
+                (index as u32, light.with_emission(light.emission * rng.range(0.5, 1.5)))
             };
             let count = FLICKERING.min(lights.len());
             self.edits.push((tree, (0..count).map(flicker).collect()));

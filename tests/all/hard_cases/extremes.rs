@@ -271,7 +271,7 @@ fn a_world_that_is_switched_off_and_on_again_has_the_same_probabilities() {
     let before: Vec<_> = all.iter().map(|r| all_pmfs(&world.sampler(), r)).collect();
     for tree in &trees {
         let lights = world.tree(*tree).expect("a live tree").lights().to_vec();
-        let off: Vec<_> = (0..).zip(&lights).map(|(i, l)| (i, Light { emission: Vec3::ZERO, ..*l })).collect();
+        let off: Vec<_> = (0..).zip(&lights).map(|(i, l)| (i, l.with_emission(Vec3::ZERO))).collect();
         world.set_lights(*tree, &off).expect("dark is allowed");
         world.update(FrameBudget::NONE);
         prove(&world, &all, 15);

@@ -35,7 +35,7 @@ fn run_until(test: &mut TestWorld, is_last: impl Fn(&FrameReport) -> bool) -> Fr
 /// The light 0.1 m further along each axis.
 fn moved(light: &Light) -> Light {
     match light.shape {
-        Shape::Point { position } => Light { shape: Shape::Point { position: position + 0.1 }, ..*light },
+        Shape::Point { position } => light.with_shape(Shape::Point { position: position + 0.1 }),
         _ => *light,
     }
 }

@@ -155,7 +155,7 @@ fn a_tree_that_gains_nothing_is_rebuilt_after_sixteen_rounds_and_once() {
 /// A point light at half of its distance from the origin.
 fn at_half_distance(light: &Light) -> Light {
     match light.shape {
-        Shape::Point { position } => Light { shape: Shape::Point { position: 0.5 * position }, ..*light },
+        Shape::Point { position } => light.with_shape(Shape::Point { position: 0.5 * position }),
         _ => *light,
     }
 }

@@ -62,8 +62,7 @@ impl TrafficLights {
                 continue;
             }
             let lit = [Signal::Red, Signal::Amber, Signal::Green].map(|lens| f32::from(u8::from(lens == now)));
-            let light =
-                |index: usize| Light { emission: self.lights[index].emission * lit[index], ..self.lights[index] };
+            let light = |index: usize| self.lights[index].with_emission(self.lights[index].emission * lit[index]);
             world.set_lights(self.trees[group], &[(0, light(0)), (1, light(1)), (2, light(2))])?;
             for (object, lit) in self.lenses[group].iter().flat_map(|lenses| lenses.iter().zip(lit)) {
                 scene.objects[*object].emission_scale = lit;
