@@ -1,7 +1,7 @@
 //! Times edits, and the plans that send them to a GPU.
 //!
 //! - Moves of a tenth of all instances, which are scattered over the slots: one by one and in one
-//!   call, turned and scaled or only translated; the delta that names them; and the plan of their
+//!   call, turned and scaled or only translated; the list of them; and the plan of their
 //!   frame. The throughput is that of moved instances.
 //! - One light of a large tree that is changed, or removed and added elsewhere: the edit with the
 //!   update of the world, and the plan of the frame.
@@ -11,7 +11,7 @@
 //! - The top level that the CPU builds for the first sampler after a change. The throughput is that of
 //!   instances.
 //! - Frames in which the origin moves, in each mode, and frames in which it does not: the call that
-//!   moves it, the update, the delta and the plan.
+//!   moves it, the update and the plan.
 //!
 //! `cargo bench --bench edits`; set `RAYON_NUM_THREADS=1` for the figures of one core. As a test
 //! (`cargo test --benches`) every case runs once, at the smallest size.
@@ -23,8 +23,8 @@ use criterion::{BenchmarkGroup, BenchmarkId, Criterion, SamplingMode, Throughput
 use girandole::glam::{DVec3, Vec3};
 use girandole::plan::{LightPlanner, PlanLimits};
 use girandole::{
-    FrameBudget, FrameDelta, InstanceKey, Light, LightTree, LightWorld, ORIGIN_GRID, OriginMode, Placement, Policy,
-    Region, RegionInstance, TreeKey,
+    FrameBudget, InstanceKey, Light, LightTree, LightWorld, ORIGIN_GRID, OriginMode, Placement, Policy, Region,
+    RegionInstance, TreeKey,
 };
 
 use testbed::testing::support::Rng;
@@ -53,7 +53,7 @@ impl Kind {
     }
 }
 
-/// A world whose changes were taken.
+/// A world that was updated.
 fn world(count: usize, kind: Kind, rng: &mut Rng) -> LightWorld {
     let mut world = LightWorld::new();
     let trees: Vec<_> =
@@ -62,7 +62,6 @@ fn world(count: usize, kind: Kind, rng: &mut Rng) -> LightWorld {
         world.add_instance(trees[index % TREES], kind.place(rng), Policy::Budgeted).expect("a valid placement");
     }
     world.update(FrameBudget::NONE);
-    world.take_delta();
     world
 }
 
@@ -94,7 +93,6 @@ fn time(
                 let moves = scattered(&world, kind, &mut rng);
                 took += frame(&mut world, &moves);
                 world.update(FrameBudget::NONE);
-                world.take_delta();
                 assert!(moves.iter().all(|(key, placement)| world.placement(*key) == Some(*placement)));
             }
             took
@@ -116,12 +114,13 @@ fn in_one_call(world: &mut LightWorld, moves: &Moves) -> Duration {
     start.elapsed()
 }
 
-fn take_delta(world: &mut LightWorld, moves: &Moves) -> Duration {
+fn list(world: &mut LightWorld, moves: &Moves) -> Duration {
+    let seen = world.revision();
     in_one_call(world, moves);
     let start = Instant::now();
-    let delta = world.take_delta();
+    let moved: Vec<u32> = world.changes_since(seen).moved_instances().collect();
     let took = start.elapsed();
-    assert_eq!(delta.moved_instances().len(), moves.len());
+    assert_eq!(moved.len(), moves.len());
     took
 }
 
@@ -131,13 +130,11 @@ fn plan() -> impl FnMut(&mut LightWorld, &Moves) -> Duration {
     let mut is_first = true;
     move |world, moves| {
         if std::mem::take(&mut is_first) {
-            let delta = FrameDelta::everything(world);
-            planner.reserve(world, &delta).expect("room enough").plan();
+            planner.reserve(world).expect("room enough").plan();
         }
         world.move_instances(moves).expect("valid placements");
-        let delta = world.take_delta();
         let start = Instant::now();
-        let plan = planner.reserve(world, &delta).expect("room enough").plan();
+        let plan = planner.reserve(world).expect("room enough").plan();
         let took = start.elapsed();
         assert_eq!(plan.report.instances, moves.len());
         took
@@ -153,7 +150,7 @@ fn moves(c: &mut Criterion) {
         time(&mut group, ("move_instance", kind, count), one_by_one);
         time(&mut group, ("move_instances", kind, count), in_one_call);
     }
-    time(&mut group, ("take_delta", Kind::Translated, count), take_delta);
+    time(&mut group, ("list", Kind::Translated, count), list);
     time(&mut group, ("plan", Kind::Translated, count), plan());
     group.finish();
 }
@@ -189,8 +186,7 @@ fn lights(c: &mut Criterion) {
             world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
             world.update(FrameBudget::NONE);
             let mut planner = LightPlanner::new(PlanLimits::new(1 << 30));
-            let delta = world.take_delta();
-            planner.reserve(&world, &delta).expect("room enough").plan();
+            planner.reserve(&world).expect("room enough").plan();
             for is_planned in [false, true] {
                 let name = format!("{name}{}", if is_planned { ", plan" } else { "" });
                 group.bench_function(BenchmarkId::new(name, count), |b| {
@@ -202,9 +198,8 @@ fn lights(c: &mut Criterion) {
                             edit(&mut world, tree, light, &mut rng);
                             world.update(FrameBudget::NONE);
                             let edited = start.elapsed();
-                            let delta = world.take_delta();
                             let start = Instant::now();
-                            let plan = planner.reserve(&world, &delta).expect("room enough").plan();
+                            let plan = planner.reserve(&world).expect("room enough").plan();
                             took += if is_planned { start.elapsed() } else { edited };
                             assert!(plan.report.trees == 1 && plan.report.lights > 0);
                         }
@@ -280,7 +275,6 @@ fn regions(c: &mut Criterion) {
                         drop(removed);
                         took[Stage::Free as usize] += start.elapsed();
                         world.update(FrameBudget::NONE);
-                        world.take_delta();
                     }
                     took[stage as usize]
                 });
@@ -301,9 +295,7 @@ fn origin(c: &mut Criterion) {
             let mut world = world(count, Kind::Affine, &mut Rng(9));
             world.set_origin_mode(mode).expect("zero is on the grid");
             let mut planner = LightPlanner::new(PlanLimits::default());
-            let delta = FrameDelta::everything(&world);
-            planner.reserve(&world, &delta).expect("room enough").plan();
-            world.take_delta();
+            planner.reserve(&world).expect("room enough").plan();
             let mut step = 0.0;
             let name = format!("{mode:?}{}", if moves { "" } else { ", at rest" });
             group.bench_function(BenchmarkId::new(name, count), |b| {
@@ -315,8 +307,7 @@ fn origin(c: &mut Criterion) {
                     }
                     world.set_viewpoint(viewpoint).expect("near");
                     world.update(FrameBudget::NONE);
-                    let delta = world.take_delta();
-                    let plan = planner.reserve(&world, &delta).expect("room enough").plan();
+                    let plan = planner.reserve(&world).expect("room enough").plan();
                     assert_eq!(plan.report.instances, if mode == OriginMode::Free { count } else { 0 });
                     assert_eq!(plan.is_empty(), !moves);
                 });

@@ -159,7 +159,7 @@ fn stored(machine: &Machine, instances: u32) -> Result<(GpuLights, GpuLights), W
 
 fn upload(machine: &Machine, world: &LightWorld, effects: Effects) -> GpuLights {
     let mut lights = GpuLights::new(&machine.device, &machine.queue).expect("WebGPU's default limits");
-    lights.upload(world, &girandole::FrameDelta::everything(world)).expect("room enough");
+    lights.upload(world).expect("room enough");
     assert_eq!(lights.effects(), effects - Effects::MOVING);
     let mut encoder = machine.device.create_command_encoder(&Default::default());
     lights.build_top(&mut encoder);

@@ -6,21 +6,20 @@
 # `scripts/window.sh FOLDER` keeps the pictures that the window saves.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+source scripts/common.sh
+need_vulkan
+need Xvfb xvfb
+need xdotool xdotool libx11-xcb1 libxcursor1 libxi6 libxkbcommon-x11-0
 
-if ! command -v Xvfb >/dev/null || ! command -v xdotool >/dev/null; then
-    apt-get update -qq
-    DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends \
-        xvfb xdotool libx11-xcb1 libxcursor1 libxi6 libxkbcommon-x11-0 >/dev/null
-fi
-
-cargo build --locked -p city --features window
+step cargo clippy --locked -p city --all-targets --features window -- -D warnings
+step cargo test --locked -p city --lib --features window
+step cargo build --locked -p city --features window
 
 work=$(mktemp -d)
 out=${1:-$work/out}
 window=
 screen=
 trap 'kill $window $screen 2>/dev/null || true; wait 2>/dev/null || true; rm -rf "$work"' EXIT
-export XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-$work}"
 
 # The screen writes its number to file descriptor 3.
 Xvfb -displayfd 3 -screen 0 1280x800x24 -nolisten tcp 3>"$work/display" 2>"$work/xvfb.log" &
@@ -47,7 +46,7 @@ wait_for 'the virtual screen' grep -q . "$work/display"
 DISPLAY=":$(cat "$work/display")"
 export DISPLAY
 
-target/debug/examples/city --window --window-size 800x450 --backend cpu --cars 60 --out "$out" >"$work/log" 2>&1 &
+target/debug/city --window --window-size 800x450 --backend cpu --cars 60 --out "$out" >"$work/log" 2>&1 &
 window=$!
 wait_for 'the window' xdotool search --name 'Girandole'
 id=$(xdotool search --name 'Girandole' | head -n 1)

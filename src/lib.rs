@@ -49,7 +49,7 @@
 //! ```
 //! # #[cfg(feature = "gpu")] mod engine {
 //! use girandole::gpu::{GpuError, GpuLights};
-//! use girandole::{Effects, LightWorld, wgpu};
+//! use girandole::{Effects, FrameBudget, LightWorld, wgpu};
 //!
 //! const ENGINE: &str = "
 //!     @group(0) @binding(0) var<storage, read_write> lux: array<f32>;
@@ -69,22 +69,21 @@
 //!     Ok((lights, source))
 //! }
 //!
-//! /// Every frame, after `LightWorld::update`.
+//! /// Every frame, after the edits of the world.
 //! fn frame(
 //!     lights: &mut GpuLights,
 //!     world: &mut LightWorld,
 //!     encoder: &mut wgpu::CommandEncoder,
 //! ) -> Result<(), GpuError> {
-//!     let delta = world.take_delta();
-//!     lights.upload(world, &delta)?; // what changed, and nothing else
-//!     lights.build_top(encoder);
+//!     // Refits edited trees, sends what changed and nothing else, and builds the top level.
+//!     lights.sync(world, FrameBudget::NONE, encoder)?;
 //!     // Then the engine's own passes, with `lights.bind_group()` at group 1.
 //!     Ok(())
 //! }
 //! # }
 //! ```
 //!
-//! `docs/integration.md` explains every step; `examples/engine_shader.rs` is a complete program.
+//! `docs/integration.md` explains every step; the package `engine_shader` is a complete program.
 //!
 //! # Conventions
 //!
@@ -183,8 +182,8 @@ pub use visibility::{VisibilityOptions, VisibilityTable};
 #[cfg(feature = "gpu")]
 pub use wgpu;
 pub use world::{
-    BackgroundReport, FrameDelta, FrameReport, JobReport, LightWorld, OriginMode, RebuildState, RefusedRegion, Region,
-    RegionInstance, RegionTree, RegionView, RemovedRegion, WorldMemory,
+    BackgroundReport, Changes, FrameReport, JobReport, LightWorld, OriginMode, RebuildState, RefusedRegion, Region,
+    RegionInstance, RegionTree, RegionView, RemovedRegion, Revision, WorldMemory,
 };
 
 /// The README's programs, compiled and run as documentation tests.
@@ -192,8 +191,35 @@ pub use world::{
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-/// The programs of the guide for engines, compiled and run as documentation tests. A test in
-/// `gpu/shader.rs` checks its shaders.
+/// The programs of the guide for engines and of its pages, compiled and run as documentation tests. A
+/// test in `tests/all/references.rs` finds the pages that are missing here, and one in
+/// `gpu/shader.rs` checks their shaders.
 #[cfg(all(doctest, feature = "gpu"))]
-#[doc = include_str!("../docs/integration.md")]
-struct Integration;
+mod pages {
+    #[doc = include_str!("../docs/integration.md")]
+    struct Integration;
+    #[doc = include_str!("../docs/edits.md")]
+    struct Edits;
+    #[doc = include_str!("../docs/rebuilds.md")]
+    struct Rebuilds;
+    #[doc = include_str!("../docs/shaders.md")]
+    struct Shaders;
+    #[doc = include_str!("../docs/reuse.md")]
+    struct Reuse;
+    #[doc = include_str!("../docs/visibility.md")]
+    struct Visibility;
+    #[doc = include_str!("../docs/streaming.md")]
+    #[cfg(feature = "bake")]
+    struct Streaming;
+    #[doc = include_str!("../docs/large-worlds.md")]
+    struct LargeWorlds;
+    #[doc = include_str!("../docs/memory.md")]
+    struct Memory;
+    #[doc = include_str!("../docs/plans.md")]
+    struct Plans;
+    #[doc = include_str!("../docs/gltf.md")]
+    #[cfg(feature = "gltf")]
+    struct Gltf;
+    #[doc = include_str!("../docs/browser.md")]
+    struct Browser;
+}

@@ -9,33 +9,21 @@
 # the part for HLSL is skipped, which the last line says. GIRANDOLE_DXC_SDIST names a file to use instead.
 set -euo pipefail
 cd "$(dirname "$0")"
-export XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-/tmp}"
+source ../../scripts/common.sh
 target="${CARGO_TARGET_DIR:-../../target}"
 out="$target/c"
 mkdir -p "$out"
 skipped=""
 
-step() { echo "== $*"; }
+part() { echo "== $*"; }
 
-need() { # COMMAND-OR-FILE PACKAGE
-    command -v "$1" >/dev/null || [ -e "$1" ] || packages+=("$2")
-}
-packages=()
+need_vulkan
 need g++ g++
 need spirv-val spirv-tools
 need /usr/include/vulkan/vulkan.h libvulkan-dev
 need /usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json vulkan-validationlayers
-ls /usr/share/vulkan/icd.d/*.json >/dev/null 2>&1 || packages+=(mesa-vulkan-drivers)
-if [ "${#packages[@]}" -gt 0 ]; then
-    step "install ${packages[*]}"
-    sudo=()
-    [ "$(id -u)" -eq 0 ] || sudo=(sudo)
-    "${sudo[@]}" apt-get update -qq
-    "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "${packages[@]}" >/dev/null
-fi
 
-step "format, lints, unit tests, and whether the header is up to date"
-cargo fmt --check
+part "lints, unit tests, and whether the header is up to date"
 cargo clippy --locked -p girandole-c --all-targets -- -D warnings
 cargo test --locked -p girandole-c
 # With the tests, so that dependencies are built once.
@@ -47,7 +35,7 @@ libraries=(-lpthread -ldl -lm)
 sanitizers=(-g -O1 -fsanitize=address,undefined -fno-sanitize-recover=all)
 export ASAN_OPTIONS=detect_leaks=1
 
-step "the header alone, in C99 and C++17"
+part "the header alone, in C99 and C++17"
 echo '#include "girandole.h"' > "$out/header.c"
 "${c[@]}" -fsyntax-only "$out/header.c"
 "${cpp[@]}" -fsyntax-only -x c++ "$out/header.c"
@@ -59,7 +47,7 @@ for link in static shared; do
         library=(-L"$target/debug" -lgirandole_c "-Wl,-rpath,$(realpath "$target/debug")" "${libraries[@]}")
     fi
     for checks in plain sanitized; do
-        step "programs, $link, $checks"
+        part "programs, $link, $checks"
         flags=()
         [ "$checks" = plain ] || flags=("${sanitizers[@]}")
         bin="$out/$link-$checks"
@@ -74,7 +62,7 @@ for link in static shared; do
     done
 done
 
-step "shaders in all languages, and SPIR-V by spirv-val"
+part "shaders in all languages, and SPIR-V by spirv-val"
 shaders="$out/shaders"
 rm -rf "$shaders"
 mkdir -p "$shaders"
@@ -85,7 +73,7 @@ for kernel in "${kernels[@]}"; do
     spirv-val --target-env vulkan1.1 "$kernel"
 done
 
-step "HLSL by DXC"
+part "HLSL by DXC"
 dxc_folder="$target/dxc"
 sdist_sha256=5052caf9e955d8e7a48e22f536e82b44b72e83af46e824a9e99157c7809de691
 sdist="${GIRANDOLE_DXC_SDIST:-$dxc_folder/compushady-0.17.5.tar.gz}"
@@ -116,7 +104,7 @@ else
     spirv-val --target-env vulkan1.1 "$measure_spv"
 fi
 
-step "plans on Vulkan"
+part "plans on Vulkan"
 for link in static shared; do
     library=("$target/debug/libgirandole_c.a")
     [ "$link" = static ] ||

@@ -6,11 +6,8 @@
 # - A browser that lacks WebGPU, has no adapter, or takes the device away gets a sentence.
 set -euo pipefail
 cd "$(dirname "$0")"
-
-if ! command -v chromium >/dev/null; then
-    apt-get update -qq
-    DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium >/dev/null
-fi
+source ../../scripts/common.sh
+need chromium chromium
 cargo fmt --check
 (cd pack && cargo fmt --check)
 ./build.sh target/page

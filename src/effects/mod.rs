@@ -12,7 +12,7 @@
 //!   shrinks [`EFFECT_HOLD_UPDATES`] updates late, so that a lamp that flickers does not cause a
 //!   new pipeline each time.
 //!
-//! An engine keeps a pipeline for each set (`docs/integration.md`, 9).
+//! An engine keeps a pipeline for each set (`docs/shaders.md`).
 //!
 //! A light that is off has the effects of its kind: its record is in the buffers, and it may be on
 //! in the next frame.

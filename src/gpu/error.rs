@@ -29,8 +29,8 @@ pub enum GpuError {
         needed: u64,
     },
     /// The device was lost: it was destroyed, or its driver failed. Its buffers are gone. Make
-    /// another device and another [`GpuLights`](super::GpuLights), and upload
-    /// [`FrameDelta::everything`](crate::FrameDelta::everything).
+    /// another device and another [`GpuLights`](super::GpuLights), whose first upload sends
+    /// everything.
     #[error("the device was lost")]
     DeviceLost,
     /// The device has no memory left for a buffer, for the data of an upload, or for a pipeline.
@@ -202,8 +202,7 @@ mod tests {
         let mut world = LightWorld::new();
         let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid"));
         world.add_instance(lamp, Placement::IDENTITY, Policy::Static).expect("valid");
-        let delta = world.take_delta();
-        lights.upload(&world, &delta).expect("room enough");
+        lights.upload(&world).expect("room enough");
         let buffer = || {
             device.create_buffer(&wgpu::BufferDescriptor {
                 label: None,

@@ -79,7 +79,7 @@ use crate::plan::pool::Growth;
 use crate::plan::{Commands, KERNELS, LightPlanner, PlanLimits, ShaderBuffers};
 pub use crate::plan::{GpuMemory, TargetHook, TargetHookError, UploadReport, wgsl};
 use crate::sampling::counts::SplitCount;
-use crate::world::{FrameDelta, LightWorld};
+use crate::world::{LightWorld, Revision};
 
 /// The lights of one [`LightWorld`] on a GPU: the buffers and the bind group that shaders read, and
 /// the pipelines that fill them.
@@ -207,14 +207,15 @@ impl GpuLights {
 
     /// Makes the first buffers, of a world without lights, in the layout for all effects.
     fn start(&mut self) -> Result<(), GpuError> {
-        let (world, delta) = (LightWorld::new(), FrameDelta::default());
+        let world = LightWorld::new();
         // Without room for masks, which few worlds have.
         let effects = Effects::all() - Effects::MASKS;
-        let reservation = self.planner.reserve_as(&world, &delta, effects, Growth::Double)?;
+        let reservation = self.planner.reserve_as(&world, effects, Growth::Double)?;
         self.player.create(reservation.new_buffers())?;
         // All nodes of the top level are zero, as a build of no lights leaves the root.
         self.player.play(&reservation.plan().upload);
         self.planner.announce_all_effects();
+        self.planner.rewind(Revision::default());
         self.is_dark = false;
         self.rebind();
         Ok(())
@@ -267,6 +268,12 @@ impl GpuLights {
     /// all of them in their former layout, for commands that are submitted late.
     pub fn bind_group(&self) -> &wgpu::BindGroup {
         &self.bind_group
+    }
+
+    /// The revision of the world at the last upload that succeeded; `Revision::default()` before the
+    /// first one. [`LightWorld::changes_since`] tells what the next upload will send.
+    pub fn revision(&self) -> Revision {
+        self.planner.revision()
     }
 
     /// The effects that a shader must support to use [`GpuLights::bind_group`]: those of

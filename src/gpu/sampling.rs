@@ -92,8 +92,7 @@ mod tests {
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         });
-        let delta = world.take_delta();
-        lights.upload(&world, &delta).expect("it fits");
+        lights.upload(&world).expect("it fits");
         assert_eq!(lights.effects(), Effects::empty());
         let general = lights.sampling.compile(Effects::all());
         let mut sampled = |pipeline: Option<&wgpu::ComputePipeline>| {

@@ -267,8 +267,13 @@ mod tests {
 
     #[test]
     fn the_shaders_of_the_guide_are_valid_for_all_effects_and_for_none() {
-        let guide = include_str!("../../docs/integration.md");
-        let blocks: Vec<_> = guide.split("```wgsl").skip(1).filter_map(|rest| rest.split("```").next()).collect();
+        // All pages of the guide are in one folder.
+        let pages = std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/docs")).expect("the folder of the guide");
+        let paths =
+            pages.map(|page| page.expect("readable").path()).filter(|path| path.extension() == Some("md".as_ref()));
+        let texts: Vec<_> = paths.map(|path| std::fs::read_to_string(path).expect("a text")).collect();
+        let blocks_of = |text| str::split(text, "```wgsl\n").skip(1).filter_map(|rest| rest.split("```").next());
+        let blocks: Vec<_> = texts.iter().flat_map(|text| blocks_of(text)).collect();
         assert_eq!(blocks.len(), 8);
         for effects in [Effects::all(), Effects::empty()] {
             // Only shaders that know segments have the distance along one.

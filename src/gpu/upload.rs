@@ -7,14 +7,11 @@ use super::probe;
 use crate::effects::Effects;
 use crate::plan::UploadReport;
 use crate::plan::pool::Growth;
-use crate::world::{FrameDelta, LightWorld};
+use crate::world::LightWorld;
 
 impl GpuLights {
-    /// Sends the changes that `delta` names, with their present values in `world`.
-    ///
-    /// Pass every delta that [`LightWorld::take_delta`] returns, in order. Pass
-    /// [`FrameDelta::everything`] first if the world was used before, and whenever a delta was left
-    /// out. A tree that an instance needs and that was never sent is sent along.
+    /// Sends what changed in `world` since the last upload ([`GpuLights::revision`]), however long ago
+    /// that was. The first upload sends everything.
     ///
     /// Writes go through the queue, ahead of the next submission. Which parts of nodes, lights and
     /// instances are stored follows [`LightWorld::effects`]: when these change, the GPU converts
@@ -22,7 +19,7 @@ impl GpuLights {
     /// nothing.
     ///
     /// # Errors
-    /// An upload that fails is not lost: its changes are kept and sent with the next one.
+    /// The next upload sends what an upload that fails has not sent.
     ///
     /// - [`GpuError::Full`] if a buffer would outgrow what the device can bind. Nothing was
     ///   written. Later uploads succeed once the world holds less.
@@ -30,23 +27,19 @@ impl GpuLights {
     ///   they read before, or sample no light, as documented there.
     /// - [`GpuError::DeviceLost`] from the first call after wgpu noticed the loss. In browsers
     ///   only the engine's own `set_device_lost_callback` reports it.
-    pub fn upload(&mut self, world: &LightWorld, delta: &FrameDelta) -> Result<UploadReport, GpuError> {
-        self.upload_as(world, delta, world.effects())
+    pub fn upload(&mut self, world: &LightWorld) -> Result<UploadReport, GpuError> {
+        self.upload_as(world, world.effects())
     }
 
     /// Uploads in the layout for these effects, which must contain the world's.
-    pub(super) fn upload_as(
-        &mut self,
-        world: &LightWorld,
-        delta: &FrameDelta,
-        effects: Effects,
-    ) -> Result<UploadReport, GpuError> {
+    pub(super) fn upload_as(&mut self, world: &LightWorld, effects: Effects) -> Result<UploadReport, GpuError> {
         probe::check(&self.device)?;
-        let device = self.device.clone();
-        let (result, is_refused) = memory::watch(&device, || self.send(world, delta, effects));
+        let (device, revision) = (self.device.clone(), self.revision());
+        let (result, is_refused) = memory::watch(&device, || self.send(world, effects));
         if is_refused {
             // Some write or copy did not happen, and wgpu does not report which.
             self.planner.lose();
+            self.planner.rewind(revision);
             self.make_dark();
             let bytes = result.map_or(0, |report| report.bytes);
             return Err(GpuError::OutOfMemory { what: "uploaded records", bytes });
@@ -55,24 +48,18 @@ impl GpuLights {
     }
 
     /// Makes all buffers, and only then changes what shaders read.
-    fn send(&mut self, world: &LightWorld, delta: &FrameDelta, effects: Effects) -> Result<UploadReport, GpuError> {
-        let result = self.try_send(world, delta, effects, Growth::Double);
+    fn send(&mut self, world: &LightWorld, effects: Effects) -> Result<UploadReport, GpuError> {
+        let result = self.try_send(world, effects, Growth::Double);
         if !matches!(result, Err(GpuError::OutOfMemory { .. })) {
             return result;
         }
-        // Buffers without spare room may still fit. The planner has kept the changes of the delta.
-        self.try_send(world, &FrameDelta::default(), effects, Growth::Exact).or(result)
+        // Buffers without spare room may still fit.
+        self.try_send(world, effects, Growth::Exact).or(result)
     }
 
-    fn try_send(
-        &mut self,
-        world: &LightWorld,
-        delta: &FrameDelta,
-        effects: Effects,
-        growth: Growth,
-    ) -> Result<UploadReport, GpuError> {
+    fn try_send(&mut self, world: &LightWorld, effects: Effects, growth: Growth) -> Result<UploadReport, GpuError> {
         let Self { planner, player, .. } = self;
-        let reservation = planner.reserve_as(world, delta, effects, growth)?;
+        let reservation = planner.reserve_as(world, effects, growth)?;
         player.create(reservation.new_buffers())?;
         let plan = reservation.plan();
         player.play(&plan.upload);

@@ -161,7 +161,7 @@ fn record(lights: &mut GpuLights, variant: Effects) -> (wgpu::CommandEncoder, wg
 fn upload(world: &LightWorld, stored: Effects) -> GpuLights {
     let (device, queue) = gpu();
     let mut lights = GpuLights::new(&device, &queue).unwrap();
-    lights.upload_as(world, &FrameDelta::everything(world), stored).unwrap();
+    lights.upload_as(world, stored).unwrap();
     lights
 }
 
@@ -263,16 +263,14 @@ fn content(lights: &mut GpuLights) -> [Vec<u32>; 4] {
 fn a_world_whose_effects_come_and_go_is_stored_as_a_fresh_upload_stores_it() {
     let mut world = world_of(Effects::empty());
     let mut lights = upload(&world, world.effects());
-    world.take_delta();
     let mut strides = Vec::new();
     let mut check = |world: &mut LightWorld, what: &str| {
         // An effect outlasts its last light by some updates.
         for _ in 0..=EFFECT_HOLD_UPDATES {
             world.update(FrameBudget::NONE);
         }
-        let delta = world.take_delta();
         let effects = world.effects();
-        lights.upload(world, &delta).unwrap();
+        lights.upload(world).unwrap();
         let mut fresh = upload(world, effects);
         let twin = sample(&mut fresh, effects);
         // Two offsets depend on how a buffer has grown.
@@ -329,11 +327,11 @@ fn an_upload_without_changes_still_drops_what_lost_effects_stored() {
     let world = world_of(Effects::empty());
     let mut lights = upload(&world, Effects::all());
     assert_eq!(lights.planner.strides(), Strides::of(Effects::all()));
-    let report = lights.upload(&world, &FrameDelta::default()).unwrap();
+    let report = lights.upload(&world).unwrap();
     assert_eq!((report.trees, report.instances), (0, 0));
     assert!(report.bytes > 0 && report.bytes < 4096, "uniforms and no records: {report:?}");
     assert!(content(&mut lights) == content(&mut upload(&world, Effects::empty())));
-    assert_eq!(lights.upload(&world, &FrameDelta::default()).unwrap(), UploadReport::default());
+    assert_eq!(lights.upload(&world).unwrap(), UploadReport::default());
 }
 
 #[test]
@@ -341,15 +339,13 @@ fn commands_recorded_before_a_change_of_layout_read_the_former_buffers() {
     let (device, queue) = gpu();
     let mut world = world_of(Effects::empty());
     let mut lights = upload(&world, Effects::empty());
-    world.take_delta();
     let before = sample(&mut lights, Effects::empty());
     let (encoder, output) = record(&mut lights, Effects::empty());
     let effects = Effects::CONES | Effects::RANGES | Effects::NON_RIGID | Effects::FACTORS;
     let tree = world.add_tree(LightTree::new((0..60).map(|i| light(i, effects)).collect()).unwrap());
     let instance = world.add_instance(tree, placement(1, effects), Policy::default()).unwrap();
     adorn(&mut world, instance, 0, effects);
-    let delta = world.take_delta();
-    lights.upload(&world, &delta).unwrap();
+    lights.upload(&world).unwrap();
     assert_eq!((lights.planner.strides(), lights.effects()), (Strides::of(effects), effects));
     queue.submit([encoder.finish()]);
     assert!(read::<SampleRecord>(&device, &queue, &output) == before);

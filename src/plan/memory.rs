@@ -34,8 +34,8 @@ impl LightPlanner {
     /// little is ever copied. While it grows, the old and the new buffer together exceed the share
     /// by at most a sixteenth. Without a limit, buffers double. A lower limit than before may send
     /// all trees again. A limit below 131,072 counts as 131,072. Instances and the top level do not
-    /// count towards the limit: they take about 250 bytes for each instance, 330 with all
-    /// effects, and up to twice as much because their buffers double.
+    /// count towards the limit: they take about 270 bytes for each instance, and up to twice as
+    /// much because their buffers double.
     ///
     /// A plan fails with [`PlanError::Full`](super::PlanError::Full) if there is not even room for
     /// stand-ins, of up to 3.5 KB for each tree, and for trees of up to 16 lights, which are always
@@ -102,5 +102,33 @@ impl LightPlanner {
             memory.gaps += (end - taken) * stride;
         }
         memory
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec3, Vec3};
+
+    use super::*;
+    use crate::plan::PlanLimits;
+    use crate::tree::LightTree;
+    use crate::{Light, LightWorld, Placement, Policy};
+
+    #[test]
+    fn instances_take_the_bytes_that_the_documents_state() {
+        // Powers of two, for which buffers that double have no room to spare.
+        for count in [1 << 16, 1 << 18] {
+            let mut world = LightWorld::new();
+            let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid"));
+            for i in 0..count {
+                let placement = Placement::at(DVec3::new(f64::from(i), 0.0, 0.0));
+                world.add_instance(tree, placement, Policy::Static).expect("valid");
+            }
+            let mut planner = LightPlanner::new(PlanLimits::default());
+            let _ = planner.reserve(&world).expect("it fits").plan();
+            let memory = planner.memory();
+            let bytes = (memory.buffers - memory.trees) as f64 / f64::from(count);
+            assert!((bytes - 270.0).abs() < 10.0, "{bytes} bytes for each of {count} instances");
+        }
     }
 }

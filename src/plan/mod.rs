@@ -6,7 +6,8 @@
 //!
 //! A frame has these steps:
 //!
-//! 1. [`LightPlanner::reserve`] finds out which buffers the changes of a world need.
+//! 1. [`LightPlanner::reserve`] finds out which buffers the changes of a world need since the last
+//!    plan.
 //! 2. The engine makes [`Reservation::new_buffers`]. If it has no memory for one, it drops the
 //!    reservation, and nothing has changed.
 //! 3. [`Reservation::plan`] returns the [`FramePlan`] of the frame.
@@ -16,19 +17,18 @@
 //!
 //! ```
 //! use girandole::plan::{Command, FramePlan, LightPlanner, NewBuffer, PlanError, PlanLimits};
-//! use girandole::{FrameDelta, LightWorld};
+//! use girandole::LightWorld;
 //!
 //! fn make_buffer(buffer: &NewBuffer) { /* The engine's own code. */ }
 //!
-//! fn frame(planner: &mut LightPlanner, world: &mut LightWorld) -> Result<FramePlan, PlanError> {
-//!     let delta = world.take_delta();
-//!     let reservation = planner.reserve(world, &delta)?;
+//! fn frame(planner: &mut LightPlanner, world: &LightWorld) -> Result<FramePlan, PlanError> {
+//!     let reservation = planner.reserve(world)?;
 //!     reservation.new_buffers().iter().for_each(make_buffer);
 //!     Ok(reservation.plan())
 //! }
 //!
 //! let mut planner = LightPlanner::new(PlanLimits::default());
-//! let plan = frame(&mut planner, &mut LightWorld::new())?;
+//! let plan = frame(&mut planner, &LightWorld::new())?;
 //! for command in plan.upload.iter().chain(plan.top.iter()) {
 //!     match command {
 //!         Command::Write { buffer, offset, bytes } => { /* ... */ }
@@ -116,9 +116,8 @@ pub use text::{wgsl, wgsl_previous, wgsl_with_target};
 use crate::effects::Effects;
 use crate::instance::sector;
 use crate::sampling::counts::SplitCount;
-use crate::world::LightWorld;
+use crate::world::{LightWorld, Revision};
 use buffers::Buffers;
-use changes::PendingChanges;
 use instance_store::InstanceStore;
 use layout::{ParamsRecord, Strides};
 use previous::{BUFFERS, Previous};
@@ -142,8 +141,8 @@ pub struct LightPlanner {
     top: TopBuild,
     previous: Previous,
     buffers: Buffers,
-    /// The changes of reservations that were dropped, and of lost plans.
-    pending: PendingChanges,
+    /// How far the plans have followed the world.
+    revision: Revision,
     /// The device may lack what was written.
     is_lost: bool,
     /// The effects that the buffers are stored for, without [`Effects::MOVING`].
@@ -164,7 +163,7 @@ impl LightPlanner {
             top: TopBuild::new(limits.largest_buffer),
             previous: Previous::new(),
             buffers: Buffers::default(),
-            pending: PendingChanges::default(),
+            revision: Revision::default(),
             is_lost: false,
             effects: Effects::all() - Effects::MOVING,
             number: 0,
@@ -222,6 +221,19 @@ impl LightPlanner {
             (instances, self.instances.pool.used() * self.instances.pool.stride(), self.instances.pool.bytes()),
             (lights, self.trees.lights.used() * self.trees.lights.stride(), self.trees.lights.bytes()),
         ])
+    }
+
+    /// The revision of the world at the last plan; `Revision::default()` before the first one.
+    /// [`LightWorld::changes_since`](crate::LightWorld::changes_since) tells what the next plan
+    /// will send.
+    pub fn revision(&self) -> Revision {
+        self.revision
+    }
+
+    /// Goes back to an earlier revision, because the last plan was not played.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn rewind(&mut self, revision: Revision) {
+        self.revision = revision;
     }
 
     /// The effects that the text of [`wgsl`] must support to read these buffers: those of

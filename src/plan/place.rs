@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use super::changes::PendingChanges;
+use super::changes::FrameChanges;
 use super::error::PlanError;
 use super::layout::TreeRecord;
 use super::pool::{Demand, Growth};
@@ -134,7 +134,7 @@ impl TreeStore {
     pub fn place_trees(
         &mut self,
         world: &LightWorld,
-        changes: &PendingChanges,
+        changes: &FrameChanges,
         room: &mut TreeRoom,
     ) -> Result<(), PlanError> {
         // After a restart all trees start as stand-ins, which leaves as much room as possible.
@@ -563,7 +563,7 @@ impl TreeStore {
     }
 
     /// Adds the slots of instances whose tree has another place or form after the frame.
-    pub fn add_placed_instances(&self, world: &LightWorld, room: &TreeRoom, changes: &mut PendingChanges) {
+    pub fn add_placed_instances(&self, world: &LightWorld, room: &TreeRoom, changes: &mut FrameChanges) {
         for (slot, state) in &room.placed {
             let former = self.residency.get(*slot);
             let is_same = former.ranges() == state.ranges() && former.form == state.form;
@@ -571,6 +571,7 @@ impl TreeStore {
                 continue;
             }
             if let Some(entry) = world.tree_at(*slot).and_then(|key| world.tree_entry(key)) {
+                changes.concern_lights |= !entry.instances.is_empty();
                 changes.instances.extend(entry.instances.iter().map(|key| slot_of(*key)));
             }
         }

@@ -5,7 +5,7 @@ use std::fmt;
 
 use super::LightPlanner;
 use super::buffers::NewBuffer;
-use super::changes::PendingChanges;
+use super::changes::FrameChanges;
 use super::error::PlanError;
 use super::layout::{ParamsRecord, PartRecord, TreeRecord};
 use super::pool::Growth;
@@ -18,16 +18,16 @@ use super::stored::Stored;
 use super::tree_writes::written_records;
 use crate::effects::Effects;
 use crate::keys::slot_of;
-use crate::world::{FrameDelta, LightWorld};
+use crate::world::LightWorld;
 
 /// The room that the changes of a world need on the GPU. Make [`Reservation::new_buffers`], then
 /// call [`Reservation::plan`].
 ///
-/// Dropped without that, it changes nothing, and its changes belong to the next reservation.
+/// Dropped without that, it changes nothing, and the next reservation has its changes too.
 pub struct Reservation<'a> {
     pub(super) planner: &'a mut LightPlanner,
     pub(super) world: &'a LightWorld,
-    pub(super) changes: PendingChanges,
+    pub(super) changes: FrameChanges,
     pub(super) effects: Effects,
     pub(super) room: Room,
     /// The room was taken into use, so that there is nothing to undo.
@@ -51,24 +51,19 @@ impl Drop for Reservation<'_> {
     fn drop(&mut self) {
         if !self.is_used {
             self.planner.undo(std::mem::take(&mut self.room));
-            self.planner.pending = std::mem::take(&mut self.changes);
         }
     }
 }
 
 impl LightPlanner {
-    /// Finds out which buffers the GPU needs to follow `world`. Changes nothing that shaders read.
-    ///
-    /// Pass every delta that [`LightWorld::take_delta`] returns, in order. Pass
-    /// [`FrameDelta::everything`](crate::FrameDelta::everything) first if the world was used before,
-    /// and whenever a delta was left out. A tree that an instance needs and that was never sent is sent
-    /// along. O(what changed).
+    /// Finds out which buffers the GPU needs to follow `world` from [`LightPlanner::revision`] on,
+    /// however long ago that was. Changes nothing that shaders read. O(what changed).
     ///
     /// # Errors
-    /// [`PlanError::Full`] if a buffer would outgrow [`PlanLimits`](super::PlanLimits). The changes
-    /// of the delta are kept for the next call, which succeeds once the world holds less.
-    pub fn reserve<'a>(&'a mut self, world: &'a LightWorld, delta: &FrameDelta) -> Result<Reservation<'a>, PlanError> {
-        self.reserve_as(world, delta, world.effects(), Growth::Double)
+    /// [`PlanError::Full`] if a buffer would outgrow [`PlanLimits`](super::PlanLimits). The next call
+    /// starts from the same revision, and succeeds once the world holds less.
+    pub fn reserve<'a>(&'a mut self, world: &'a LightWorld) -> Result<Reservation<'a>, PlanError> {
+        self.reserve_as(world, world.effects(), Growth::Double)
     }
 
     /// As [`LightPlanner::reserve`], with buffers no larger than needed. An engine that has no
@@ -76,32 +71,28 @@ impl LightPlanner {
     ///
     /// # Errors
     /// As [`LightPlanner::reserve`].
-    pub fn reserve_exactly<'a>(
-        &'a mut self,
-        world: &'a LightWorld,
-        delta: &FrameDelta,
-    ) -> Result<Reservation<'a>, PlanError> {
-        self.reserve_as(world, delta, world.effects(), Growth::Exact)
+    pub fn reserve_exactly<'a>(&'a mut self, world: &'a LightWorld) -> Result<Reservation<'a>, PlanError> {
+        self.reserve_as(world, world.effects(), Growth::Exact)
     }
 
     /// Reserves for the layout of these effects, which must contain the world's.
     pub(crate) fn reserve_as<'a>(
         &'a mut self,
         world: &'a LightWorld,
-        delta: &FrameDelta,
         effects: Effects,
         growth: Growth,
     ) -> Result<Reservation<'a>, PlanError> {
         // No shader depends on whether lights move.
         let effects = effects - Effects::MOVING;
-        let mut changes = std::mem::take(&mut self.pending);
-        changes.add(delta);
         if self.is_lost {
-            changes.add_everything(world);
             self.trees.residency.lose();
             self.instances.parts.lose_records();
             self.top.lose();
         }
+        let mut changes = match self.is_lost {
+            true => FrameChanges::everything(world),
+            false => FrameChanges::since(self.revision, world),
+        };
         let has_params =
             self.uniforms.params_buffer.is_some() && self.uniforms.params == self.params_of(world, effects);
         let is_idle = changes.is_empty() && has_params && !self.has_work();
@@ -112,18 +103,13 @@ impl LightPlanner {
         if result.is_err() {
             // Without gaps, and with stand-ins in place of the less useful trees, they may fit.
             self.undo(std::mem::take(&mut room));
-            let mut everything = changes.clone();
-            everything.add_everything(world);
+            changes = FrameChanges::everything(world);
             room = self.new_room(growth);
             room.trees.restarted = Some(self.trees.restart(world, effects));
-            result = self.make_room((world, effects), &mut everything, &mut room);
-            if result.is_ok() {
-                changes = everything;
-            }
+            result = self.make_room((world, effects), &mut changes, &mut room);
         }
         if let Err(error) = result {
             self.undo(room);
-            self.pending = changes;
             return Err(error);
         }
         Ok(Reservation { planner: self, world, changes, effects, room, is_used: false })
@@ -152,7 +138,7 @@ impl LightPlanner {
     fn make_room(
         &mut self,
         (world, effects): (&LightWorld, Effects),
-        changes: &mut PendingChanges,
+        changes: &mut FrameChanges,
         room: &mut Room,
     ) -> Result<(), PlanError> {
         let growth = room.trees.growth;
@@ -161,7 +147,6 @@ impl LightPlanner {
         self.instances.pool.begin(Stored::instances(effects))?;
         self.trees.records.begin(Stored::whole::<TreeRecord>())?;
         self.instances.parts.pool().begin(Stored::whole::<PartRecord>())?;
-        self.add_missing_trees(world, changes);
         self.trees.place_trees(world, changes, &mut room.trees)?;
         self.trees.add_placed_instances(world, &room.trees, changes);
         let directionals = world.directional_count() as u32;
@@ -186,19 +171,6 @@ impl LightPlanner {
         Ok(())
     }
 
-    /// Adds the trees that changed instances need and that were never sent.
-    fn add_missing_trees(&mut self, world: &LightWorld, changes: &mut PendingChanges) {
-        for slot in changes.instances.as_slice().iter().chain(changes.user_data.as_slice()) {
-            let tree = world.instance_at(*slot).and_then(|key| world.instance_tree(key));
-            if let Some(tree) = tree
-                && self.trees.residency.get(slot_of(tree)).key != Some(tree)
-            {
-                changes.trees.extend([slot_of(tree)]);
-            }
-        }
-        changes.trees.sort();
-    }
-
     /// The number of parts of the instance in a slot: as many as its tree has records, once the
     /// states in `placed` replace the present ones. 0 without an instance.
     fn part_count(&self, slot: u32, world: &LightWorld, placed: &BTreeMap<u32, TreeState>) -> u32 {
@@ -208,7 +180,7 @@ impl LightPlanner {
 
     /// Counts the runs of records that will be written, and decides which pools take them from staged
     /// records.
-    fn find_runs(&self, world: &LightWorld, changes: &PendingChanges, room: &mut Room) {
+    fn find_runs(&self, world: &LightWorld, changes: &FrameChanges, room: &mut Room) {
         let [mut node_count, mut light_count, mut tree_count, mut instance_count] =
             [RunCount::default(); scatter::MAX_TARGETS];
         for (write, [nodes, lights]) in &room.trees.writes.writes {
@@ -220,8 +192,7 @@ impl LightPlanner {
             let written = written_records(write, state.division, world.sections(key), state.records.len(), runs);
             written.for_each(|run| tree_count.add(&run));
         }
-        room.runs.changed = changes.records();
-        add_runs(&mut room.runs.instances, room.runs.changed.as_slice().iter().copied(), 0);
+        add_runs(&mut room.runs.instances, changes.instances.as_slice().iter().copied(), 0);
         room.runs.instances.iter().for_each(|run| instance_count.add(run));
         let staged = [
             self.trees.nodes.staged_bytes(&node_count),

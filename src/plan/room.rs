@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::buffers::NewBuffer;
-use super::changes::Slots;
 use super::parts::NewParts;
 use super::pool::{Growth, RestartedPool};
 use super::previous::Copies;
@@ -54,9 +53,7 @@ pub(super) struct TreeRoom {
 /// The runs of records that are written, and which of them are staged.
 #[derive(Debug, Default)]
 pub(super) struct RecordRuns {
-    /// The slots of the instances that are written.
-    pub changed: Slots,
-    /// The runs of these slots.
+    /// The runs of slots of the instances that are written.
     pub instances: Vec<Range<u32>>,
     /// The runs of records that are written to these pools: nodes, lights, trees, instances.
     pub counts: [RunCount; scatter::MAX_TARGETS],

@@ -40,6 +40,7 @@ impl Reservation<'_> {
         let mut room = std::mem::take(&mut self.room);
         let (planner, world, changes, effects) = (&mut *self.planner, self.world, &self.changes, self.effects);
         planner.number += 1;
+        planner.revision = world.revision();
         planner.effects = effects;
         let mut plan = FramePlan { number: planner.number, ..FramePlan::default() };
         plan.new_buffers = std::mem::take(&mut room.new_buffers);
@@ -77,7 +78,7 @@ impl Reservation<'_> {
         planner.instances.parts.write(commands, parts);
         let mut report = UploadReport {
             trees: changes.trees.as_slice().len(),
-            instances: runs.changed.as_slice().len(),
+            instances: changes.instances.as_slice().len(),
             ..planner.waiting_report()
         };
         planner.write_trees(commands, &mut staged, world, &writes, &mut report);
@@ -95,7 +96,7 @@ impl Reservation<'_> {
         report.bytes = commands.bytes_written();
         plan.report = report;
         planner.is_lost = false;
-        if changes.concern_lights() || is_new_top || former != (strides, masks, home) || planner.top.is_due {
+        if changes.concern_lights || is_new_top || former != (strides, masks, home) || planner.top.is_due {
             planner.finish_top(&mut plan.top);
         }
         planner.previous.changed([

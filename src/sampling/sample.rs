@@ -58,7 +58,6 @@ pub struct LightPick {
 /// the segment, where the phase function and any factor of the medium are those at
 /// [`Incident::along`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
 pub struct LightSample {
     /// The light.
     pub light: LightId,

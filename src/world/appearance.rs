@@ -114,9 +114,9 @@ impl LightWorld {
         }
         match (was_shown, is_shown) {
             (false, false) => {}
-            (true, true) if is_alike => self.changes.user_data(slot_of(key)),
+            (true, true) if is_alike => self.log.user_data(slot_of(key)),
             (true, true) => {
-                self.changes.instance(slot_of(key));
+                self.log.altered(slot_of(key));
                 self.top.take();
             }
             _ => self.instance_changed(key),

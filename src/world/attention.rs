@@ -54,7 +54,7 @@ impl ViewWeights {
         self.total_illuminance -= in_units(entry.weight.illuminance);
     }
 
-    /// The illuminance of a tree at the viewpoint; the flux without a viewpoint.
+    /// The illuminance of a tree at the viewpoint; see [`TreeWeight`](super::scene::TreeWeight).
     fn illuminance_of(&self, key: TreeKey, scene: &Scene) -> f32 {
         self.sum_over_instances(key, scene, |cluster, dist_sq| cluster.flux / dist_sq)
     }

@@ -3,7 +3,7 @@
 
 use std::sync::OnceLock;
 
-use super::delta::Changes;
+use super::log::WorldLog;
 use super::scene::Scene;
 use super::sums::Sums;
 use crate::instance::part::Division;
@@ -61,7 +61,7 @@ pub(super) fn may_have_light_parts(lights: usize) -> bool {
 pub(super) struct DivisionEdit<'a> {
     pub scene: &'a mut Scene,
     pub sums: &'a mut Sums,
-    pub changes: &'a mut Changes,
+    pub log: &'a mut WorldLog,
     pub top: &'a mut OnceLock<TopLevel>,
 }
 
@@ -70,7 +70,7 @@ impl DivisionEdit<'_> {
     pub fn set_light_parts(&mut self, tree: TreeKey, has_light_parts: bool) {
         let entry = &mut self.scene.trees[tree];
         if std::mem::replace(&mut entry.has_light_parts, has_light_parts) != has_light_parts {
-            self.changes.tree(slot_of(tree));
+            self.log.tree(slot_of(tree));
             self.top.take();
         }
     }
@@ -125,7 +125,7 @@ impl DivisionEdit<'_> {
         let records = tree.nodes().len() + tree.lights().len();
         entry.log.add(&nodes, lights.into_iter(), records);
         entry.recount(self.sums);
-        self.changes.tree(slot_of(key));
+        self.log.tree(slot_of(key));
         self.top.take();
     }
 }

@@ -69,7 +69,7 @@ impl LightWorld {
         self.rebuilds.await_first_build(key, &entry.tree);
         entry.recount(&mut self.sums);
         self.wake(key);
-        self.changes.tree(slot_of(key));
+        self.log.tree(slot_of(key));
         key
     }
 
@@ -97,7 +97,7 @@ impl LightWorld {
         self.sums.remove(&entry.counted);
         self.effects.change(|counts| counts.remove_all(entry.tree.effects()));
         self.edits.pending.remove(tree);
-        self.changes.tree(slot_of(tree));
+        self.log.tree(slot_of(tree));
         RemovedTree { entry, build }
     }
 
@@ -340,7 +340,7 @@ impl LightWorld {
         self.build_for_first(key, builds_later);
         let (divisions, mut edit) = self.divisions();
         divisions.judge_later(key, &mut edit);
-        self.changes.added(slot_of(key));
+        self.log.added(slot_of(key));
         self.top.take();
         key
     }
@@ -355,7 +355,7 @@ impl LightWorld {
         let (divisions, mut edit) = self.divisions();
         divisions.forget(key, instance.tree, &mut edit);
         self.detach(instance.tree, instance.index_in_tree, instance.policy);
-        self.changes.removed(slot_of(key));
+        self.log.removed(slot_of(key));
         self.top.take();
         Ok(())
     }
@@ -437,7 +437,7 @@ impl LightWorld {
     /// [`WorldError::Directional`].
     pub fn add_directional(&mut self, light: DirectionalLight) -> Result<DirectionalKey, WorldError> {
         check_directional(&light)?;
-        self.changes.directionals = true;
+        self.log.directionals();
         self.effects.change(|counts| counts.add(Effects::DIRECTIONAL));
         Ok(self.scene.directionals.insert(light))
     }
@@ -451,7 +451,7 @@ impl LightWorld {
         let present = self.scene.directionals.get_mut(key).ok_or(WorldError::NoSuchDirectional(key))?;
         if *present != light {
             *present = light;
-            self.changes.directionals = true;
+            self.log.directionals();
         }
         Ok(())
     }
@@ -462,7 +462,7 @@ impl LightWorld {
     /// [`WorldError::NoSuchDirectional`].
     pub fn remove_directional(&mut self, key: DirectionalKey) -> Result<(), WorldError> {
         self.scene.directionals.remove(key).ok_or(WorldError::NoSuchDirectional(key))?;
-        self.changes.directionals = true;
+        self.log.directionals();
         self.effects.change(|counts| counts.remove(Effects::DIRECTIONAL));
         Ok(())
     }
@@ -557,12 +557,12 @@ impl LightWorld {
     /// Records that all nodes and lights of a tree changed.
     pub(super) fn whole_tree_changed(&mut self, key: TreeKey) {
         self.scene.trees[key].log.restart();
-        self.changes.tree(slot_of(key));
+        self.log.tree(slot_of(key));
     }
 
     /// Records that an instance was shown or hidden, or got another tree.
     pub(super) fn instance_changed(&mut self, key: InstanceKey) {
-        self.changes.reported(slot_of(key));
+        self.log.shown(slot_of(key));
         self.top.take();
     }
 }

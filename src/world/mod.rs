@@ -1,16 +1,16 @@
-//! The light world: trees, instances of them and directional lights. Edits go in, one
-//! [`FrameDelta`] a frame comes out.
+//! The light world: trees, instances of them and directional lights. Edits go in, and
+//! readers follow the [`Changes`].
 
 mod appearance;
 mod attention;
 mod build_thread;
 mod change_log;
-mod delta;
 mod division;
 mod divisions;
 mod edit;
 mod edits;
 mod key_set;
+mod log;
 mod memory;
 mod moves;
 mod long_build;
@@ -35,6 +35,7 @@ mod slot_round;
 mod slot_set;
 mod slot_table;
 mod staged;
+mod stamps;
 mod sums;
 mod neighbours;
 mod update;
@@ -47,7 +48,7 @@ use glam::Vec3;
 
 #[cfg(feature = "gpu-plan")]
 pub(crate) use change_log::TreeChanges;
-pub use delta::FrameDelta;
+pub use log::{Changes, Revision};
 pub use memory::WorldMemory;
 pub use origin::OriginMode;
 pub use region::{RefusedRegion, Region, RegionInstance, RegionTree};
@@ -66,10 +67,10 @@ use crate::policy::Policy;
 use crate::scheduler::{Clock, SystemClock};
 use crate::top::TopLevel;
 use crate::tree::{LightTree, Section};
-use delta::Changes;
 use division::DivisionEdit;
 use divisions::Divisions;
 use edits::Edits;
+use log::WorldLog;
 use placing::MoveScratch;
 use rebuilds::Rebuilds;
 use region_table::Regions;
@@ -89,7 +90,7 @@ pub struct LightWorld {
     /// When trees stop counting as moving, and when they are frozen.
     rest_timers: RestTimers,
     edits: Edits,
-    changes: Changes,
+    log: WorldLog,
     move_scratch: MoveScratch,
     rebuilds: Rebuilds,
     divisions: Divisions,
@@ -132,7 +133,7 @@ impl LightWorld {
             effects: HeldEffects::default(),
             rest_timers: RestTimers::default(),
             edits: Edits::default(),
-            changes: Changes::default(),
+            log: WorldLog::default(),
             move_scratch: MoveScratch::default(),
             rebuilds: Rebuilds::new(clock),
             divisions: Divisions::default(),
@@ -341,13 +342,14 @@ impl LightWorld {
     /// Once all instances, regions and trees have been removed, everything but the tables is 0.
     pub fn memory(&self) -> WorldMemory {
         let Scene { trees, instances, .. } = &self.scene;
-        let tables = trees.memory_bytes() + instances.memory_bytes() + self.regions.memory_bytes();
+        let tables =
+            trees.memory_bytes() + instances.memory_bytes() + self.regions.memory_bytes() + self.log.memory_bytes();
         WorldMemory { tables, ..self.sums.memory }
     }
 
     /// How instances lie among others, and what that changes.
     fn divisions(&mut self) -> (&mut Divisions, DivisionEdit<'_>) {
-        let Self { divisions, scene, sums, changes, top, .. } = self;
-        (divisions, DivisionEdit { scene, sums, changes, top })
+        let Self { divisions, scene, sums, log, top, .. } = self;
+        (divisions, DivisionEdit { scene, sums, log, top })
     }
 }

@@ -17,7 +17,7 @@ impl LightWorld {
         let mut effects = EffectChanges::default();
         if instance.place(&placement.into(), self.scene.origin.anchor(), &mut effects)? {
             self.effects.change(|counts| effects.apply(counts));
-            self.changes.moved(slot_of(key));
+            self.log.moved(slot_of(key));
             self.top.take();
         }
         Ok(())
@@ -42,12 +42,12 @@ impl LightWorld {
     /// let cars: Vec<_> = (0..100)
     ///     .map(|_| world.add_instance(lamp, Placement::IDENTITY, Policy::Budgeted))
     ///     .collect::<Result<_, _>>()?;
-    /// world.take_delta();
+    /// let before = world.revision();
     /// let moves: Vec<_> =
     ///     (0..50).map(|i| (cars[2 * i], Placement::at(DVec3::X * i as f64))).collect();
     /// world.move_instances(&moves)?;
     /// // The first one is where it was.
-    /// assert_eq!(world.take_delta().moved_instances().len(), 49);
+    /// assert_eq!(world.changes_since(before).moved_instances().count(), 49);
     /// # Ok::<(), girandole::WorldError>(())
     /// ```
     ///
@@ -61,8 +61,8 @@ impl LightWorld {
         let effects = self.move_scratch.place_all(moves, &mut self.scene);
         self.effects.change(|counts| effects.apply(counts));
         let moved = &mut self.move_scratch.moved;
-        self.changes.all_moved(moved);
-        if moved.clear() > 0 {
+        if moved.len() > 0 {
+            self.log.all_moved(moved);
             self.top.take();
         }
         Ok(())

@@ -86,7 +86,7 @@ impl MoveScratch {
                 moved.insert(slot_of(*key));
             }
         }
-        done.clear();
+        done.drain(|_| {});
         effects
     }
 

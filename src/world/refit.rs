@@ -119,7 +119,7 @@ impl LightWorld {
             self.rebuilds.update_request(key, &mut self.scene);
         }
         if changes_nodes {
-            self.changes.tree(slot_of(key));
+            self.log.tree(slot_of(key));
             if is_replaced {
                 self.divisions().1.renew_sections(key)
             } else if !added.is_empty() || !removed.is_empty() {

@@ -42,7 +42,7 @@ impl LightWorld {
     /// Cost besides rebuilds: O(lights of edited trees), and O(1) for each instance that was added
     /// and for each tree that comes to rest.
     pub fn update(&mut self, budget: FrameBudget) -> FrameReport {
-        let moved_instances = self.changes.take_reported();
+        let moved_instances = self.log.count_moved();
         let mut report = FrameReport { moved_instances, budget: budget.time(), ..FrameReport::default() };
         self.rebuilds.scheduler.start_frame(budget.time());
         self.take_finished_build(&mut report);

@@ -14,9 +14,9 @@ impl LightWorld {
     /// The point that sampling coordinates are relative to, in metres. Zero until
     /// [`LightWorld::set_origin`] is called or the origin follows the viewpoint.
     ///
-    /// A shader sees a new origin after the upload of the next delta, whose
-    /// [`FrameDelta::origin_shift`](crate::FrameDelta::origin_shift) is the move. A
-    /// [`LightSampler`](crate::LightSampler) sees it at once.
+    /// A shader sees a new origin after the next upload; [`Changes::origin_shift`](crate::Changes)
+    /// tells how far it moved since an earlier one. A [`LightSampler`](crate::LightSampler) sees it at
+    /// once.
     pub fn origin(&self) -> DVec3 {
         self.scene.origin.position
     }
@@ -92,7 +92,7 @@ impl LightWorld {
             instance.placed = placed;
         }
         for key in self.scene.instances.keys() {
-            self.changes.instance(slot_of(key));
+            self.log.altered(slot_of(key));
         }
         self.top.take();
         Ok(())
@@ -104,7 +104,7 @@ impl LightWorld {
     /// priority in each update. O(1).
     ///
     /// With [`OriginMode::Following`](crate::OriginMode::Following) this also moves the origin if the
-    /// viewpoint is far from it. Call it before [`LightWorld::take_delta`] in every frame then.
+    /// viewpoint is far from it. Call it before the upload in every frame then.
     ///
     /// # Errors
     /// [`WorldError::NotFinite`] for a coordinate that is NaN or infinite. If the origin follows the

@@ -10,8 +10,8 @@ use girandole::gpu::{GpuLights, UploadReport};
 use girandole::scheduler::VirtualClock;
 use girandole::tree::{NO_LEAF, NO_PARENT, WIDTH};
 use girandole::{
-    Effects, FrameBudget, FrameDelta, FrameReport, InstanceKey, Light, LightError, LightId, LightTree, LightWorld,
-    Placement, Policy, ShadingPoint, SplitCount, TreeKey, WorldError,
+    Effects, FrameBudget, FrameReport, InstanceKey, Light, LightError, LightId, LightTree, LightWorld, Placement,
+    Policy, ShadingPoint, SplitCount, TreeKey, WorldError,
 };
 use proptest::prelude::*;
 
@@ -45,8 +45,7 @@ fn world_of(lights: Vec<Light>, policy: Policy) -> (LightWorld, TreeKey, Instanc
 
 fn frame(world: &mut LightWorld, lights: &mut GpuLights) -> (FrameReport, UploadReport) {
     let report = world.update(FrameBudget::NONE);
-    let delta = world.take_delta();
-    (report, lights.upload(world, &delta).expect("room enough"))
+    (report, lights.upload(world).expect("room enough"))
 }
 
 /// The number of nodes from a leaf of a tree to the root.
@@ -90,8 +89,9 @@ fn lights_are_added_and_removed_at_the_update_and_keep_their_indices() {
     world.update(FrameBudget::NONE);
     assert_eq!((world.added_lights(), world.removed_lights()), (&[(tree, 1), (tree, 5)][..], &[][..]));
     assert!((0..6).all(|light| pmf(&world, light) > 0.0));
+    let before = world.revision();
     world.update(FrameBudget::NONE);
-    assert!(world.added_lights().is_empty() && world.take_delta() != FrameDelta::default());
+    assert!(world.added_lights().is_empty() && world.revision() == before);
 }
 
 #[test]
@@ -99,14 +99,14 @@ fn a_light_that_comes_and_goes_between_two_updates_is_never_there_and_costs_noth
     let (mut world, tree, _) = world_of(lamps(&mut Rng(400), 40), Policy::Budgeted);
     world.remove_lights(tree, &[7]).expect("it has the light");
     world.update(FrameBudget::NONE);
-    world.take_delta();
+    let before = world.revision();
     assert_eq!(world.add_lights(tree, &[lamp(1.0), lamp(2.0)]), Ok(vec![7, 40]));
     world.remove_lights(tree, &[40, 7]).expect("they were added");
     assert_eq!(world.set_emission(tree, 40, Vec3::ONE), Err(WorldError::RemovedLight { index: 40 }));
     assert_eq!(world.add_lights(tree, &[lamp(3.0)]), Ok(vec![41]), "no index twice between two updates");
     world.remove_lights(tree, &[41]).expect("it was added");
     let report = world.update(FrameBudget::NONE);
-    assert_eq!((report.refit_trees, report.refit_nodes, world.take_delta()), (0, 0, FrameDelta::default()));
+    assert_eq!((report.refit_trees, report.refit_nodes, world.revision()), (0, 0, before));
     assert!(world.added_lights().is_empty() && world.removed_lights().is_empty());
     assert_eq!(world.add_lights(tree, &[lamp(3.0)]), Ok(vec![7]), "the indices are vacant again");
     // A light that is set and removed is removed; its other changes are dropped.
@@ -121,7 +121,6 @@ fn each_refused_call_has_its_error_and_changes_nothing() {
     let (mut world, tree, instance) = world_of(lamps(&mut Rng(401), 20), Policy::Budgeted);
     world.remove_lights(tree, &[4]).expect("it has the light");
     world.update(FrameBudget::NONE);
-    world.take_delta();
     world.remove_lights(tree, &[5]).expect("it has the light");
     let removed = |index| Err(WorldError::RemovedLight { index });
     let missing = |index, count| Err(WorldError::NoSuchLight { index, count });
@@ -559,7 +558,7 @@ fn divided_and_open_trees_follow_additions_and_removals_on_both_sides() {
         }
         let records = sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests);
         let mut fresh = GpuLights::new(&device, &queue).expect("default limits are enough");
-        fresh.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
+        fresh.upload(&world).expect("room enough");
         assert!(records == sample(&mut fresh, &mut world, SplitCount::DEFAULT, &requests), "round {round}");
         let at = ShadingPoint::volume(rng.position(10.0));
         let (sampler, mut distribution) = (world.sampler(), Vec::new());
@@ -612,7 +611,7 @@ fn a_gpu_that_got_only_changes_samples_as_one_that_got_everything() {
         }
         let records = sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests);
         let mut fresh = GpuLights::new(&device, &queue).expect("default limits are enough");
-        fresh.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
+        fresh.upload(&world).expect("room enough");
         let expected = sample(&mut fresh, &mut world, SplitCount::DEFAULT, &requests);
         assert!(expected.iter().filter(|record| record.pmf > 0.0).count() > 400);
         assert!(records == expected, "round {round}");

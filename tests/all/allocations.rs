@@ -351,12 +351,16 @@ fn an_update_of_a_world_at_rest_asks_for_no_memory() {
     world.set_lights(tree, &[(0, Light::point(Vec3::ONE, Vec3::ONE))]).expect("valid");
     world.add_instance(tree, Placement::at(DVec3::ONE), Policy::AlwaysRebuild).expect("valid");
     world.update(FrameBudget::UNLIMITED);
-    world.take_delta();
+    let seen = world.revision();
     // Before its trees are frozen, and after.
     let tree_is_frozen = |world: &LightWorld| world.tree(tree).is_some_and(LightTree::is_frozen);
     assert!(!tree_is_frozen(&world));
     for _ in 0..2 * EFFECT_HOLD_UPDATES {
-        assert_eq!(requests(|| drop((world.update(FrameBudget::UNLIMITED), world.take_delta()))), 0);
+        let asked = requests(|| {
+            world.update(FrameBudget::UNLIMITED);
+            assert!(world.changes_since(seen).is_empty());
+        });
+        assert_eq!(asked, 0);
     }
     assert!(tree_is_frozen(&world));
 }
@@ -373,19 +377,23 @@ fn an_update_in_which_nothing_moves_asks_for_no_memory_while_100_000_trees_come_
             world.set_lights(*tree, &[(0, lamp(1.0))]).expect("valid");
         }
         world.update(FrameBudget::NONE);
-        world.take_delta();
     }
     let frozen = |world: &LightWorld| trees.iter().filter(|tree| world.tree(**tree).unwrap().is_frozen()).count();
     assert_eq!((world.effect_counts().of(Effects::MOVING), frozen(&world)), (50_000, 0));
     for _ in 0..5 * EFFECT_HOLD_UPDATES {
-        assert_eq!(requests(|| drop((world.update(FrameBudget::NONE), world.take_delta()))), 0);
+        let seen = world.revision();
+        let asked = requests(|| {
+            world.update(FrameBudget::NONE);
+            assert!(world.changes_since(seen).is_empty());
+        });
+        assert_eq!(asked, 0);
     }
     assert_eq!(world.effect_counts().of(Effects::MOVING), 0);
     assert!(frozen(&world) > 5000);
 }
 
 #[test]
-fn moves_of_many_instances_ask_for_no_memory_and_their_delta_for_two_lists() {
+fn moves_of_many_instances_and_lists_of_them_ask_for_no_memory() {
     on_one_thread(|| {
         let mut rng = Rng(76);
         let mut world = rng.world(5, 3, 4_000, 100.0);
@@ -395,20 +403,18 @@ fn moves_of_many_instances_ask_for_no_memory_and_their_delta_for_two_lists() {
             let key = |bits: u64| keys[bits as usize % keys.len()];
             (0..count).map(|_| (key(rng.bits()), rng.affine(100.0).into())).collect()
         };
-        world.take_delta();
         let all: Vec<_> = keys.iter().map(|key| (*key, Placement::at(DVec3::ONE))).collect();
         world.move_instances(&all).expect("valid");
         world.update(FrameBudget::NONE);
-        world.take_delta();
         for count in [1, 100, 10_000] {
-            let moves = moves(count);
+            let (moves, seen) = (moves(count), world.revision());
             assert_eq!(requests(|| world.move_instances(&moves).expect("valid")), 0, "{count} moves");
             world.update(FrameBudget::NONE);
-            // The slots of changed records, and those of moved instances.
-            assert_eq!(requests(|| drop(world.take_delta())), 2, "{count} moves");
+            let mut moved = 0;
+            assert_eq!(requests(|| moved = world.changes_since(seen).moved_instances().count()), 0, "{count} moves");
+            assert!((1..=count).contains(&moved));
             let asked = requests(|| moves.iter().for_each(|(key, to)| world.move_instance(*key, *to).expect("valid")));
             assert_eq!(asked, 0, "{count} moves, one by one");
-            world.take_delta();
         }
     });
 }
@@ -445,8 +451,7 @@ fn a_frame_asks_for_memory_by_what_it_changes_and_not_by_the_size_of_the_world()
                 let mut frame = |world: &mut LightWorld, i: u32| {
                     edit(world, tree, keys[17], i);
                     world.update(FrameBudget::NONE);
-                    let delta = world.take_delta();
-                    planner.reserve(world, &delta).expect("room enough").plan().report
+                    planner.reserve(world).expect("room enough").plan().report
                 };
                 // Lists reach their size.
                 for i in 0..6 {
@@ -479,14 +484,14 @@ fn an_origin_that_follows_the_viewpoint_asks_for_no_memory() {
         world.add_instance(tree, rng.affine(3000.0), Policy::Static).expect("valid");
     }
     world.update(FrameBudget::NONE);
-    world.take_delta();
     let mut shifts = 0;
     for i in 0..200 {
         let viewpoint = DVec3::new(300.0 * f64::from(i), 1.7, -5.0);
+        let seen = world.revision();
         let asked = requests(|| {
             world.set_viewpoint(viewpoint).expect("within the limits");
             world.update(FrameBudget::NONE);
-            shifts += usize::from(world.take_delta().origin_shift().is_some());
+            shifts += usize::from(world.changes_since(seen).origin_shift().is_some());
         });
         assert_eq!(asked, 0, "frame {i}");
     }

@@ -5,11 +5,10 @@ use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Vec3};
 use girandole::gpu::{GpuLights, UploadReport};
 use girandole::tree::{NO_PARENT, WIDTH};
-use girandole::{
-    FrameBudget, FrameDelta, FrameReport, Light, LightTree, LightWorld, Placement, Policy, SplitCount, TreeKey,
-};
+use girandole::{FrameBudget, FrameReport, Light, LightWorld, Placement, Policy, SplitCount, TreeKey};
 
 use crate::gpu::{gpu, requests, sample};
+use girandole::LightTree;
 use testbed::testing::support::Rng;
 
 fn below(rng: &mut Rng, end: usize) -> usize {
@@ -30,8 +29,7 @@ fn world_of(lights: Vec<Light>) -> (LightWorld, TreeKey) {
 
 fn frame(world: &mut LightWorld, lights: &mut GpuLights) -> (FrameReport, UploadReport) {
     let report = world.update(FrameBudget::NONE);
-    let delta = world.take_delta();
-    (report, lights.upload(world, &delta).expect("room enough"))
+    (report, lights.upload(world).expect("room enough"))
 }
 
 /// The nodes from a leaf of a tree to the root.
@@ -135,26 +133,24 @@ fn a_gpu_that_got_only_changes_samples_as_one_that_got_everything() {
     let requests = requests(&mut rng, 512, 40.0);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let mut behind = GpuLights::new(&device, &queue).expect("default limits are enough");
-    behind.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
+    behind.upload(&world).expect("room enough");
     for round in 0..24 {
         for tree in [first, second] {
             change(&mut world, tree, &mut rng);
-            // What happens after the delta was taken is sent with it or with the next one.
             if below(&mut rng, 4) == 0 {
-                let delta = world.take_delta();
                 change(&mut world, tree, &mut rng);
-                lights.upload(&world, &delta).expect("room enough");
+                lights.upload(&world).expect("room enough");
             }
         }
         let records = sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests);
         let mut fresh = GpuLights::new(&device, &queue).expect("default limits are enough");
-        fresh.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
+        fresh.upload(&world).expect("room enough");
         let expected = sample(&mut fresh, &mut world, SplitCount::DEFAULT, &requests);
         assert!(expected.iter().filter(|record| record.pmf > 0.0).count() > 400);
         assert!(records == expected, "round {round}");
         // A second reader that takes part in few frames gets what it has missed.
         if round % 8 == 7 {
-            behind.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
+            behind.upload(&world).expect("room enough");
             let late = sample(&mut behind, &mut world, SplitCount::DEFAULT, &requests);
             assert!(late == expected, "round {round}");
         }
@@ -162,7 +158,7 @@ fn a_gpu_that_got_only_changes_samples_as_one_that_got_everything() {
 }
 
 #[test]
-fn a_delta_that_was_dropped_is_made_up_for_by_the_next_change_of_the_tree() {
+fn the_first_upload_after_frames_without_one_sends_what_changed_in_all_of_them() {
     let (device, queue) = gpu();
     let mut rng = Rng(304);
     let (mut world, tree) = world_of(lamps(&mut rng, 1_000));
@@ -171,12 +167,11 @@ fn a_delta_that_was_dropped_is_made_up_for_by_the_next_change_of_the_tree() {
     frame(&mut world, &mut lights);
     world.set_lights(tree, &[(1, Light::point(Vec3::X, Vec3::splat(900.0)))]).expect("valid");
     world.update(FrameBudget::NONE);
-    world.take_delta();
     world.set_lights(tree, &[(2, Light::point(Vec3::Y, Vec3::ONE))]).expect("valid");
     let (_, sent) = frame(&mut world, &mut lights);
     assert_eq!(sent.lights, 2);
     let mut fresh = GpuLights::new(&device, &queue).expect("default limits are enough");
-    fresh.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
+    fresh.upload(&world).expect("room enough");
     let [records, expected] =
         [&mut lights, &mut fresh].map(|lights| sample(lights, &mut world, SplitCount::DEFAULT, &requests));
     assert!(records == expected);

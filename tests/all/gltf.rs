@@ -417,7 +417,6 @@ fn animations_move_objects_and_lights_and_loop() {
     let rest = stage.scene.objects[1].transform;
     stage.animation.advance(0.0, &mut stage.scene, &mut stage.world).unwrap();
     stage.world.update(FrameBudget::UNLIMITED);
-    stage.world.take_delta();
     stage.animation.advance(1.0, &mut stage.scene, &mut stage.world).unwrap();
     let moved = stage.scene.objects[1].transform;
     assert!((moved.translation.y - 2.0).abs() < 1e-5 && !moved.abs_diff_eq(rest, 0.5));

@@ -6,11 +6,9 @@ use std::sync::{Arc, LazyLock, Mutex, OnceLock};
 
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::{GpuError, GpuLights, SampleRecord, SampleRequest, wgsl};
-use girandole::{
-    Effects, FrameBudget, FrameDelta, Light, LightId, LightTree, LightWorld, Placement, Policy, ShadingPoint,
-    SplitCount,
-};
+use girandole::{Effects, FrameBudget, Light, LightId, LightWorld, Placement, Policy, ShadingPoint, SplitCount};
 
+use girandole::LightTree;
 use testbed::common::gpu as device;
 use testbed::testing::support::{Rng, SPLITS};
 
@@ -93,8 +91,7 @@ pub(crate) fn sample(
     requests: &[SampleRequest],
 ) -> Vec<SampleRecord> {
     lights.set_splits(splits);
-    let delta = world.take_delta();
-    lights.upload(world, &delta).expect("room enough");
+    lights.upload(world).expect("room enough");
     sample_again(&gpu(), lights, requests)
 }
 
@@ -189,6 +186,7 @@ fn emission(world: &LightWorld, light: LightId) -> f32 {
             let factor = world.factor(instance).unwrap_or(Vec3::ONE);
             tree.map_or(0.0, |tree| (tree.lights()[light as usize].emission * factor).length())
         }
+        _ => unreachable!("this version has no others"),
     }
 }
 
@@ -319,8 +317,7 @@ fn an_upload_sends_what_changed_and_nothing_else() {
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let mut upload = |world: &mut LightWorld| {
         world.update(FrameBudget::NONE);
-        let delta = world.take_delta();
-        lights.upload(world, &delta).expect("room enough")
+        lights.upload(world).expect("room enough")
     };
     assert!(upload(&mut world).bytes > 3 * 30 * 64);
     let unchanged = upload(&mut world);
@@ -351,8 +348,7 @@ fn a_world_of_points_sends_no_bytes_for_cones_ranges_and_scales() {
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let mut upload = |world: &mut LightWorld| {
         world.update(FrameBudget::NONE);
-        let delta = world.take_delta();
-        lights.upload(world, &delta).expect("room enough").bytes
+        lights.upload(world).expect("room enough").bytes
     };
     upload(&mut world);
     let nodes = |world: &LightWorld, tree| world.tree(tree).expect("it lives").nodes().len() as u64;
@@ -383,26 +379,8 @@ fn a_gpu_that_is_added_late_gets_everything() {
     let (device, queue) = gpu();
     let mut rng = Rng(47);
     let mut world = rng.world(2, 20, 3, 10.0);
-    world.take_delta();
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    lights.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
-    let requests = requests(&mut rng, 512, 10.0);
-    for splits in SPLITS {
-        let records = sample(&mut lights, &mut world, splits, &requests);
-        assert!(compare(&world, splits, &requests, &records) <= 2);
-    }
-}
-
-#[test]
-fn a_delta_that_was_dropped_does_not_leave_an_instance_without_its_tree() {
-    let (device, queue) = gpu();
-    let mut rng = Rng(49);
-    let mut world = LightWorld::new();
-    let tree = world.add_tree(LightTree::new(rng.lights(20, 5.0)).expect("valid"));
-    // This delta is never uploaded.
-    world.take_delta();
-    world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    lights.upload(&world).expect("room enough");
     let requests = requests(&mut rng, 512, 10.0);
     for splits in SPLITS {
         let records = sample(&mut lights, &mut world, splits, &requests);
@@ -416,24 +394,21 @@ fn changes_that_do_not_fit_are_refused_and_sent_with_the_next_upload_that_fits()
     let mut rng = Rng(50);
     let mut world = rng.world(2, 20, 3, 10.0);
     let mut lights = GpuLights::new(&device, &queue).expect("such limits are enough");
-    let first = world.take_delta();
-    lights.upload(&world, &first).expect("room enough");
+    lights.upload(&world).expect("room enough");
     // 20,000 lights of 64 bytes take more than a mebibyte, and trees of 16 lights have no stand-ins.
     let trees: Vec<_> =
         (0..1250).map(|_| world.add_tree(LightTree::new(rng.lights(16, 5.0)).expect("valid"))).collect();
     let instance = world.add_instance(trees[0], Placement::IDENTITY, Policy::Static).expect("valid");
     let mover = world.instances().next().expect("seven instances");
     world.move_instance(mover, Placement::at(DVec3::X)).expect("valid");
-    let delta = world.take_delta();
     for _ in 0..2 {
-        let refused = lights.upload(&world, &delta).err();
+        let refused = lights.upload(&world).err();
         assert!(matches!(refused, Some(GpuError::Full { .. })), "{refused:?}");
     }
     world.remove_instance(instance).expect("it lives");
     trees.into_iter().for_each(|tree| world.remove_tree(tree).expect("unused"));
-    let delta = world.take_delta();
-    let report = lights.upload(&world, &delta).expect("room enough again");
-    assert_eq!(report.instances, 2, "the removed one, and the one that moved in the refused delta");
+    let report = lights.upload(&world).expect("room enough again");
+    assert_eq!(report.instances, 2, "the removed one, and the one that moved before the refusal");
 }
 
 /// Runs an engine's own shader and returns its answers. The shader has the lights at group 1 and
@@ -511,8 +486,7 @@ fn an_upload_that_does_not_fit_in_its_longer_layout_leaves_the_last_one_in_place
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     }
     let mut lights = GpuLights::new(&limited.0, &limited.1).expect("such limits are enough");
-    let delta = world.take_delta();
-    lights.upload(&world, &delta).expect("room enough");
+    lights.upload(&world).expect("room enough");
     let requests = requests(&mut rng, 512, 10.0);
     let before = sample_again(&limited, &mut lights, &requests);
     // At 64 bytes each, 12,000 lights fit into a mebibyte, and 18,000 do not.
@@ -520,16 +494,14 @@ fn an_upload_that_does_not_fit_in_its_longer_layout_leaves_the_last_one_in_place
     let mut add = |_| world.add_tree(LightTree::new((0..16).map(&mut spot).collect()).expect("valid"));
     let spots: Vec<_> = (0..375).map(&mut add).collect();
     let instance = world.add_instance(spots[0], Placement::IDENTITY, Policy::Static).expect("valid");
-    let delta = world.take_delta();
-    let refused = lights.upload(&world, &delta).err();
+    let refused = lights.upload(&world).err();
     assert!(matches!(refused, Some(GpuError::Full { what: "lights", .. })), "{refused:?}");
     lights.set_splits(SplitCount::of::<5>());
     lights.set_splits(SplitCount::DEFAULT);
     assert_eq!(sample_again(&limited, &mut lights, &requests), before);
     world.remove_instance(instance).expect("it lives");
     spots.into_iter().for_each(|tree| world.remove_tree(tree).expect("unused"));
-    let delta = world.take_delta();
-    lights.upload(&world, &delta).expect("room enough again");
+    lights.upload(&world).expect("room enough again");
     assert_eq!(sample_again(&limited, &mut lights, &requests), before);
 }
 
@@ -537,19 +509,18 @@ fn an_upload_that_does_not_fit_in_its_longer_layout_leaves_the_last_one_in_place
 fn a_lost_device_is_reported_by_the_next_upload_and_by_new_lights() {
     let (device, queue) = limited_gpu(wgpu::Limits::default().max_storage_buffer_binding_size);
     let mut rng = Rng(51);
-    let mut world = rng.world(2, 20, 3, 10.0);
+    let world = rng.world(2, 20, 3, 10.0);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    let delta = world.take_delta();
     for _ in 0..3 {
-        lights.upload(&world, &delta).expect("the device works");
+        lights.upload(&world).expect("the device works");
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         lights.build_top(&mut encoder);
         queue.submit([encoder.finish()]);
     }
-    lights.upload(&world, &FrameDelta::default()).expect("the device works");
+    lights.upload(&world).expect("the device works");
     device.destroy();
-    assert_eq!(lights.upload(&world, &FrameDelta::default()), Err(GpuError::DeviceLost));
-    assert_eq!(lights.upload(&world, &delta), Err(GpuError::DeviceLost));
+    assert_eq!(lights.upload(&world), Err(GpuError::DeviceLost));
+    assert_eq!(lights.upload(&world), Err(GpuError::DeviceLost));
     // The other calls of a frame do no harm.
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     lights.set_splits(SplitCount::of::<1>());
@@ -573,8 +544,7 @@ fn the_shader_function_for_a_pmf_gives_the_probabilities_of_the_cpu() {
     }
     world.update(FrameBudget::NONE);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    let delta = world.take_delta();
-    lights.upload(&world, &delta).expect("room enough");
+    lights.upload(&world).expect("room enough");
 
     // Every light at a few shading points, as position, instance, normal and light.
     let sampler = world.sampler();
@@ -590,6 +560,7 @@ fn the_shader_function_for_a_pmf_gives_the_probabilities_of_the_cpu() {
                 LightId::Directional(key) => {
                     (u32::MAX, directionals.iter().position(|k| *k == key).expect("listed") as u32)
                 }
+                _ => unreachable!("this version has no others"),
             };
             let [x, y, z] = shading_point.position.to_array().map(f32::to_bits);
             let [p, q, r] = shading_point.normal.to_array().map(f32::to_bits);
@@ -625,7 +596,7 @@ fn a_build_whose_encoder_is_dropped_is_recorded_again() {
     let request = SampleRequest { normal: [0.0, 1.0, 0.0], u: [0.5; 4], ..SampleRequest::default() };
     for is_finished in [false, true] {
         let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-        lights.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
+        lights.upload(&world).expect("room enough");
         for _ in 0..2 {
             let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             lights.build_top(&mut encoder);

@@ -61,6 +61,7 @@ fn measured(light: &Light, unit: f32) -> Light {
         }
         Shape::Triangle { vertices, .. } => *vertices = vertices.map(|vertex| vertex * unit),
         Shape::Sphere { center, radius } => (*center, *radius) = (*center * unit, *radius * unit),
+        &mut _ => unreachable!("this version has no others"),
     }
     scaled
 }

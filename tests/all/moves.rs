@@ -1,13 +1,13 @@
-//! Moves of many instances in one call, and what a delta says of them.
+//! Moves of many instances in one call, and what readers find of them.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::{GpuLights, UploadReport};
 use girandole::{
-    FrameBudget, FrameDelta, InstanceKey, LightTree, LightWorld, MAX_DISTANCE, OriginMode, Placement, PlacementError,
-    Policy, WorldError,
+    FrameBudget, InstanceKey, LightTree, LightWorld, MAX_DISTANCE, OriginMode, Placement, PlacementError, Policy,
+    Revision, WorldError,
 };
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -93,6 +93,12 @@ fn state(world: &LightWorld, seed: u64) -> impl PartialEq + std::fmt::Debug + us
     (placements, trees, pmfs, *world.effect_counts())
 }
 
+/// The slots of instances that were moved, added and removed.
+fn lists(world: &LightWorld, since: Revision) -> [Vec<u32>; 3] {
+    let changes = world.changes_since(since);
+    [changes.moved_instances().collect(), changes.added_instances().collect(), changes.removed_instances().collect()]
+}
+
 /// An update without its times.
 fn update(world: &mut LightWorld) -> [usize; 5] {
     let report = world.update(FrameBudget::NONE);
@@ -111,6 +117,7 @@ proptest! {
     #[test]
     fn many_moves_in_one_call_do_what_they_do_one_by_one(seed in any::<u64>(), steps in 1_usize..12) {
         let [mut together, mut last, mut all] = [0; 3].map(|_| world(seed));
+        let mut seen = [together.revision(), last.revision()];
         let mut rng = Rng(seed ^ 1);
         for _ in 0..steps {
             // Few, or more than one thread takes.
@@ -121,7 +128,8 @@ proptest! {
             one_by_one(&mut all, &moves);
             prop_assert_eq!(together.effects(), last.effects());
             if rng.bits().is_multiple_of(2) {
-                prop_assert_eq!(together.take_delta(), last.take_delta());
+                prop_assert_eq!(lists(&together, seen[0]), lists(&last, seen[1]));
+                seen = [together.revision(), last.revision()];
             }
             let updates = if rng.bits().is_multiple_of(6) { EFFECT_HOLD_UPDATES as usize + 2 } else { below(&mut rng, 3) };
             for _ in 0..updates {
@@ -134,28 +142,30 @@ proptest! {
         }
     }
 
-    /// Random edits, and what the next delta must name, from the keys and placements of two times.
+    /// Random edits, and what a reader of each frame and one that skips frames must find, from the
+    /// keys and placements when they have read last.
     #[test]
-    fn a_delta_names_what_was_moved_and_what_was_removed(seed in any::<u64>()) {
+    fn readers_find_what_was_moved_added_and_removed_since_they_read(seed in any::<u64>()) {
         let mut rng = Rng(seed);
         let mut world = LightWorld::new();
         let tree = world.add_tree(LightTree::new(rng.lights(3, 1.0)).expect("valid"));
         for _ in 0..80 {
             world.add_instance(tree, rng.affine(9.0), Policy::Budgeted).expect("valid");
         }
-        world.take_delta();
+        let mut readers = [Reader::of(&world), Reader::of(&world)];
         for _ in 0..12 {
-            let present = |world: &LightWorld| -> BTreeMap<u32, (InstanceKey, Option<Placement>)> {
-                let of = |key| (world.slot(key).expect("it lives"), (key, world.placement(key)));
-                world.instances().map(of).collect()
-            };
-            let before = present(&world);
             for _ in 0..below(&mut rng, 30) {
                 let keys: Vec<_> = world.instances().collect();
                 let key = keys[below(&mut rng, keys.len())];
                 match below(&mut rng, 7) {
                     0 => drop(world.add_instance(tree, rng.affine(9.0), Policy::Budgeted).expect("valid")),
-                    1 => world.remove_instance(key).expect("it lives"),
+                    1 => {
+                        let slot = world.slot(key).expect("it lives");
+                        for reader in &mut readers {
+                            reader.removed.insert(slot);
+                        }
+                        world.remove_instance(key).expect("it lives");
+                    }
                     2 => world.set_enabled(key, rng.bits().is_multiple_of(2)).expect("it lives"),
                     3 => drop(world.make_unique(key).expect("it lives")),
                     4 => world.set_origin(rng.position(5.0).as_dvec3()).expect("near"),
@@ -169,35 +179,66 @@ proptest! {
                     world.update(FrameBudget::NONE);
                 }
             }
-            let (after, delta) = (present(&world), world.take_delta());
-            let key_after = |slot: &u32| after.get(slot).map(|(key, _)| *key);
-            let removed: Vec<_> =
-                before.iter().filter(|(slot, (key, _))| key_after(slot) != Some(*key)).map(|(slot, _)| *slot).collect();
-            prop_assert_eq!(delta.removed_instances(), removed);
-            // Random placements never lead back.
-            let is_moved = |slot: &u32| before.get(slot).is_some_and(|(key, placement)| {
-                after.get(slot).is_some_and(|(now, other)| key == now && placement != other)
-            });
-            let moved: Vec<_> = after.keys().copied().filter(is_moved).collect();
-            prop_assert_eq!(delta.moved_instances(), moved);
+            readers[0].check_and_go_on(&world);
+            if rng.bits().is_multiple_of(3) {
+                readers[1].check_and_go_on(&world);
+            }
         }
     }
 }
 
+/// A reader of changes, with the instances that there were when it read last, and what was removed
+/// since.
+struct Reader {
+    seen: Revision,
+    origin: DVec3,
+    before: BTreeMap<u32, (InstanceKey, Option<Placement>)>,
+    removed: BTreeSet<u32>,
+}
+
+impl Reader {
+    fn of(world: &LightWorld) -> Self {
+        let of = |key| (world.slot(key).expect("it lives"), (key, world.placement(key)));
+        let before = world.instances().map(of).collect();
+        Self { seen: world.revision(), origin: world.origin(), before, removed: BTreeSet::new() }
+    }
+
+    fn check_and_go_on(&mut self, world: &LightWorld) {
+        let next = Self::of(world);
+        let changes = world.changes_since(self.seen);
+        assert!(changes.removed_instances().eq(self.removed.iter().copied()));
+        // Random placements never lead back.
+        let is_moved = |(slot, (key, placement)): &(&u32, &(InstanceKey, Option<Placement>))| {
+            self.before.get(slot).is_some_and(|(former, place)| key == former && placement != place)
+        };
+        assert!(changes.moved_instances().eq(next.before.iter().filter(is_moved).map(|(slot, _)| *slot)));
+        let is_added = |(slot, (key, _)): &(&u32, &(InstanceKey, Option<Placement>))| {
+            self.before.get(slot).is_none_or(|(former, _)| key != former)
+        };
+        assert!(changes.added_instances().eq(next.before.iter().filter(is_added).map(|(slot, _)| *slot)));
+        let shift = next.origin - self.origin;
+        assert_eq!(changes.origin_shift(), (shift != DVec3::ZERO).then_some(shift));
+        *self = next;
+        assert!(world.changes_since(self.seen).is_empty());
+    }
+}
+
 #[test]
-fn the_lists_of_a_delta_are_sorted_and_a_whole_world_names_nothing_as_moved() {
+fn lists_of_changes_are_sorted_and_a_reader_that_has_seen_nothing_finds_all_instances_new() {
     let mut world = Rng(560).world(3, 4, 300, 50.0);
-    world.take_delta();
+    let seen = world.revision();
     let mut moves = random_moves(&world, &mut Rng(561), 5000);
     moves.reverse();
     world.move_instances(&moves).expect("valid");
     let gone: Vec<_> = world.instances().step_by(50).collect();
     gone.iter().rev().for_each(|key| world.remove_instance(*key).expect("it lives"));
-    let delta = world.take_delta();
-    assert!(delta.moved_instances().len() > 500 && delta.removed_instances().len() == gone.len());
-    assert!(delta.moved_instances().is_sorted() && delta.removed_instances().is_sorted());
-    let whole = FrameDelta::everything(&world);
-    assert!(whole.moved_instances().is_empty() && whole.removed_instances().is_empty() && !whole.is_empty());
+    let changes = world.changes_since(seen);
+    let [moved, removed]: [Vec<u32>; 2] = [changes.moved_instances().collect(), changes.removed_instances().collect()];
+    assert!(moved.len() > 500 && removed.len() == gone.len());
+    assert!(moved.is_sorted() && removed.is_sorted());
+    let whole = world.changes_since(Revision::default());
+    assert!(whole.added_instances().eq(world.instances().filter_map(|key| world.slot(key))));
+    assert!(whole.moved_instances().next().is_none() && whole.origin_shift().is_none() && !whole.is_empty());
 }
 
 #[test]
@@ -206,8 +247,7 @@ fn a_refused_move_is_named_and_no_other_move_is_done() {
     let gone = world.instances().last().expect("some instance");
     world.remove_instance(gone).expect("it lives");
     world.update(FrameBudget::NONE);
-    world.take_delta();
-    let before = state(&world, 1);
+    let (before, revision) = (state(&world, 1), world.revision());
     // Few are done in turn, and many on threads.
     let good = last_ones(&random_moves(&world, &mut Rng(563), 2000));
     let far = Placement::at(DVec3::X * MAX_DISTANCE.next_up());
@@ -222,8 +262,8 @@ fn a_refused_move_is_named_and_no_other_move_is_done() {
             moves.splice(at..at, [(key, placement), (gone, far), (first, singular), (first, Placement::IDENTITY)]);
             assert_eq!(source.code(), WorldError::Move { index: at, source: Box::new(source.clone()) }.code());
             assert_eq!(world.move_instances(&moves), Err(WorldError::Move { index: at, source: Box::new(source) }));
-            assert_eq!(world.take_delta(), FrameDelta::default());
             assert_eq!(update(&mut world)[0], 0);
+            assert_eq!(world.revision(), revision);
         };
         refuse(gone, Placement::IDENTITY, WorldError::NoSuchInstance(gone));
         refuse(InstanceKey::default(), far, WorldError::NoSuchInstance(InstanceKey::default()));
@@ -242,8 +282,8 @@ fn moves_to_where_instances_are_cost_nothing() {
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let mut sent = |world: &mut LightWorld| {
         let moved = world.update(FrameBudget::NONE).moved_instances;
-        let delta = world.take_delta();
-        (moved, delta.is_empty(), lights.upload(world, &delta).expect("room enough"))
+        let is_empty = world.changes_since(lights.revision()).is_empty();
+        (moved, is_empty, lights.upload(world).expect("room enough"))
     };
     sent(&mut world);
     let present: Moves = world.instances().map(|key| (key, world.placement(key).expect("it lives"))).collect();

@@ -4,11 +4,12 @@ use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
 use girandole::plan::{FramePlan, LightPlanner, PlanLimits};
 use girandole::{
-    Effects, FrameBudget, FrameDelta, InstanceKey, Light, LightId, LightSampler, LightTree, LightWorld, MAX_DISTANCE,
-    ORIGIN_GRID, OriginMode, Placement, PlacementError, Policy, ShadingPoint, WorldError,
+    Changes, Effects, FrameBudget, InstanceKey, Light, LightId, LightSampler, LightWorld, MAX_DISTANCE, ORIGIN_GRID,
+    OriginMode, Placement, PlacementError, Policy, Revision, ShadingPoint, WorldError,
 };
 
 use crate::gpu::{OTHER_PICKS, compare, gpu, requests, sample};
+use girandole::LightTree;
 use testbed::testing::support::{Rng, all_pmfs};
 
 /// 10,000 km from zero, on the grid.
@@ -167,17 +168,17 @@ fn on_flight(kilometres: f64) -> DVec3 {
     FAR + DVec3::new(1000.0 * kilometres, 0.3, -400.0 * kilometres)
 }
 
-/// The delta of a frame with this viewpoint.
-fn frame(world: &mut LightWorld, viewpoint: DVec3) -> FrameDelta {
+/// What changes in a frame with this viewpoint.
+fn frame(world: &mut LightWorld, viewpoint: DVec3) -> Changes<'_> {
+    let seen = world.revision();
     world.set_viewpoint(viewpoint).expect("within the limits");
     world.update(FrameBudget::NONE);
-    world.take_delta()
+    world.changes_since(seen)
 }
 
 #[test]
 fn a_flight_of_ten_thousand_kilometres_and_back_leaves_every_bit_as_it_was() {
     let mut world = world_at(FAR, 60.0, OriginMode::Following);
-    world.take_delta();
     let start = points_at(FAR, 60.0, 12);
     let outcomes = |world: &LightWorld| {
         let sampler = world.sampler();
@@ -188,11 +189,12 @@ fn a_flight_of_ten_thousand_kilometres_and_back_leaves_every_bit_as_it_was() {
     let steps = 0..=30_000;
     for step in steps.clone().chain(steps.rev()) {
         let viewpoint = on_flight(f64::from(step) / 3.0);
-        let delta = frame(&mut world, viewpoint);
-        assert!(delta.moved_instances().is_empty() && delta.removed_instances().is_empty());
+        let changes = frame(&mut world, viewpoint);
+        assert!(changes.moved_instances().next().is_none() && changes.removed_instances().next().is_none());
+        assert_eq!(changes.is_empty(), changes.origin_shift().is_none());
+        let shift = changes.origin_shift();
         assert_eq!(world.update(FrameBudget::NONE).moved_instances, 0);
-        assert_eq!(delta.is_empty(), delta.origin_shift().is_none());
-        if let Some(shift) = delta.origin_shift() {
+        if let Some(shift) = shift {
             assert_eq!(origin + shift, world.origin(), "exact");
             assert!((viewpoint - world.origin()).abs().max_element() <= 0.5 * ORIGIN_GRID);
             (origin, shifts) = (world.origin(), shifts + 1);
@@ -222,24 +224,24 @@ fn a_camera_that_turns_around_moves_the_origin_only_after_half_a_step() {
     // A teleport moves it once, and a return within one frame not at all.
     let far = 488_281.0 * ORIGIN_GRID;
     assert_eq!(at(far + 511.0), Some(DVec3::new(far, 0.0, -far)));
+    let seen = world.revision();
     world.set_viewpoint(DVec3::ZERO).expect("near");
     assert_eq!(world.origin(), DVec3::ZERO);
-    assert_eq!(frame(&mut world, DVec3::new(far, 0.0, -far)).origin_shift(), None);
+    frame(&mut world, DVec3::new(far, 0.0, -far));
+    assert!(world.changes_since(seen).is_empty());
 }
 
 /// Everything that a refused call could have changed.
-fn state(world: &mut LightWorld) -> (OriginMode, DVec3, bool, Effects, Vec<f32>) {
-    let is_unchanged = world.take_delta().is_empty();
+fn state(world: &LightWorld) -> (OriginMode, Revision, Effects, Vec<f32>) {
     let at = ShadingPoint::volume(Vec3::ONE);
     let pmfs = all_pmfs(&world.sampler(), &at).into_iter().map(|(_, pmf)| pmf).collect();
-    (world.origin_mode(), world.origin(), is_unchanged, world.effects(), pmfs)
+    (world.origin_mode(), world.revision(), world.effects(), pmfs)
 }
 
 #[test]
 fn an_origin_or_a_viewpoint_that_is_refused_changes_nothing() {
     let mut world = world_at(FAR, 60.0, OriginMode::Following);
-    world.take_delta();
-    let before = state(&mut world);
+    let before = state(&world);
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         let bad = DVec3::new(0.0, bad, 0.0);
         assert!(matches!(world.set_viewpoint(bad), Err(WorldError::NotFinite { .. })));
@@ -254,14 +256,13 @@ fn an_origin_or_a_viewpoint_that_is_refused_changes_nothing() {
         let refused = Err(WorldError::OriginOffGrid { value, grid: ORIGIN_GRID });
         assert_eq!(world.set_origin(DVec3::new(FAR.x, value, FAR.z)), refused);
     }
-    assert_eq!(state(&mut world), before);
+    assert_eq!(state(&world), before);
     // Without sectors the origin may be anywhere near; with them it may not stay there.
     world.set_origin_mode(OriginMode::Free).expect("all instances are near");
     world.set_origin(FAR + 0.5).expect("near");
-    world.take_delta();
-    let before = state(&mut world);
+    let before = state(&world);
     assert!(matches!(world.set_origin_mode(OriginMode::Grid), Err(WorldError::OriginOffGrid { .. })));
-    assert_eq!(state(&mut world), before);
+    assert_eq!(state(&world), before);
     // Instances that are near an origin far beyond the limit.
     let mut world = LightWorld::new();
     world.set_origin(DVec3::X * 4.0 * MAX_DISTANCE).expect("no instances");
@@ -269,10 +270,9 @@ fn an_origin_or_a_viewpoint_that_is_refused_changes_nothing() {
     world.add_instance(tree, Placement::at(DVec3::X * 3.5 * MAX_DISTANCE), Policy::Static).expect("near the origin");
     assert!(matches!(world.set_origin_mode(OriginMode::Following), Err(WorldError::OriginTooFar { .. })));
     world.set_origin(DVec3::X * 2.5e6 * ORIGIN_GRID).expect("near the instance");
-    world.take_delta();
-    let before = state(&mut world);
+    let before = state(&world);
     assert!(matches!(world.set_origin_mode(OriginMode::Following), Err(WorldError::OriginTooFar { .. })));
-    assert_eq!(state(&mut world), before);
+    assert_eq!(state(&world), before);
 }
 
 #[test]
@@ -306,13 +306,13 @@ fn rows(instances: u32) -> (LightWorld, LightPlanner) {
         world.add_instance(tree, Placement::at(at), Policy::Static).expect("valid");
     }
     let mut planner = LightPlanner::new(PlanLimits::default());
-    let delta = frame(&mut world, DVec3::ZERO);
-    plan(&mut planner, &world, &delta);
+    frame(&mut world, DVec3::ZERO);
+    plan(&mut planner, &world);
     (world, planner)
 }
 
-fn plan(planner: &mut LightPlanner, world: &LightWorld, delta: &FrameDelta) -> FramePlan {
-    planner.reserve(world, delta).expect("room enough").plan()
+fn plan(planner: &mut LightPlanner, world: &LightWorld) -> FramePlan {
+    planner.reserve(world).expect("room enough").plan()
 }
 
 #[test]
@@ -322,11 +322,11 @@ fn a_move_of_the_origin_sends_two_uniforms_whatever_the_size_of_the_world() {
     for instances in [1, 1_000, 20_000] {
         let (mut world, mut planner) = rows(instances);
         for kilometres in [0.5, 1.5, 2.2, 10_000.0, 3.0] {
-            let delta = frame(&mut world, on_flight(kilometres));
-            assert!(delta.origin_shift().is_some() || kilometres == 2.2);
-            let plan = plan(&mut planner, &world, &delta);
+            let shift = frame(&mut world, on_flight(kilometres)).origin_shift();
+            assert!(shift.is_some() || kilometres == 2.2);
+            let plan = plan(&mut planner, &world);
             assert_eq!((plan.report.instances, plan.report.trees, plan.new_buffers.len()), (0, 0, 0));
-            if delta.origin_shift().is_none() {
+            if shift.is_none() {
                 assert!(plan.is_empty() && kilometres == 2.2);
                 continue;
             }
@@ -339,9 +339,8 @@ fn a_move_of_the_origin_sends_two_uniforms_whatever_the_size_of_the_world() {
         world.move_instance(key, Placement::at(FAR)).expect("within the limits");
         world.set_viewpoint(FAR).expect("within the limits");
         world.update(FrameBudget::NONE);
-        let delta = world.take_delta();
-        assert!(delta.origin_shift().is_some());
-        let plan = plan(&mut planner, &world, &delta);
+        assert!(world.changes_since(planner.revision()).origin_shift().is_some());
+        let plan = plan(&mut planner, &world);
         assert_eq!((plan.report.instances, plan.report.bytes), (1, BYTES + 96));
     }
 }

@@ -24,23 +24,85 @@ fn paths(text: &str) -> impl Iterator<Item = &str> {
 }
 
 #[test]
-fn every_file_that_a_source_names_exists() {
+fn every_file_that_a_text_names_exists() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut count = 0;
     let mut missing = Vec::new();
-    // The documents are for people, and link to other places too.
-    for folder in &FOLDERS[..6] {
-        for path in files(&root.join(folder)) {
-            // Pictures and data are no text.
-            let Ok(text) = fs::read_to_string(&path) else { continue };
-            for named in paths(&text) {
-                count += 1;
-                if !root.join(named).is_file() {
-                    missing.push(format!("{} names {named}", path.strip_prefix(root).expect("inside").display()));
-                }
+    // The archive and the changelog tell of files that there were.
+    let paths_of_texts = FOLDERS.iter().flat_map(|folder| files(&root.join(folder)));
+    for path in paths_of_texts.filter(|path| !path.ends_with("decisions-archive.md")) {
+        // Pictures and data are no text.
+        let Ok(text) = fs::read_to_string(&path) else { continue };
+        let path = path.strip_prefix(root).expect("inside");
+        // Packages name their own files.
+        let package: PathBuf = path.iter().take(2).collect();
+        // Other projects have files of such names too.
+        for named in text.lines().filter(|line| !line.contains("https://")).flat_map(paths) {
+            count += 1;
+            if !root.join(named).is_file() && !root.join(&package).join(named).is_file() {
+                missing.push(format!("{} names {named}", path.display()));
             }
         }
     }
     assert!(missing.is_empty(), "{missing:#?}");
     assert!(count > 50, "only {count} names were found");
+}
+
+/// The name of a heading in links, as GitHub makes it.
+fn anchor(heading: &str) -> String {
+    let heading = heading.trim().to_lowercase();
+    let kept = heading.chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c));
+    kept.map(|c| if c == ' ' { '-' } else { c }).collect()
+}
+
+/// The text of a page outside of code.
+fn prose(page: &str) -> String {
+    page.split("```").step_by(2).collect()
+}
+
+/// All pages for people.
+fn pages() -> Vec<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folders = ["docs", "examples"].iter().flat_map(|folder| files(&root.join(folder)));
+    let pages = folders.filter(|path| path.extension().is_some_and(|end| end == "md"));
+    pages.chain(["README.md", "CHANGELOG.md"].map(|name| root.join(name))).collect()
+}
+
+#[test]
+fn every_link_of_a_page_leads_to_a_file_and_a_heading() {
+    let mut count = 0;
+    let mut broken = Vec::new();
+    for path in pages() {
+        let text = prose(&fs::read_to_string(&path).expect("a page"));
+        for target in text.split("](").skip(1).filter_map(|rest| rest.split_once(')')).map(|(target, _)| target) {
+            if target.starts_with("http") {
+                continue;
+            }
+            count += 1;
+            let (file, heading) = target.split_once('#').unwrap_or((target, ""));
+            let to = if file.is_empty() { path.clone() } else { path.with_file_name("").join(file) };
+            let is_there = to.exists()
+                && (heading.is_empty() || {
+                    let page = prose(&fs::read_to_string(&to).expect("a page"));
+                    page.lines().any(|line| line.starts_with('#') && anchor(line.trim_start_matches('#')) == heading)
+                });
+            if !is_there {
+                broken.push(format!("{} links to {target}", path.display()));
+            }
+        }
+    }
+    assert!(broken.is_empty(), "{broken:#?}");
+    assert!(count > 300, "only {count} links were found");
+}
+
+#[test]
+fn every_page_with_rust_is_compiled() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let compiled = fs::read_to_string(root.join("src/lib.rs")).expect("the library");
+    for path in files(&root.join("docs")).iter().filter(|path| path.extension().is_some_and(|end| end == "md")) {
+        // A package of its own compiles the page on Bevy.
+        let is_compiled = fs::read_to_string(path).expect("a page").contains("```rust\n");
+        let name = path.file_name().expect("a file").to_string_lossy();
+        assert!(!is_compiled || compiled.contains(&format!("../docs/{name}")), "{name} is not in src/lib.rs");
+    }
 }

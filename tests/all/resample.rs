@@ -45,7 +45,7 @@ fn one_candidate_is_a_plain_sample() {
         // The target of a single candidate cancels.
         let target = rng.unit() + 0.01;
         assert_eq!(sampler.resample_by(&shading_point, u, CandidateCount::ONE, |_| target), one);
-        if let Some(Reservoir { chosen: sample, weight }) = one {
+        if let Some(Reservoir { chosen: sample, weight, .. }) = one {
             assert_eq!(weight, 1.0 / (sample.pmf * sample.incident.pdf));
             lit += 1;
         }
@@ -235,7 +235,7 @@ fn variance(
     let (mut sum, mut squares) = (0.0, 0.0);
     for _ in 0..draws {
         let kept = sampler.resample(shading_point, random_numbers(rng), candidates);
-        let value = kept.map_or(0.0, |Reservoir { chosen: sample, weight }| {
+        let value = kept.map_or(0.0, |Reservoir { chosen: sample, weight, .. }| {
             let lux = luminance(sample.incident.radiance) * cosine(shading_point, sample.incident.direction);
             f64::from(lux) * f64::from(weight)
         });
@@ -330,8 +330,7 @@ fn the_gpu_keeps_the_same_candidates_with_the_same_weights() {
             keys.into_iter().for_each(|key| world.remove_directional(key).expect("a live key"));
         }
         let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-        let delta = world.take_delta();
-        lights.upload(&world, &delta).expect("room enough");
+        lights.upload(&world).expect("room enough");
         let input = buffer(&device, &queue, bytemuck::cast_slice(&requests));
         for candidates in [1, 2, 5, 8, MAX_CANDIDATES].map(candidate_count) {
             let output = buffer(&device, &queue, &vec![0; count * size_of::<ReservoirRecord>()]);
@@ -401,10 +400,9 @@ fn an_engines_function_weighs_the_same_candidates_on_the_gpu() {
     let count = 2048;
     let mut requests = requests(&mut rng, count, 25.0);
     requests.iter_mut().for_each(|request| request.padding = f32::NAN.to_bits());
-    let mut world = rng.world(5, 50, 5, 20.0);
+    let world = rng.world(5, 50, 5, 20.0);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    let delta = world.take_delta();
-    lights.upload(&world, &delta).expect("room enough");
+    lights.upload(&world).expect("room enough");
     let hook = TargetHook::new("candidate", "argument").expect("identifiers");
     let shader = lights.shader(1, Effects::all()).with_target(hook);
     let mut lit = 0;

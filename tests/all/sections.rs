@@ -5,8 +5,7 @@ use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::{GpuLights, wgsl};
 use girandole::plan::{LightPlanner, PlanLimits};
 use girandole::{
-    Effects, FrameBudget, FrameDelta, InstanceKey, Light, LightTree, LightWorld, Placement, Policy, Region,
-    RegionInstance, TreeKey,
+    Effects, FrameBudget, InstanceKey, Light, LightTree, LightWorld, Placement, Policy, Region, RegionInstance, TreeKey,
 };
 
 use crate::gpu::{OTHER_PICKS, ask, compare, gpu, question_at, requests, sample};
@@ -183,10 +182,8 @@ fn sections_arrive_with_the_last_piece_of_a_tree_that_is_sent_over_several_frame
         change(&mut town, &mut rng, round);
         let trees: Vec<TreeKey> = town.world.trees().collect();
         let is_waiting = |lights: &GpuLights| trees.iter().any(|tree| lights.is_waiting(*tree));
-        let mut delta = town.world.take_delta();
         loop {
-            lights.upload(&town.world, &delta).expect("room enough");
-            delta = FrameDelta::default();
+            lights.upload(&town.world).expect("room enough");
             if !is_waiting(&lights) {
                 break;
             }
@@ -214,8 +211,7 @@ fn a_changed_light_sends_the_sections_near_it_and_not_all_of_them() {
     let mut planner = LightPlanner::new(PlanLimits::new(1 << 30));
     let mut send = |world: &mut LightWorld| {
         world.update(FrameBudget::NONE);
-        let delta = world.take_delta();
-        planner.reserve(world, &delta).expect("room enough").plan().report.bytes
+        planner.reserve(world).expect("room enough").plan().report.bytes
     };
     let all = send(&mut world);
     for i in 0..10 {

@@ -385,8 +385,7 @@ fn the_setting_is_an_effect_that_costs_one_uniform_and_no_record() {
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let mut upload = |world: &mut LightWorld| {
         world.update(FrameBudget::NONE);
-        let delta = world.take_delta();
-        let report = lights.upload(world, &delta).expect("room enough");
+        let report = lights.upload(world).expect("room enough");
         assert_eq!(lights.effects(), world.effects());
         (report.bytes, report.trees, report.instances)
     };

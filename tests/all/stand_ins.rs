@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::gpu::{GpuLights, wgsl};
-use girandole::{Effects, FrameBudget, FrameDelta, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint};
+use girandole::{Effects, FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint};
 
 use crate::gpu::{ask, gpu, question_at};
+use girandole::LightTree;
 use testbed::testing::support::Rng;
 
 /// The index of the first stand-in of a tree.
@@ -67,8 +68,7 @@ fn stand_ins_are_sampled_with_their_true_probabilities_and_are_as_bright_as_thei
     world.update(FrameBudget::NONE);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     lights.set_frame_bytes(Some(0));
-    let delta = world.take_delta();
-    let report = lights.upload(&world, &delta).expect("room enough");
+    let report = lights.upload(&world).expect("room enough");
     assert_eq!((report.stand_ins, report.waiting_trees), (2, 2));
     for (position, far) in [(Vec3::new(10.0, 4.0, 2.0), false), (Vec3::new(20.0, 900.0, 0.0), true)] {
         let answers = samples(&mut lights, &mut rng, position, 8192);
@@ -102,7 +102,7 @@ fn stand_ins_are_sampled_with_their_true_probabilities_and_are_as_bright_as_thei
     }
     // All trees come once bytes are allowed.
     lights.set_frame_bytes(None);
-    let report = lights.upload(&world, &FrameDelta::default()).expect("room enough");
+    let report = lights.upload(&world).expect("room enough");
     assert_eq!((report.stand_ins, report.waiting_trees, report.waiting_bytes), (0, 0, 0));
     let answers = samples(&mut lights, &mut rng, Vec3::new(10.0, 4.0, 2.0), 1024);
     assert!(answers.iter().all(|answer| answer.stands_in == 0 && answer.light < 400 && answer.first > 0.0));

@@ -7,7 +7,7 @@ use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
 use girandole::{
     Attribute, DirectionalKey, DirectionalLight, Effects, FrameBudget, InstanceKey, Light, LightError, LightId,
-    LightTree, LightWorld, MAX_FACTOR, Placement, PlacementError, Policy, ShadingPoint, SplitCount, TreeKey,
+    LightTree, LightWorld, MAX_FACTOR, Placement, PlacementError, Policy, Revision, ShadingPoint, SplitCount, TreeKey,
     WorldError,
 };
 use proptest::prelude::*;
@@ -35,7 +35,7 @@ fn scattered(rng: &mut Rng, count: u32) -> Vec<(u32, Light)> {
 }
 
 /// Everything about a world that a refused call must not change.
-fn fingerprint(world: &mut LightWorld) -> String {
+fn fingerprint(world: &LightWorld) -> String {
     let appearance = |i| (world.is_enabled(i), world.user_data(i), world.factor(i), world.mask(i));
     let placements: Vec<_> =
         world.instances().map(|i| (i, world.placement(i), world.policy(i), appearance(i))).collect();
@@ -43,7 +43,7 @@ fn fingerprint(world: &mut LightWorld) -> String {
     let directionals: Vec<_> =
         world.directionals().map(|key| (key, *world.directional(key).expect("it lives"))).collect();
     let counts = (world.light_count(), world.origin());
-    format!("{placements:?} {trees:?} {directionals:?} {counts:?} {:?}", world.take_delta())
+    format!("{placements:?} {trees:?} {directionals:?} {counts:?} {:?}", world.revision())
 }
 
 #[test]
@@ -59,8 +59,7 @@ fn a_refused_call_leaves_the_world_as_it_was() {
         (tree, instance)
     };
     world.update(FrameBudget::NONE);
-    world.take_delta();
-    let before = fingerprint(&mut world);
+    let before = fingerprint(&world);
 
     let bad_light = Light::point(Vec3::ZERO, Vec3::new(0.0, -1.0, 0.0));
     let nan = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, f32::NAN, 1.0)), ..Placement::IDENTITY };
@@ -112,7 +111,7 @@ fn a_refused_call_leaves_the_world_as_it_was() {
         let refusal = refusal.as_ref().unwrap_or_else(|| panic!("call {number} was accepted"));
         assert!(!refusal.to_string().is_empty());
     }
-    assert_eq!(fingerprint(&mut world), before);
+    assert_eq!(fingerprint(&world), before);
     let is_refused_factor = |refusal: &Option<WorldError>| matches!(refusal, Some(WorldError::Factor { .. }));
     assert!(refusals[26..30].iter().all(is_refused_factor));
     assert!(matches!(refusals[7], Some(WorldError::Placement(PlacementError::NotFinite { .. }))));
@@ -132,23 +131,25 @@ fn an_empty_world_refuses_an_origin_that_is_not_finite() {
 }
 
 #[test]
-fn a_frame_in_which_nothing_moved_refits_nothing_and_has_an_empty_delta() {
+fn a_frame_in_which_nothing_moved_refits_nothing_and_changes_nothing() {
     let mut world = Rng(21).world(3, 20, 4, 10.0);
     world.update(FrameBudget::UNLIMITED);
-    assert!(!world.take_delta().is_empty());
+    assert!(!world.changes_since(Revision::default()).is_empty());
+    let seen = world.revision();
     let report = world.update(FrameBudget::UNLIMITED);
     assert_eq!((report.refit_trees, report.rebuilt_trees, report.moved_instances), (0, 0, 0));
-    assert!(world.take_delta().is_empty());
+    assert!(world.changes_since(seen).is_empty());
     // An instance that moves twice counts once; a move to the present place is no move.
     let mover = world.instances().nth(2).expect("twelve instances");
     world.move_instance(mover, at(1.0)).expect("valid");
     world.move_instance(mover, at(2.0)).expect("valid");
     assert_eq!(world.update(FrameBudget::UNLIMITED).moved_instances, 1);
-    assert!(!world.take_delta().is_empty());
+    assert!(world.changes_since(seen).moved_instances().eq(world.slot(mover)));
+    let seen = world.revision();
     let instance = world.instances().next().expect("an instance");
     let here = world.placement(instance).expect("it lives");
     world.move_instance(instance, here).expect("valid");
-    assert!(world.take_delta().is_empty());
+    assert!(world.changes_since(seen).is_empty());
 }
 
 #[test]
@@ -372,12 +373,11 @@ fn lights_that_are_set_to_what_they_are_cause_no_refit_and_no_upload() {
     let tree = world.add_tree(LightTree::new(lights.clone()).expect("valid"));
     world.add_instance(tree, at(0.0), Policy::AlwaysRebuild).expect("valid");
     world.update(FrameBudget::UNLIMITED);
-    world.take_delta();
     let is_still = |world: &mut LightWorld| {
-        let before = world.active_effects();
+        let before = (world.active_effects(), world.revision());
         let report = world.update(FrameBudget::UNLIMITED);
         let counts = (report.refit_trees, report.refit_lights, report.rebuilt_trees, report.waiting_trees);
-        counts == (0, 0, 0, 0) && world.take_delta().is_empty() && world.active_effects() == before
+        counts == (0, 0, 0, 0) && (world.active_effects(), world.revision()) == before
     };
     let same: Vec<_> = (0..).zip(lights.clone()).collect();
     world.set_lights(tree, &same).expect("valid");
@@ -390,10 +390,11 @@ fn lights_that_are_set_to_what_they_are_cause_no_refit_and_no_upload() {
     world.set_lights(tree, &same).expect("valid");
     assert!(is_still(&mut world), "back in a later call");
     // The last value counts, and one light that differs is a change.
+    let before = world.revision();
     world.set_lights(tree, &[(7, lights[7]), (8, lights[9]), (7, other), (8, lights[8])]).expect("valid");
     let report = world.update(FrameBudget::UNLIMITED);
     assert_eq!((report.refit_trees, report.refit_lights, report.rebuilt_trees), (1, 300, 1));
-    assert!(!world.take_delta().is_empty());
+    assert!(world.revision() != before);
     let present = world.tree(tree).expect("it lives").lights();
     assert!(present.iter().zip(&lights).enumerate().all(|(i, (now, before))| (now == before) == (i != 7)));
     assert_eq!(present[7], other);
@@ -408,7 +409,6 @@ fn disordered(policy: Policy) -> (LightWorld, InstanceKey) {
     let instance = world.add_instance(tree, at(0.0), policy).expect("valid");
     world.set_lights(tree, &scattered(&mut rng, 300)).expect("valid");
     assert_eq!(world.update(FrameBudget::NONE).waiting_trees, 0);
-    world.take_delta();
     (world, instance)
 }
 
@@ -417,10 +417,11 @@ fn a_new_policy_asks_for_a_rebuild_without_a_refit_or_an_upload() {
     // Without attributes so far, and with them.
     for former in [Policy::RefitOnly, Policy::Bounded { floor: 1.0e9, ceiling: 1.0e9 }] {
         let (mut world, instance) = disordered(former);
+        let before = world.revision();
         world.set_policy(instance, Policy::Budgeted).expect("valid");
         let report = world.update(FrameBudget::NONE);
         assert_eq!((report.refit_trees, report.refit_lights, report.waiting_trees), (0, 0, 1), "{former:?}");
-        assert!(world.take_delta().is_empty(), "{former:?}");
+        assert_eq!(world.revision(), before, "{former:?}");
         assert_eq!(world.update(FrameBudget::UNLIMITED).rebuilt_trees, 1, "{former:?}");
     }
     // The question goes along with a copy of the tree.
@@ -433,28 +434,30 @@ fn a_new_policy_asks_for_a_rebuild_without_a_refit_or_an_upload() {
     // Another one that asks for nothing, and a tree that waits for its lights to change.
     for policy in [Policy::Bounded { floor: 1.0e9, ceiling: 2.0e9 }, Policy::Static, Policy::AlwaysRebuild] {
         let (mut world, instance) = disordered(Policy::RefitOnly);
+        let before = world.revision();
         world.set_policy(instance, policy).expect("valid");
         let report = world.update(FrameBudget::UNLIMITED);
         assert_eq!((report.refit_trees, report.waiting_trees, report.rebuilt_trees), (0, 0, 0), "{policy:?}");
-        assert!(world.take_delta().is_empty(), "{policy:?}");
+        assert_eq!(world.revision(), before, "{policy:?}");
     }
 }
 
 #[test]
 fn a_policy_that_is_set_to_what_it_is_changes_nothing() {
     let (mut world, instance) = disordered(Policy::RefitOnly);
+    let before = world.revision();
     world.set_policy(instance, Policy::RefitOnly).expect("valid");
     let report = world.update(FrameBudget::UNLIMITED);
     assert_eq!((report.refit_trees, report.waiting_trees), (0, 0));
-    assert!(world.take_delta().is_empty());
+    assert_eq!(world.revision(), before);
     // A tree that has what it asked for is not asked again.
     world.set_policy(instance, Policy::Budgeted).expect("valid");
     assert_eq!(world.update(FrameBudget::UNLIMITED).rebuilt_trees, 1);
-    world.take_delta();
+    let before = world.revision();
     world.set_policy(instance, Policy::Budgeted).expect("valid");
     let report = world.update(FrameBudget::UNLIMITED);
     assert_eq!((report.refit_trees, report.rebuilt_trees), (0, 0));
-    assert!(world.take_delta().is_empty());
+    assert_eq!(world.revision(), before);
 }
 
 #[test]
@@ -511,9 +514,10 @@ fn a_hidden_instance_contributes_nothing_until_it_is_moved_back() {
         let (slot, policy, lights) = (world.slot(key), world.policy(key), world.light_count());
         let shown = world.placement(key).expect("it lives");
         without.remove_instance(key).expect("worlds of one seed have the same keys");
-        world.take_delta();
+        let seen = world.revision();
         world.move_instance(key, hidden(3.0)).expect("zero hides");
-        assert!(!world.take_delta().is_empty());
+        assert!(world.changes_since(seen).moved_instances().eq(slot));
+        let seen = world.revision();
         assert_eq!((world.slot(key), world.policy(key), world.light_count()), (slot, policy, lights));
         assert_eq!(world.instance_at(slot.expect("it lives")), Some(key));
 
@@ -545,7 +549,7 @@ fn a_hidden_instance_contributes_nothing_until_it_is_moved_back() {
         // Moved back, it is what it was.
         let fresh = Rng(35 + seed).world(3, 20, 4, 10.0);
         world.move_instance(key, shown).expect("valid");
-        assert!(!world.take_delta().is_empty());
+        assert!(world.changes_since(seen).moved_instances().eq(slot));
         let shading_point = rng.shading_point(15.0);
         assert_eq!(all_pmfs(&world.sampler(), &shading_point), all_pmfs(&fresh.sampler(), &shading_point));
         assert_eq!(world.effect_counts(), fresh.effect_counts());

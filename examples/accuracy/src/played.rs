@@ -112,9 +112,8 @@ impl Uploads {
     /// Sends what changed since the last call. Returns the time of the library's call, and the
     /// number of bytes.
     fn send(&mut self, world: &mut LightWorld) -> Result<(Duration, u64), SceneError> {
-        let delta = world.take_delta();
         let start = Instant::now();
-        let report = self.lights.upload(world, &delta).map_err(|error| SceneError(error.to_string()))?;
+        let report = self.lights.upload(world).map_err(|error| SceneError(error.to_string()))?;
         let time = start.elapsed();
         self.queue.submit([]);
         wait(&self.device).map_err(SceneError)?;

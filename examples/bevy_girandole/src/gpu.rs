@@ -10,7 +10,7 @@ use bevy::render::render_resource::{
 };
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue};
 use girandole::gpu::GpuLights;
-use girandole::{Effects, FrameDelta};
+use girandole::Effects;
 
 use crate::kinds::KindRecord;
 use crate::settings::{GirandoleReport, GirandoleSettings, GirandoleStats};
@@ -105,13 +105,8 @@ pub fn prepare(
     let frame = lights.update(settings.budget);
     let update = start.elapsed();
     let start = Instant::now();
-    let mut delta = lights.world.take_delta();
-    if gpu.frames == 0 {
-        // A new device knows nothing of the world yet.
-        delta = FrameDelta::everything(&lights.world);
-    }
     let (mut bytes, mut instances) = (0, 0);
-    match gpu.lights.upload(&lights.world, &delta) {
+    match gpu.lights.upload(&lights.world) {
         Ok(report) => (bytes, instances) = (report.bytes, report.instances),
         Err(error) => error_once!("girandole: {error}"),
     }

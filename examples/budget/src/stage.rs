@@ -228,6 +228,7 @@ fn position(light: &Light) -> Vec3 {
         Shape::Point { position } | Shape::Spot { position, .. } => position,
         Shape::Rectangle { center, .. } | Shape::Sphere { center, .. } => center,
         Shape::Triangle { vertices, .. } => vertices[0],
+        _ => unreachable!("this version has no others"),
     }
 }
 

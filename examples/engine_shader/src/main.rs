@@ -86,8 +86,7 @@ fn sampled(world: &mut LightWorld) -> Result<f32, Box<dyn Error>> {
 
     // In every frame: upload the changes, record the build of the top level, and then the engine's
     // own passes.
-    let delta = world.take_delta();
-    lights.upload(world, &delta)?;
+    lights.upload(world)?;
     let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
     lights.build_top(&mut encoder);
     let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());

@@ -26,7 +26,7 @@ pub struct FrameCosts {
     /// Moves of vehicles and edits of lights, and the viewpoint.
     pub edits: Duration,
     pub update: Duration,
-    /// Taking the delta, and planning the frame.
+    /// Planning the frame.
     pub plan: Duration,
     pub arrived: usize,
     pub left: usize,
@@ -96,8 +96,7 @@ impl Flight {
         world.set_viewpoint(camera)?;
         world.update(FrameBudget::UNLIMITED);
         planner.set_frame_bytes(None);
-        let delta = world.take_delta();
-        play(&planner.reserve(&world, &delta)?.plan());
+        play(&planner.reserve(&world)?.plan());
         planner.set_frame_bytes(settings.limits.frame_bytes);
         Ok(Self { settings, route, world, planner, builder, stream, loader, traffic, frame: 0, flown: 0, camera })
     }
@@ -150,8 +149,7 @@ impl Flight {
         parts[2] = thread_time();
         costs.report = self.world.update(FrameBudget::new(self.settings.budget));
         parts[3] = thread_time();
-        let delta = self.world.take_delta();
-        let plan = self.planner.reserve(&self.world, &delta)?.plan();
+        let plan = self.planner.reserve(&self.world)?.plan();
         parts[4] = thread_time();
         costs.wall = wall.elapsed();
         costs.frame = parts[4] - parts[0];
@@ -168,8 +166,7 @@ impl Flight {
             self.loader.free(self.world.remove_region(key)?);
         }
         self.world.update(FrameBudget::NONE);
-        let delta = self.world.take_delta();
-        play(&self.planner.reserve(&self.world, &delta)?.plan());
+        play(&self.planner.reserve(&self.world)?.plan());
         Ok(())
     }
 }

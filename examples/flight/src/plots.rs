@@ -21,7 +21,7 @@ const PANELS: [Panel; 10] = [
     Panel { title: "frame, CPU time in µs", value: |row| us(row.costs.frame) },
     Panel { title: "update, µs", value: |row| us(row.costs.update) },
     Panel { title: "regions, µs", value: |row| us(row.costs.regions) },
-    Panel { title: "delta and plan, µs", value: |row| us(row.costs.plan) },
+    Panel { title: "plan, µs", value: |row| us(row.costs.plan) },
     Panel { title: "uploaded, KB", value: |row| row.upload.bytes as f64 * 1.0e-3 },
     Panel { title: "resident lights, thousands", value: |row| row.lights as f64 * 1.0e-3 },
     Panel { title: "trees waiting for an upload", value: |row| row.upload.waiting_trees as f64 },

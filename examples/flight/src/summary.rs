@@ -71,7 +71,7 @@ impl Summary {
         times("  regions", |row| us(row.costs.regions));
         times("  moves and edits", |row| us(row.costs.edits));
         times("  update", |row| us(row.costs.update));
-        times("  delta and plan", |row| us(row.costs.plan));
+        times("  plan", |row| us(row.costs.plan));
         let bytes = Spread::of(rows.iter().map(|row| row.upload.bytes as f64));
         line("bytes uploaded in a frame", format!("median {:.0}, worst {:.0}", bytes.median, bytes.worst));
         let waiting = Spread::of(rows.iter().map(|row| row.upload.waiting_trees as f64));

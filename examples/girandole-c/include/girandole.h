@@ -101,9 +101,6 @@ typedef struct GirandoleBlob GirandoleBlob;
 // Checks that plans are played in order. Keep one for each set of buffers on which plans are played.
 typedef struct GirandoleCursor GirandoleCursor;
 
-// The changes of a world since the last delta. Belongs to one world.
-typedef struct GirandoleDelta GirandoleDelta;
-
 // The commands of one frame. It does not depend on the planner and the world, and any thread may use it.
 typedef struct GirandolePlan GirandolePlan;
 
@@ -112,6 +109,12 @@ typedef struct GirandolePlan GirandolePlan;
 //
 // Threads: one thread at a time.
 typedef struct GirandolePlanner GirandolePlanner;
+
+// Follows the changes of one world, for renderers that keep samples from frame to frame. Any number of readers
+// may follow a world. Planners follow it by themselves.
+//
+// Threads: one thread at a time.
+typedef struct GirandoleReader GirandoleReader;
 
 // Trees and instances that are to be added to a world as a whole, for example a block of houses.
 //
@@ -394,22 +397,27 @@ typedef struct GirandoleSample {
     uint32_t user_data;
 } GirandoleSample;
 
-// What renderers that keep samples from frame to frame need to know of a delta.
-typedef struct GirandoleDeltaView {
+// What changed in a world since a reader read it last. The arrays belong to the reader, and are valid until its
+// next call.
+typedef struct GirandoleChanges {
     // By how much the origin moved, in metres: subtract it from positions that are kept relative to the
-    // origin. 0 if it did not move.
+    // origin. 0 if it did not move, and in the first call.
     struct GirandoleDVec3 origin_shift;
-    // Slots of instances that were moved, ascending. Belongs to the delta.
+    // Slots of instances that were moved, ascending.
     const uint32_t *moved_instances;
     // The number of these slots.
     size_t moved_count;
-    // Slots of instances that were removed, ascending. Belongs to the delta.
+    // Slots of instances that were added, ascending.
+    const uint32_t *added_instances;
+    // The number of these slots.
+    size_t added_count;
+    // Slots that an instance was removed from, ascending.
     const uint32_t *removed_instances;
     // The number of these slots.
     size_t removed_count;
     // 1 if nothing changed, else 0.
     uint32_t is_empty;
-} GirandoleDeltaView;
+} GirandoleChanges;
 
 // What a buffer is bound as: one of GIRANDOLE_BUFFER_*.
 typedef uint32_t GirandoleBufferUsage;
@@ -643,7 +651,7 @@ typedef struct GirandoleKernel {
 // The planner has no reservation: call girandole_planner_reserve first.
 #define GIRANDOLE_ERROR_NOT_RESERVED 13
 
-// The planner or the delta belongs to another world.
+// The planner or the reader follows another world.
 #define GIRANDOLE_ERROR_OTHER_WORLD 14
 
 // A shader text is not valid WGSL. The message contains the line.
@@ -895,7 +903,7 @@ GirandoleStatus girandole_world_set_origin(struct GirandoleWorld *world, struct 
 // Stores the origin, in metres.
 GirandoleStatus girandole_world_origin(const struct GirandoleWorld *world, struct GirandoleDVec3 *origin);
 
-// Sets the position of the camera, in metres. Call it before the delta of a frame is taken. Rebuilds of
+// Sets the position of the camera, in metres. Call it before the reservation of a frame. Rebuilds of
 // nearby trees get more weight, and with GIRANDOLE_ORIGIN_FOLLOWING the origin may move.
 GirandoleStatus girandole_world_set_viewpoint(struct GirandoleWorld *world, struct GirandoleDVec3 viewpoint);
 
@@ -1185,20 +1193,17 @@ GirandoleStatus girandole_world_lights(const struct GirandoleWorld *world,
                                        size_t capacity,
                                        size_t *count);
 
-// Takes the changes since the last call. Once a frame, after girandole_world_update. Pass every delta to
-// the planner, in order, and destroy it with girandole_delta_destroy.
-GirandoleStatus girandole_world_take_delta(struct GirandoleWorld *world, struct GirandoleDelta **delta);
+// Creates a reader that has seen nothing. Destroy it with girandole_reader_destroy.
+GirandoleStatus girandole_reader_create(struct GirandoleReader **reader);
 
-// Makes a delta that contains the whole world: for a new planner of a world that was used before, or after a
-// delta was lost. The changes remain for girandole_world_take_delta.
-GirandoleStatus girandole_world_whole_delta(const struct GirandoleWorld *world,
-                                            struct GirandoleDelta **delta);
+// Stores what changed in the world since the last call for this reader; in the first call, that all instances
+// were added. Once a frame, after girandole_world_update, or in any frames.
+GirandoleStatus girandole_reader_read(struct GirandoleReader *reader,
+                                      const struct GirandoleWorld *world,
+                                      struct GirandoleChanges *changes);
 
-// Stores a view of a delta. The arrays are valid until the delta is destroyed.
-GirandoleStatus girandole_delta_view(const struct GirandoleDelta *delta, struct GirandoleDeltaView *view);
-
-// Frees a delta. NULL is allowed.
-void girandole_delta_destroy(struct GirandoleDelta *delta);
+// Frees a reader. NULL is allowed.
+void girandole_reader_destroy(struct GirandoleReader *reader);
 
 // Stores what a plan holds. The arrays are valid until the plan is destroyed.
 GirandoleStatus girandole_plan_view(const struct GirandolePlan *plan, struct GirandolePlanView *view);
@@ -1269,21 +1274,19 @@ GirandoleStatus girandole_planner_effects(struct GirandolePlanner *planner, uint
 // Stores the total size of all buffers, in bytes.
 GirandoleStatus girandole_planner_memory(struct GirandolePlanner *planner, uint64_t *bytes);
 
-// Determines which buffers the GPU needs for the current state of the world. Changes nothing that shaders
-// read.
+// Determines which buffers the GPU needs for the current state of the world, however many frames lie between
+// this call and the last plan. Changes nothing that shaders read.
 //
 // exactly: 0 for buffers with room to grow, 1 for buffers no larger than needed. new_buffers and count get
 // the buffers to make; the array belongs to the planner and is valid until the reservation ends.
 //
 // The reservation ends with girandole_planner_plan, or, if there is no memory for a buffer, with
 // girandole_planner_cancel. Until then, calls that change the world and other calls that use the planner are
-// refused with GIRANDOLE_ERROR_RESERVED; calls that take a const world work. The delta may be destroyed
-// immediately.
+// refused with GIRANDOLE_ERROR_RESERVED; calls that take a const world work.
 //
-// On GIRANDOLE_ERROR_FULL the changes are kept for the next call.
+// On GIRANDOLE_ERROR_FULL the next call has the changes too.
 GirandoleStatus girandole_planner_reserve(struct GirandolePlanner *planner,
                                           const struct GirandoleWorld *world,
-                                          const struct GirandoleDelta *delta,
                                           uint32_t exactly,
                                           const struct GirandoleNewBuffer **new_buffers,
                                           size_t *count);

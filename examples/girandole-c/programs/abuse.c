@@ -226,7 +226,8 @@ static void plans(GirandoleWorld *world)
     GirandoleWorld *other_world = NULL;
     GirandolePlanner *planner = NULL, *small = NULL, *reserved = NULL;
     GirandoleCursor *cursor = NULL;
-    GirandoleDelta *delta = NULL, *foreign = NULL, *again = NULL;
+    GirandoleReader *reader = NULL;
+    GirandoleChanges changes;
     GirandolePlan *first = NULL, *second = NULL, *plan = NULL;
     GirandolePlanView view;
     const GirandoleNewBuffer *buffers = NULL;
@@ -236,47 +237,48 @@ static void plans(GirandoleWorld *world)
     EXPECT(GIRANDOLE_OK, girandole_world_create(&other_world));
     EXPECT(GIRANDOLE_OK, girandole_planner_create(NULL, &planner));
     EXPECT(GIRANDOLE_OK, girandole_cursor_create(&cursor));
-    EXPECT(GIRANDOLE_OK, girandole_world_take_delta(world, &delta));
-    EXPECT(GIRANDOLE_OK, girandole_world_take_delta(other_world, &foreign));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_reader_create(NULL));
+    EXPECT(GIRANDOLE_OK, girandole_reader_create(&reader));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_reader_read(NULL, world, &changes));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_reader_read(reader, NULL, &changes));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_reader_read(reader, world, NULL));
+    /* What a refused call should have stored is still to come. */
+    EXPECT(GIRANDOLE_OK, girandole_reader_read(reader, world, &changes));
+    REQUIRE(changes.added_count > 0 && changes.moved_count == 0 && changes.is_empty == 0);
+    EXPECT(GIRANDOLE_OK, girandole_reader_read(reader, world, &changes));
+    REQUIRE(changes.added_count == 0 && changes.is_empty == 1);
+    EXPECT(GIRANDOLE_ERROR_OTHER_WORLD, girandole_reader_read(reader, other_world, &changes));
     EXPECT(GIRANDOLE_OK, girandole_planner_bindings(planner, ids));
     REQUIRE(ids[0] == UINT32_MAX && ids[4] == UINT32_MAX);
     EXPECT(500, girandole_planner_set_splits(planner, 8));
     EXPECT(GIRANDOLE_ERROR_NOT_RESERVED, girandole_planner_plan(planner, &plan));
     EXPECT(GIRANDOLE_ERROR_NOT_RESERVED, girandole_planner_cancel(planner));
-    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_planner_reserve(planner, world, delta, 2, &buffers, &count));
-    EXPECT(GIRANDOLE_ERROR_NULL, girandole_planner_reserve(planner, world, NULL, 0, &buffers, &count));
-    EXPECT(GIRANDOLE_ERROR_OTHER_WORLD, girandole_planner_reserve(planner, world, foreign, 0, &buffers, &count));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_planner_reserve(planner, world, 2, &buffers, &count));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_planner_reserve(planner, NULL, 0, &buffers, &count));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_planner_reserve(planner, world, 0, NULL, &count));
     REQUIRE(plan == NULL && count == 0);
 
-    /* A planner whose first reservation is refused follows no world. */
-    EXPECT(GIRANDOLE_OK, girandole_planner_create(NULL, &reserved));
-    EXPECT(GIRANDOLE_ERROR_OTHER_WORLD, girandole_planner_reserve(reserved, world, foreign, 0, &buffers, &count));
-    EXPECT(GIRANDOLE_OK, girandole_planner_reserve(reserved, other_world, foreign, 0, &buffers, &count));
-    girandole_planner_destroy(reserved);
-    count = 0;
-
     /* A reservation that is cancelled has changed nothing; the next one needs the same buffers. */
-    EXPECT(GIRANDOLE_OK, girandole_planner_reserve(planner, world, delta, 0, &buffers, &count));
+    EXPECT(GIRANDOLE_OK, girandole_planner_reserve(planner, world, 0, &buffers, &count));
     REQUIRE(count >= 5);
     EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_world_update(world, 0.0, NULL));
     EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_world_destroy(world));
     EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_planner_bindings(planner, ids));
     EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_planner_lose(planner));
-    EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_planner_reserve(planner, world, delta, 0, &buffers, &count));
+    EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_planner_reserve(planner, world, 0, &buffers, &count));
     state_of(world); /* calls for a const world work */
     EXPECT(GIRANDOLE_OK, girandole_planner_cancel(planner));
     EXPECT(GIRANDOLE_OK, girandole_world_update(world, 0.0, NULL));
     EXPECT(GIRANDOLE_ERROR_OTHER_WORLD,
-           girandole_planner_reserve(planner, other_world, foreign, 0, &buffers, &count));
-    EXPECT(GIRANDOLE_OK, girandole_world_take_delta(world, &again));
-    EXPECT(GIRANDOLE_OK, girandole_planner_reserve(planner, world, again, 1, &buffers, &count));
+           girandole_planner_reserve(planner, other_world, 0, &buffers, &count));
+    EXPECT(GIRANDOLE_OK, girandole_planner_reserve(planner, world, 1, &buffers, &count));
     REQUIRE(count >= 5);
     EXPECT(GIRANDOLE_OK, girandole_planner_plan(planner, &first));
     EXPECT(GIRANDOLE_ERROR_NOT_RESERVED, girandole_planner_plan(planner, &second));
 
     /* Plans that are played twice or out of order. */
     EXPECT(GIRANDOLE_OK, girandole_planner_lose(planner));
-    EXPECT(GIRANDOLE_OK, girandole_planner_reserve(planner, world, delta, 0, &buffers, &count));
+    EXPECT(GIRANDOLE_OK, girandole_planner_reserve(planner, world, 0, &buffers, &count));
     EXPECT(GIRANDOLE_OK, girandole_planner_plan(planner, &second));
     EXPECT(GIRANDOLE_ERROR_OUT_OF_ORDER, girandole_cursor_advance(cursor, second));
     EXPECT(GIRANDOLE_OK, girandole_cursor_advance(cursor, first));
@@ -299,7 +301,7 @@ static void plans(GirandoleWorld *world)
 
     /* A planner that ends with its reservation frees the world. */
     EXPECT(GIRANDOLE_OK, girandole_planner_create(NULL, &reserved));
-    EXPECT(GIRANDOLE_OK, girandole_planner_reserve(reserved, world, delta, 0, &buffers, &count));
+    EXPECT(GIRANDOLE_OK, girandole_planner_reserve(reserved, world, 0, &buffers, &count));
     girandole_planner_destroy(reserved);
     EXPECT(GIRANDOLE_OK, girandole_world_update(world, 0.0, NULL));
 
@@ -307,24 +309,19 @@ static void plans(GirandoleWorld *world)
         const GirandoleLimits limits = {131072, GIRANDOLE_NO_LIMIT, GIRANDOLE_NO_LIMIT};
         const GirandoleLight light = bulb(1.0f);
         const GirandolePlacement place = girandole_placement_at(0.0, 0.0, 0.0);
-        GirandoleDelta *whole = NULL;
         uint64_t tree, instance;
         int i;
         EXPECT(GIRANDOLE_OK, girandole_world_add_tree(other_world, &light, 1, &tree));
         for (i = 0; i < 5000; i++) {
             EXPECT(GIRANDOLE_OK, girandole_world_add_instance(other_world, tree, &place, NULL, &instance));
         }
-        EXPECT(GIRANDOLE_OK, girandole_world_whole_delta(other_world, &whole));
         EXPECT(GIRANDOLE_OK, girandole_planner_create(&limits, &small));
-        EXPECT(GIRANDOLE_ERROR_FULL, girandole_planner_reserve(small, other_world, whole, 0, &buffers, &count));
+        EXPECT(GIRANDOLE_ERROR_FULL, girandole_planner_reserve(small, other_world, 0, &buffers, &count));
         EXPECT(GIRANDOLE_OK, girandole_world_update(other_world, 0.0, NULL));
-        girandole_delta_destroy(whole);
     }
     girandole_plan_destroy(first);
     girandole_plan_destroy(second);
-    girandole_delta_destroy(delta);
-    girandole_delta_destroy(foreign);
-    girandole_delta_destroy(again);
+    girandole_reader_destroy(reader);
     girandole_cursor_destroy(cursor);
     girandole_planner_destroy(planner);
     girandole_planner_destroy(small);
@@ -450,7 +447,7 @@ int main(void)
     EXPECT(GIRANDOLE_OK, girandole_world_destroy(NULL));
     girandole_planner_destroy(NULL);
     girandole_plan_destroy(NULL);
-    girandole_delta_destroy(NULL);
+    girandole_reader_destroy(NULL);
     girandole_cursor_destroy(NULL);
     girandole_shader_destroy(NULL);
     girandole_blob_destroy(NULL);

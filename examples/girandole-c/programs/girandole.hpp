@@ -25,7 +25,7 @@ inline void check(GirandoleStatus status) {
 
 struct Destroy {
     void operator()(GirandoleWorld *it) const { girandole_world_destroy(it); }
-    void operator()(GirandoleDelta *it) const { girandole_delta_destroy(it); }
+    void operator()(GirandoleReader *it) const { girandole_reader_destroy(it); }
     void operator()(GirandolePlanner *it) const { girandole_planner_destroy(it); }
     void operator()(GirandolePlan *it) const { girandole_plan_destroy(it); }
     void operator()(GirandoleCursor *it) const { girandole_cursor_destroy(it); }
@@ -48,10 +48,6 @@ Owned<T> make(Make make) {
 }
 
 inline Owned<GirandoleWorld> make_world() { return make<GirandoleWorld>(girandole_world_create); }
-
-inline Owned<GirandoleDelta> take_delta(GirandoleWorld *world) {
-    return make<GirandoleDelta>([=](GirandoleDelta **it) { return girandole_world_take_delta(world, it); });
-}
 
 inline GirandoleVec3 vec3(float x, float y, float z) { return GirandoleVec3{x, y, z}; }
 inline GirandoleVec3 grey(float x) { return GirandoleVec3{x, x, x}; }

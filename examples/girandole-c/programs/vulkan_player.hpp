@@ -44,10 +44,9 @@ public:
 
     // Brings the device up to date with the world, after girandole_world_update. Returns the commands played.
     size_t frame(GirandoleWorld *world) {
-        const auto delta = girandole::take_delta(world);
         const GirandoleNewBuffer *wanted = nullptr;
         size_t count = 0;
-        girandole::check(girandole_planner_reserve(planner_.get(), world, delta.get(), 0, &wanted, &count));
+        girandole::check(girandole_planner_reserve(planner_.get(), world, 0, &wanted, &count));
         std::vector<vulkan::Buffer> made;
         try {
             for (size_t i = 0; i < count; i++) made.push_back(make_buffer(wanted[i]));

@@ -47,7 +47,7 @@ pub unsafe extern "C" fn girandole_world_origin(
     })
 }
 
-/// Sets the position of the camera, in metres. Call it before the delta of a frame is taken. Rebuilds of
+/// Sets the position of the camera, in metres. Call it before the reservation of a frame. Rebuilds of
 /// nearby trees get more weight, and with GIRANDOLE_ORIGIN_FOLLOWING the origin may move.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_set_viewpoint(

@@ -7,7 +7,6 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use girandole::plan::{LightPlanner, PlanLimits, Reservation};
 
 use crate::buffers::{GirandoleNewBuffer, new_buffers};
-use crate::delta::GirandoleDelta;
 use crate::status::{
     Failure, GIRANDOLE_ERROR_BROKEN, GIRANDOLE_ERROR_NOT_RESERVED, GIRANDOLE_ERROR_OTHER_WORLD,
     GIRANDOLE_ERROR_RESERVED,
@@ -117,16 +116,10 @@ impl GirandolePlanner {
         result
     }
 
-    pub(crate) fn reserve(
-        &mut self,
-        world: &GirandoleWorld,
-        delta: &GirandoleDelta,
-        exactly: bool,
-    ) -> Result<(), Failure> {
+    pub(crate) fn reserve(&mut self, world: &GirandoleWorld, exactly: bool) -> Result<(), Failure> {
         self.free()?;
-        if delta.world != world.id || self.world.is_some_and(|follows| follows != world.id) {
-            let message = "the planner or the delta belongs to another world";
-            return Err(Failure::new(GIRANDOLE_ERROR_OTHER_WORLD, message));
+        if self.world.is_some_and(|follows| follows != world.id) {
+            return Err(Failure::new(GIRANDOLE_ERROR_OTHER_WORLD, "the planner follows another world"));
         }
         let borrow = Borrow::new(&world.reservations);
         // SAFETY: `borrow` counts the reservation, and is dropped after it.
@@ -135,8 +128,8 @@ impl GirandolePlanner {
         // SAFETY: from a box that is dropped after `held`; `free` gives out no reference while it is set.
         let planner: &'static mut LightPlanner = unsafe { &mut *self.planner.as_ptr() };
         let reservation = match exactly {
-            false => planner.reserve(lights, &delta.delta)?,
-            true => planner.reserve_exactly(lights, &delta.delta)?,
+            false => planner.reserve(lights)?,
+            true => planner.reserve_exactly(lights)?,
         };
         let new_buffers = new_buffers(reservation.new_buffers())?;
         self.held = Some(Held { reservation, new_buffers, borrow });
@@ -151,17 +144,13 @@ impl GirandolePlanner {
 
 #[cfg(test)]
 mod tests {
-    use girandole::FrameDelta;
-
     use super::*;
     use crate::status::{GIRANDOLE_ERROR_PANIC, GIRANDOLE_OK, call};
 
     #[test]
     fn a_panic_breaks_the_planner_and_frees_the_world() {
         let (world, mut planner) = (GirandoleWorld::new(), GirandolePlanner::new(PlanLimits::default()));
-        let everything = FrameDelta::everything(world.read().expect("it is whole"));
-        let delta = GirandoleDelta { delta: everything, world: world.id };
-        assert_eq!(call(|| planner.edit(|planner| planner.reserve(&world, &delta, false))), GIRANDOLE_OK);
+        assert_eq!(call(|| planner.edit(|planner| planner.reserve(&world, false))), GIRANDOLE_OK);
         assert_eq!(call(|| world.edit(|_| Ok(()))), GIRANDOLE_ERROR_RESERVED);
         let dies = call(|| {
             planner.edit(|planner| {
@@ -175,22 +164,20 @@ mod tests {
     }
 
     #[test]
-    fn a_refused_reservation_does_not_bind_the_planner_to_a_world() {
+    fn a_planner_follows_the_world_of_its_first_reservation() {
         let (world, other) = (GirandoleWorld::new(), GirandoleWorld::new());
         let mut planner = GirandolePlanner::new(PlanLimits::default());
-        let everything = FrameDelta::everything(other.read().expect("it is whole"));
-        let delta = GirandoleDelta { delta: everything, world: other.id };
-        let refused = planner.reserve(&world, &delta, false).map_err(|failure| failure.code);
+        assert_eq!(planner.reserve(&world, false).map_err(|failure| failure.code), Ok(()));
+        planner.take().map(drop).expect("it has a reservation");
+        let refused = planner.reserve(&other, false).map_err(|failure| failure.code);
         assert_eq!(refused, Err(GIRANDOLE_ERROR_OTHER_WORLD));
-        assert_eq!(planner.reserve(&other, &delta, false).map_err(|failure| failure.code), Ok(()));
+        assert_eq!(planner.reserve(&world, false).map_err(|failure| failure.code), Ok(()));
     }
 
     #[test]
     fn a_planner_that_is_dropped_ends_its_reservation() {
         let (world, mut planner) = (GirandoleWorld::new(), GirandolePlanner::new(PlanLimits::default()));
-        let everything = FrameDelta::everything(world.read().expect("it is whole"));
-        let delta = GirandoleDelta { delta: everything, world: world.id };
-        planner.reserve(&world, &delta, true).expect("it fits");
+        planner.reserve(&world, true).expect("it fits");
         assert_eq!(world.reservations.load(Ordering::Acquire), 1);
         drop(planner);
         assert_eq!(world.reservations.load(Ordering::Acquire), 0);

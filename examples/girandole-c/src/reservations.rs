@@ -1,7 +1,6 @@
 //! The calls of a frame: reserve, then plan or cancel.
 
 use crate::buffers::GirandoleNewBuffer;
-use crate::delta::GirandoleDelta;
 use crate::memory::{object, object_mut, result};
 use crate::plan::GirandolePlan;
 use crate::planner::{GirandolePlanner, Held};
@@ -9,23 +8,21 @@ use crate::status::{GirandoleStatus, call};
 use crate::vectors::flag;
 use crate::world::GirandoleWorld;
 
-/// Determines which buffers the GPU needs for the current state of the world. Changes nothing that shaders
-/// read.
+/// Determines which buffers the GPU needs for the current state of the world, however many frames lie between
+/// this call and the last plan. Changes nothing that shaders read.
 ///
 /// exactly: 0 for buffers with room to grow, 1 for buffers no larger than needed. new_buffers and count get
 /// the buffers to make; the array belongs to the planner and is valid until the reservation ends.
 ///
 /// The reservation ends with girandole_planner_plan, or, if there is no memory for a buffer, with
 /// girandole_planner_cancel. Until then, calls that change the world and other calls that use the planner are
-/// refused with GIRANDOLE_ERROR_RESERVED; calls that take a const world work. The delta may be destroyed
-/// immediately.
+/// refused with GIRANDOLE_ERROR_RESERVED; calls that take a const world work.
 ///
-/// On GIRANDOLE_ERROR_FULL the changes are kept for the next call.
+/// On GIRANDOLE_ERROR_FULL the next call has the changes too.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_planner_reserve(
     planner: *mut GirandolePlanner,
     world: *const GirandoleWorld,
-    delta: *const GirandoleDelta,
     exactly: u32,
     new_buffers: *mut *const GirandoleNewBuffer,
     count: *mut usize,
@@ -33,11 +30,10 @@ pub unsafe extern "C" fn girandole_planner_reserve(
     call(|| {
         // SAFETY: see the crate's documentation.
         let (planner, world) = unsafe { (object_mut(planner, "planner")?, object(world, "world")?) };
-        // SAFETY: see the crate's documentation.
-        let (delta, exactly) = (unsafe { object(delta, "delta")? }, flag(exactly, "exactly")?);
+        let exactly = flag(exactly, "exactly")?;
         // SAFETY: see the crate's documentation.
         let (array, count) = unsafe { (result(new_buffers, "new_buffers")?, result(count, "count")?) };
-        planner.edit(|planner| planner.reserve(world, delta, exactly))?;
+        planner.edit(|planner| planner.reserve(world, exactly))?;
         let made: &[_] = planner.held.as_ref().map_or(&[], |held| &held.new_buffers);
         array.set(made.as_ptr());
         count.set(made.len());

@@ -47,7 +47,7 @@ pub const GIRANDOLE_ERROR_BROKEN: GirandoleStatus = 11;
 pub const GIRANDOLE_ERROR_RESERVED: GirandoleStatus = 12;
 /// The planner has no reservation: call girandole_planner_reserve first.
 pub const GIRANDOLE_ERROR_NOT_RESERVED: GirandoleStatus = 13;
-/// The planner or the delta belongs to another world.
+/// The planner or the reader follows another world.
 pub const GIRANDOLE_ERROR_OTHER_WORLD: GirandoleStatus = 14;
 /// A shader text is not valid WGSL. The message contains the line.
 pub const GIRANDOLE_ERROR_WGSL: GirandoleStatus = 20;

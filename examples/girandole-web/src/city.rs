@@ -314,10 +314,9 @@ impl City {
         self.report = world.update(self.budget);
         self.totals.rebuilt_trees += self.report.rebuilt_trees;
         self.totals.refit_trees += self.report.refit_trees;
-        let delta = world.take_delta();
         let change = if moves { geometry.update(scene).map_err(text)? } else { GeometryChange::default() };
         self.buffers.upload(&gpu.queue, geometry, &change);
-        lights.upload(world, &delta).map_err(text)?;
+        lights.upload(world).map_err(text)?;
         lights.build_top(encoder);
         self.pipelines.fit(geometry);
         Ok(())

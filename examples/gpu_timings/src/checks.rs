@@ -47,10 +47,9 @@ impl Check {
 pub fn run(machine: &Machine, timer: &Timer, instances: u32) -> Result<Vec<Check>, SceneError> {
     let mut checks = vec![sorts(machine, timer, instances)?];
     let refuse = |refusal| SceneError(format!("{instances} instances: {refusal}"));
-    let (mut world, _) = world(instances)?;
+    let (world, _) = world(instances)?;
     let mut lights = GpuLights::new(&machine.device, &machine.queue).map_err(refuse)?;
-    let delta = world.take_delta();
-    lights.upload(&world, &delta).map_err(refuse)?;
+    lights.upload(&world).map_err(refuse)?;
     let mut rng = Rng::new(SEED, 0);
     let side = 10.0 * (instances as f32).sqrt();
     let mut point = || Vec3::new(rng.range(0.0, side), 0.0, rng.range(0.0, side));
@@ -60,7 +59,7 @@ pub fn run(machine: &Machine, timer: &Timer, instances: u32) -> Result<Vec<Check
     checks.push(chooses_as_the_cpu(&world, &requests, &first));
     // Another upload of everything builds the top level again.
     let mut again = GpuLights::new(&machine.device, &machine.queue).map_err(refuse)?;
-    again.upload(&world, &girandole::FrameDelta::everything(&world)).map_err(refuse)?;
+    again.upload(&world).map_err(refuse)?;
     let second = sample(machine, timer, &mut again, &requests)?;
     let same = first.iter().zip(&second).filter(|(a, b)| bytemuck::bytes_of(*a) == bytemuck::bytes_of(*b)).count();
     checks.push(Check {

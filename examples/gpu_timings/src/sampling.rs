@@ -70,8 +70,7 @@ pub fn measure(machine: &Machine, timer: &Timer, size: Size, picture: (u32, u32)
     drop(scene);
 
     let mut lights = GpuLights::new(&machine.device, &machine.queue).map_err(refuse)?;
-    let delta = world.take_delta();
-    lights.upload(&world, &delta).map_err(refuse)?;
+    lights.upload(&world).map_err(refuse)?;
     let mut encoder = machine.device.create_command_encoder(&Default::default());
     lights.build_top(&mut encoder);
     machine.queue.submit([encoder.finish()]);

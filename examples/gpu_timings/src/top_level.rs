@@ -99,13 +99,12 @@ fn vec3(rng: &mut Rng, size: f32) -> Vec3 {
 /// Times the top-level build and the sort for one number of instances.
 pub fn measure(machine: &Machine, timer: &Timer, instances: u32) -> Result<Row, SceneError> {
     let refused = |refusal| Ok(Row { instances, built: Err(refusal) });
-    let (mut world, _) = world(instances)?;
+    let (world, _) = world(instances)?;
     let mut lights = match GpuLights::new(&machine.device, &machine.queue) {
         Ok(lights) => lights,
         Err(refusal) => return refused(refusal),
     };
-    let delta = world.take_delta();
-    if let Err(refusal) = lights.upload(&world, &delta) {
+    if let Err(refusal) = lights.upload(&world) {
         return refused(refusal);
     }
     let mut stages = Vec::new();

@@ -48,8 +48,7 @@ pub fn measure(machine: &Machine, timer: &Timer, instances: u32) -> Result<Vec<R
     let refuse = |refusal| SceneError(format!("{instances} instances: {refusal}"));
     let (mut world, mut keys) = world(instances)?;
     let mut lights = GpuLights::new(&machine.device, &machine.queue).map_err(refuse)?;
-    let delta = world.take_delta();
-    lights.upload(&world, &delta).map_err(refuse)?;
+    lights.upload(&world).map_err(refuse)?;
     let mut rng = Rng::new(SEED, 0);
     let mut rows = Vec::new();
     for percent in SHARES {
@@ -63,11 +62,10 @@ pub fn measure(machine: &Machine, timer: &Timer, instances: u32) -> Result<Vec<R
                 world.move_instance(keys[i], place(&mut rng, SIDE))?;
             }
             world.update(FrameBudget::NONE);
-            let delta = world.take_delta();
             machine.queue.submit([]);
             timer.wait()?;
             let start = Instant::now();
-            bytes = lights.upload(&world, &delta).map_err(refuse)?.bytes;
+            bytes = lights.upload(&world).map_err(refuse)?.bytes;
             let call = start.elapsed().as_secs_f64();
             let start = Instant::now();
             machine.queue.submit([]);

@@ -24,10 +24,9 @@ fn lamps(instances: u32, lights: u32) -> LightWorld {
     world
 }
 
-fn upload(device: &wgpu::Device, queue: &wgpu::Queue, mut world: LightWorld) -> GpuLights {
+fn upload(device: &wgpu::Device, queue: &wgpu::Queue, world: LightWorld) -> GpuLights {
     let mut lights = GpuLights::new(device, queue).expect("default limits are enough");
-    let delta = world.take_delta();
-    lights.upload(&world, &delta).expect("room enough");
+    lights.upload(&world).expect("room enough");
     lights
 }
 

@@ -41,13 +41,11 @@ fn each_buffer_of_an_upload_may_be_refused_and_the_next_upload_sends_what_is_mis
     for successes in 0.. {
         let mut world = small_world();
         let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-        lights.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
-        world.take_delta();
+        lights.upload(&world).expect("room enough");
         let before = (lights.bind_group().clone(), lights.effects());
         grow(&mut world);
-        let delta = world.take_delta();
         let refusals = Refusals::of_buffers_after(successes);
-        let result = lights.upload(&world, &delta);
+        let result = lights.upload(&world);
         if refusals.count() == 0 {
             assert!(result.is_ok_and(|report| (report.trees, report.instances) == (40, 400)));
             break;
@@ -58,9 +56,9 @@ fn each_buffer_of_an_upload_may_be_refused_and_the_next_upload_sends_what_is_mis
         let after = (lights.bind_group().clone(), lights.effects());
         assert!(after == before, "{what}: shaders go on reading what they read");
         refused.push(what);
-        let report = lights.upload(&world, &FrameDelta::default()).expect("there is memory again");
+        let report = lights.upload(&world).expect("there is memory again");
         assert!(report.trees >= 40 && report.instances >= 400, "{what}: {report:?}");
-        assert_eq!(lights.upload(&world, &FrameDelta::default()), Ok(UploadReport::default()));
+        assert_eq!(lights.upload(&world), Ok(UploadReport::default()));
     }
     for what in
         ["light tree nodes", "lights", "instances", "light trees", "relayout", "sampling parameters", "sort keys"]
@@ -124,15 +122,13 @@ fn a_refused_buffer_leaves_the_lights_and_a_due_build_in_place() {
     let (device, queue) = gpu();
     let mut world = small_world();
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    lights.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
-    world.take_delta();
+    lights.upload(&world).expect("room enough");
     let before = sample(&mut lights);
     assert_eq!(count_lit(&before), 64);
     grow(&mut world);
-    let delta = world.take_delta();
     for successes in 0.. {
         let refusals = Refusals::of_buffers_after(successes);
-        let result = lights.upload(&world, &delta);
+        let result = lights.upload(&world);
         if refusals.count() == 0 {
             assert!(result.is_ok() && successes > 5, "{successes} buffers");
             break;
@@ -148,23 +144,23 @@ fn refused_records_leave_no_light_until_the_next_upload_sends_all() {
     let (device, queue) = gpu();
     let mut world = small_world();
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    lights.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
-    world.take_delta();
+    lights.upload(&world).expect("room enough");
     grow(&mut world);
-    let delta = world.take_delta();
-    for delta in [delta, FrameDelta::default()] {
+    let seen = lights.revision();
+    for _ in 0..2 {
         let _refusals = Refusals::of_other_memory();
-        let Err(GpuError::OutOfMemory { what: "uploaded records", bytes }) = lights.upload(&world, &delta) else {
+        let Err(GpuError::OutOfMemory { what: "uploaded records", bytes }) = lights.upload(&world) else {
             panic!("the writes are refused");
         };
         assert!(bytes > 40 * 20 * 64, "{bytes} bytes would have been sent");
         assert_eq!(count_lit(&sample(&mut lights)), 0);
+        assert_eq!(lights.revision(), seen, "readers of changes miss none");
     }
-    let report = lights.upload(&world, &FrameDelta::default()).expect("there is memory again");
+    let report = lights.upload(&world).expect("there is memory again");
     // Slot 0, which no instance has, is sent too.
     assert_eq!((report.trees, report.instances), (41, 402));
     let mut fresh = GpuLights::new(&device, &queue).expect("default limits are enough");
-    fresh.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
+    fresh.upload(&world).expect("room enough");
     let expected = sample(&mut fresh);
     assert!(count_lit(&expected) > 32);
     assert!(sample(&mut lights) == expected);
@@ -175,12 +171,10 @@ fn the_first_upload_compiles_no_pipeline_to_convert_records() {
     let (device, queue) = noop();
     let mut world = small_world();
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    lights.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
+    lights.upload(&world).expect("room enough");
     assert!(!lights.player.has_compiled("relayout"), "there was nothing to convert");
-    world.take_delta();
     grow(&mut world);
-    let delta = world.take_delta();
-    lights.upload(&world, &delta).expect("room enough");
+    lights.upload(&world).expect("room enough");
     assert!(lights.player.has_compiled("relayout"));
 }
 
@@ -193,8 +187,8 @@ fn an_upload_submits_only_growth_and_scattered_records() {
     let keys: Vec<_> = (0..400).map(|i| world.add_instance(tree, place(i), Policy::Static).expect("valid")).collect();
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let submissions = |world: &mut LightWorld, lights: &mut GpuLights| {
-        let (delta, before) = (world.take_delta(), lights.player.submissions);
-        lights.upload(world, &delta).expect("room enough");
+        let before = lights.player.submissions;
+        lights.upload(world).expect("room enough");
         lights.player.submissions - before
     };
     assert!(submissions(&mut world, &mut lights) > 0, "the buffers grow");

@@ -15,7 +15,7 @@ use crate::sampling::sample::{LightId, LightSampler};
 use crate::shading::shading_point::ShadingPoint;
 use crate::tree::LightTree;
 use crate::visibility::{TABLE_HEAD, VisibilityTable};
-use crate::world::{FrameDelta, LightWorld};
+use crate::world::LightWorld;
 
 /// What an invocation of the shader below gets: a shading point, and the light that was seen or
 /// not.
@@ -205,8 +205,7 @@ fn the_gpu_learns_and_chooses_as_the_cpu_does() {
             // What was learnt stays in place.
             world.set_origin(DVec3::new(3.3, 0.0, -700.1)).expect("finite");
         }
-        let delta = world.take_delta();
-        lights.upload(&world, &delta).expect("room enough");
+        lights.upload(&world).expect("room enough");
         let sampler = world.sampler().with_visibility(&table);
         let mut inputs = inputs(&sampler, frame);
         if frame >= 6 {
@@ -258,7 +257,7 @@ fn without_a_table_the_shader_chooses_as_without_learning() {
     let world = world();
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let pipeline = pipeline(&lights);
-    lights.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
+    lights.upload(&world).expect("room enough");
     let inputs = inputs(&world.sampler(), 3);
     let before = run(&mut lights, &pipeline, &inputs);
     assert!(others(&world.sampler(), &inputs, &before) <= inputs.len() / 500);

@@ -7,12 +7,10 @@ use naga::TypeInner;
 use super::passes::{MAX_PASSES, Passes, Places, TopPass};
 use super::stage::{GROUP, KEYS, LANES, LEAVES, NODE, NODE_LANES, SPLIT_LANES};
 use super::*;
-use crate::documented::assert_says;
 use crate::effects::Effects;
 use crate::plan::kernel::MAX_WORKGROUPS;
 use crate::plan::layout::{ClusterRecord, LeafRecord};
 use crate::plan::node_record::NodeRecord;
-use crate::plan::stored::Stored;
 use crate::plan::{Command, MAX_LARGEST_BUFFER};
 use crate::top;
 
@@ -157,17 +155,4 @@ fn the_stages_are_valid_and_have_the_sizes_that_the_host_expects() {
             ]
         );
     }
-}
-
-#[test]
-fn the_documented_bytes_of_an_instance_are_those_of_its_record_and_of_the_top_level() {
-    const PARTS: u32 = 1 << 20;
-    let new = reserve(&mut TopBuild::new(MAX_LARGEST_BUFFER), PARTS, false, Growth::Exact).expect("large buffers");
-    let top = new.iter().map(|buffer| buffer.bytes).sum::<u64>() as f64 / f64::from(PARTS);
-    let [least, most] = [Effects::empty(), Effects::all()].map(|effects| {
-        let bytes = top + Stored::instances(effects).bytes() as f64;
-        (bytes / 10.0).round() * 10.0
-    });
-    let sentence = format!("they take about {least} bytes for each instance, {most} with all effects,");
-    assert_says(include_str!("../memory.rs"), &sentence);
 }

@@ -75,7 +75,6 @@ impl RegionTree {
 
 /// An instance of a tree of a [`Region`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
 pub struct RegionInstance {
     /// The tree.
     pub tree: RegionTree,

@@ -7,7 +7,6 @@ use crate::error::WorldError;
 /// and the reason. It converts to that reason, so `?` works where only the reason matters.
 #[derive(Debug, thiserror::Error)]
 #[error("{error}")]
-#[non_exhaustive]
 pub struct RefusedRegion {
     /// The region.
     pub region: Box<Region>,

@@ -33,7 +33,6 @@ pub fn exercise(bytes: &[u8]) -> Result<usize, GltfError> {
         return Err(error);
     }
     world.update(FrameBudget::UNLIMITED);
-    world.take_delta();
     let sampler = world.sampler();
     for (i, position) in [Vec3::ZERO, Vec3::new(1.0, 2.0, -3.0), Vec3::splat(1e6)].into_iter().enumerate() {
         let point = if i == 1 { ShadingPoint::volume(position) } else { ShadingPoint::surface(position, Vec3::Y) };

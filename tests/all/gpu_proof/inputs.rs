@@ -2,13 +2,11 @@
 
 use girandole::glam::{Mat3, Vec3};
 use girandole::gpu::GpuLights;
-use girandole::{
-    DirectionalLight, FrameBudget, FrameDelta, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint,
-    SplitCount,
-};
+use girandole::{DirectionalLight, FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint, SplitCount};
 
 use super::{Question, Sampled, Text, named_lights};
 use crate::gpu::gpu;
+use girandole::LightTree;
 use testbed::testing::support::Rng;
 
 /// Coordinates that no caller should pass, and some that are at the limits.
@@ -62,7 +60,7 @@ fn upload(world: &mut LightWorld) -> GpuLights {
     let (device, queue) = gpu();
     world.update(FrameBudget::NONE);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    lights.upload(world, &FrameDelta::everything(world)).expect("room enough");
+    lights.upload(world).expect("room enough");
     lights
 }
 
@@ -166,15 +164,13 @@ fn numbers_outside_the_unit_interval_give_the_samples_of_clamped_ones_on_the_gpu
     let tree = world.add_tree(LightTree::new(vec![shapes[0]]).expect("a valid light"));
     world.add_instance(tree, rng.affine(0.0), Policy::Budgeted).expect("a valid placement");
     let mut lights = upload(&mut world);
-    world.take_delta();
     let mut seen = 0;
     for light in shapes {
         for by_solid_angle in [false, true] {
             world.replace_lights(tree, vec![light]).expect("a valid light");
             world.set_solid_angle_sampling(by_solid_angle);
             world.update(FrameBudget::NONE);
-            let delta = world.take_delta();
-            lights.upload(&world, &delta).expect("room enough");
+            lights.upload(&world).expect("room enough");
             let mut questions = Vec::new();
             for _ in 0..4 {
                 let at = ShadingPoint::volume(rng.direction() * 8.0);

@@ -281,6 +281,7 @@ fn named_lights(world: &LightWorld) -> Vec<(LightId, [u32; 2])> {
         LightId::Directional(key) => {
             [u32::MAX, directionals.iter().position(|other| *other == key).expect("a live light") as u32]
         }
+        _ => unreachable!("this version has no others"),
     };
     world.sampler().all_lights().map(|light| (light, name(&light))).collect()
 }

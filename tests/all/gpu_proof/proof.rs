@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use girandole::gpu::GpuLights;
-use girandole::{FrameDelta, LightWorld, ShadingPoint};
+use girandole::{LightWorld, ShadingPoint};
 
 use super::edits::Edited;
 use super::{Picked, Question, Text, named_lights};
@@ -113,7 +113,7 @@ fn check(world: &LightWorld, point: &ShadingPoint, probabilities: &[f32], drawn:
 /// The passes of a build that a plan of this world records.
 fn passes(world: &LightWorld) -> usize {
     let mut played = Played::new();
-    played.frame(world, &FrameDelta::everything(world));
+    played.frame(world);
     played.device.dispatches.get("top_group").copied().unwrap_or(0)
 }
 
@@ -127,8 +127,7 @@ fn prove(seed: u64, sizes: &[usize]) -> Vec<usize> {
     for size in sizes {
         for frame in 0..FRAMES {
             edited.step(*size, FRAMES - frame);
-            let delta = edited.world.take_delta();
-            lights.upload(&edited.world, &delta).expect("room enough");
+            lights.upload(&edited.world).expect("room enough");
             // Most builds are left out, because they take most of the time.
             if frame % BUILD_EVERY == 0 {
                 let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -143,7 +142,7 @@ fn prove(seed: u64, sizes: &[usize]) -> Vec<usize> {
         let mut rng = Rng(rng.bits());
         let world = &edited.world;
         let mut fresh = GpuLights::new(&device, &queue).expect("default limits are enough");
-        fresh.upload(world, &FrameDelta::everything(world)).expect("room enough");
+        fresh.upload(world).expect("room enough");
         let names: Vec<[u32; 2]> = named_lights(world).into_iter().map(|(_, name)| name).collect();
         let mut contributions = 0;
         for splits in SPLITS {

@@ -1,6 +1,5 @@
 //! The probabilities and the reflectances that shaders compute are those of the formulas in f64.
 
-use girandole::FrameDelta;
 use girandole::glam::{DVec2, DVec3};
 use girandole::gpu::GpuLights;
 
@@ -29,7 +28,7 @@ fn probabilities_on_the_gpu_are_those_of_the_choice_in_f64() {
         let two_level = TwoLevel::new(&street, shift).expect("a valid scene");
         let world = two_level.world();
         let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-        lights.upload(world, &FrameDelta::everything(world)).expect("room enough");
+        lights.upload(world).expect("room enough");
         let names = named_lights(world);
         let mut questions = Vec::new();
         for receiver in &street.receivers {

@@ -3,17 +3,18 @@
 
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
-use girandole::{FrameBudget, FrameDelta, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint, SplitCount};
+use girandole::{FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint, SplitCount};
 
 use super::{Question, Text, named_lights};
 use crate::gpu::{close, gpu};
+use girandole::LightTree;
 use testbed::testing::support::{Rng, SPLITS};
 
 pub(super) fn upload(world: &mut LightWorld) -> GpuLights {
     let (device, queue) = gpu();
     world.update(FrameBudget::NONE);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    lights.upload(world, &FrameDelta::everything(world)).expect("room enough");
+    lights.upload(world).expect("room enough");
     lights
 }
 

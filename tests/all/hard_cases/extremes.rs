@@ -258,6 +258,7 @@ fn moved(light: &Light, step: Vec3) -> Light {
         Shape::Point { position } | Shape::Spot { position, .. } => *position += step,
         Shape::Rectangle { center, .. } | Shape::Sphere { center, .. } => *center += step,
         Shape::Triangle { vertices, .. } => *vertices = vertices.map(|v| v + step),
+        &mut _ => unreachable!("this version has no others"),
     }
     light
 }

@@ -17,8 +17,8 @@ use girandole::glam::{DVec3, Mat3, Quat, Vec3};
 use girandole::gpu::{GpuLights, SampleRequest};
 use girandole::light::{MAX_COORDINATE, MAX_EMISSION};
 use girandole::{
-    DirectionalLight, Effects, FrameBudget, FrameDelta, Gloss, Light, LightId, LightSampler, LightTree, LightWorld,
-    MAX_SCALE, Placement, Policy, ShadingPoint, SplitCount,
+    DirectionalLight, Effects, FrameBudget, Gloss, Light, LightId, LightSampler, LightTree, LightWorld, MAX_SCALE,
+    Placement, Policy, ShadingPoint, SplitCount,
 };
 
 use crate::gpu::{OTHER_PICKS, compare, gpu, sample_by};
@@ -115,7 +115,7 @@ fn prove_on_gpu(world: &mut LightWorld, shading_points: &[ShadingPoint], seed: u
             }
         })
         .collect();
-    lights.upload(world, &FrameDelta::everything(world)).expect("room enough");
+    lights.upload(world).expect("room enough");
     for splits in SPLITS {
         lights.set_splits(splits);
         // The variant for this world with the default splits, the variant for every world with the

@@ -3,9 +3,10 @@
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::plan::{FramePlan, LightPlanner, PlanLimits};
-use girandole::{FrameDelta, Light, LightTree, LightWorld, Placement, Policy, TreeKey};
+use girandole::{Light, LightWorld, Placement, Policy, TreeKey};
 
 use super::update;
+use girandole::LightTree;
 use testbed::testing::plan_device::{Device, Played};
 use testbed::testing::plan_records::{Found, check};
 use testbed::testing::support::Rng;
@@ -40,7 +41,7 @@ pub fn played(limits: PlanLimits) -> Played {
 
 /// A frame in which nothing has changed in the world.
 pub fn idle(played: &mut Played, world: &LightWorld) -> FramePlan {
-    played.frame(world, &FrameDelta::default())
+    played.frame(world)
 }
 
 /// Bytes of the nodes and lights of a tree of point lights.
@@ -56,8 +57,8 @@ fn trees_come_within_the_bytes_of_each_frame_the_most_useful_first() {
     world.set_viewpoint(DVec3::new(50.0, 10.0, 0.0)).expect("finite");
     let budget = 40_000;
     let mut played = played(PlanLimits::default().with_frame_bytes(budget));
-    let delta = update(&mut world);
-    let first = played.frame(&world, &delta);
+    update(&mut world);
+    let first = played.frame(&world);
     // As many trees as fit come at once, and stand-ins of all others.
     let mut whole = (40 - first.report.stand_ins) as u64;
     assert_eq!(whole, budget / bytes(&world, keys[0]), "all trees have about the same size");
@@ -96,15 +97,15 @@ fn a_large_tree_comes_in_pieces_and_what_changes_meanwhile_comes_with_the_last()
     let (mut world, keys) = row(&mut rng, 1, 20_000);
     let budget = 64_000;
     let mut played = played(PlanLimits::default().with_frame_bytes(budget));
-    let delta = update(&mut world);
-    played.frame(&world, &delta);
+    update(&mut world);
+    played.frame(&world);
     let expected = bytes(&world, keys[0]).div_ceil(budget);
     let mut frames = 0;
     while played.planner.stands_in(keys[0]) {
         let changed = lamp(&mut rng);
         world.set_lights(keys[0], &[(frames * 7, changed)]).expect("valid");
-        let delta = update(&mut world);
-        let plan = played.frame(&world, &delta);
+        update(&mut world);
+        let plan = played.frame(&world);
         assert!(plan.report.bytes <= budget + STAND_IN_BYTES + 20_000, "{:?}", plan.report);
         check(&played, &world);
         frames += 1;
@@ -113,8 +114,8 @@ fn a_large_tree_comes_in_pieces_and_what_changes_meanwhile_comes_with_the_last()
     assert_eq!(check(&played, &world), Found { lights: 20_000, stand_ins: 0 });
     // The next version is sent beside the present one, which shaders see meanwhile.
     world.rebuild_tree(keys[0]).expect("it lives");
-    let delta = update(&mut world);
-    let plan = played.frame(&world, &delta);
+    update(&mut world);
+    let plan = played.frame(&world);
     assert_eq!((plan.report.waiting_trees, plan.report.stand_ins), (1, 0));
     let mut frames = 0;
     while played.planner.is_waiting(keys[0]) {
@@ -127,8 +128,8 @@ fn a_large_tree_comes_in_pieces_and_what_changes_meanwhile_comes_with_the_last()
     // A tree that is built again in every frame is sent at once after the third time.
     for frame in 0..5 {
         world.rebuild_tree(keys[0]).expect("it lives");
-        let delta = update(&mut world);
-        let plan = played.frame(&world, &delta);
+        update(&mut world);
+        let plan = played.frame(&world);
         assert_eq!(plan.report.bytes > bytes(&world, keys[0]), frame == 4, "frame {frame}: {:?}", plan.report);
         check(&played, &world);
     }
@@ -142,8 +143,8 @@ fn in_little_memory_the_least_useful_trees_stand_in_and_the_others_are_whole() {
     let memory = total / 2;
     world.set_viewpoint(DVec3::ZERO).expect("finite");
     let mut played = played(PlanLimits::default().with_tree_memory(memory));
-    let delta = update(&mut world);
-    played.frame(&world, &delta);
+    update(&mut world);
+    played.frame(&world);
     for end in [0.0, 9900.0, 5000.0] {
         world.set_viewpoint(DVec3::X * end).expect("finite");
         let mut rested = false;
@@ -172,8 +173,8 @@ fn limits_of_zero_have_an_outcome() {
     // No bytes: stand-ins of everything, and never more.
     let (mut world, keys) = row(&mut rng, 10, 100);
     let mut none = played(PlanLimits::default().with_frame_bytes(0));
-    let delta = update(&mut world);
-    let plan = none.frame(&world, &delta);
+    update(&mut world);
+    let plan = none.frame(&world);
     assert_eq!((plan.report.stand_ins, plan.report.waiting_trees), (10, 10));
     assert!(plan.report.bytes < 10 * (STAND_IN_BYTES + 200));
     assert!(idle(&mut none, &world).is_empty());
@@ -192,8 +193,8 @@ fn limits_of_zero_have_an_outcome() {
         let tree = world.add_tree(LightTree::new(lamps(&mut rng, 16)).expect("valid"));
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     }
-    let delta = update(&mut world);
-    assert!(none.planner.reserve(&world, &delta).is_err(), "small trees are always whole");
+    update(&mut world);
+    assert!(none.planner.reserve(&world).is_err(), "small trees are always whole");
     none.planner.set_tree_memory(Some(4 << 20));
     idle(&mut none, &world);
     idle(&mut none, &world);
@@ -207,8 +208,8 @@ fn gaps_are_joined_within_the_bytes_of_each_frame_and_then_nothing_is_sent() {
     let budget = 40_000;
     let (mut world, keys) = row(&mut rng, 60, 200);
     let mut played = played(PlanLimits::default().with_frame_bytes(budget));
-    let delta = update(&mut world);
-    played.frame(&world, &delta);
+    update(&mut world);
+    played.frame(&world);
     while !idle(&mut played, &world).is_empty() {}
     let full = played.planner.memory();
     // Every other tree goes.
@@ -218,8 +219,8 @@ fn gaps_are_joined_within_the_bytes_of_each_frame_and_then_nothing_is_sent() {
         world.remove_instance(key).expect("it lives");
         world.remove_tree(*tree).expect("no instances");
     }
-    let delta = update(&mut world);
-    played.frame(&world, &delta);
+    update(&mut world);
+    played.frame(&world);
     let holed = played.planner.memory();
     assert!(holed.gaps > full.used / 3, "{holed:?} of {full:?}");
     let mut frames = 0;
@@ -244,8 +245,8 @@ fn a_world_larger_than_the_largest_buffer_is_seen_whole_or_by_stand_ins() {
     // The lights of one tree fill a third of the largest buffer.
     let (mut world, _) = row(&mut rng, 12, 1400);
     let mut played = played(PlanLimits::new(0));
-    let delta = update(&mut world);
-    let plan = played.frame(&world, &delta);
+    update(&mut world);
+    let plan = played.frame(&world);
     let found = check(&played, &world);
     assert!(plan.report.stand_ins >= 9 && found.lights >= 1400, "{found:?}");
     assert!(plan.new_buffers.iter().all(|buffer| buffer.bytes <= 131_072));
@@ -311,21 +312,18 @@ fn what_shaders_see_is_sound_after_any_sequence_of_edits_and_limits() {
                 3 => played.planner.keep_previous(frame % 2 == 0),
                 _ => {}
             }
-            let delta = update(&mut world);
-            let mut is_taken = false;
+            update(&mut world);
             if rng.bits().is_multiple_of(4) {
-                // Refused or dropped: nothing changes, and the changes are kept.
-                is_taken = true;
+                // Refused or dropped: nothing changes, and the next reservation has the changes.
                 let before = (played.planner.memory(), played.planner.bindings());
-                let _ = played.planner.reserve(&world, &delta).map(drop);
+                let _ = played.planner.reserve(&world).map(drop);
                 assert_eq!((played.planner.memory(), played.planner.bindings()), before);
             }
-            let next = if is_taken { FrameDelta::default() } else { delta };
-            let result = played.planner.reserve(&world, &next).map(|reservation| reservation.plan());
+            let result = played.planner.reserve(&world).map(|reservation| reservation.plan());
             let plan = result.unwrap_or_else(|_| {
                 // Too little memory, even for stand-ins.
                 played.planner.set_tree_memory(None);
-                played.planner.reserve(&world, &FrameDelta::default()).expect("room").plan()
+                played.planner.reserve(&world).expect("room").plan()
             });
             played.device.play(&plan).expect("in order");
             check(&played, &world);
@@ -334,8 +332,8 @@ fn what_shaders_see_is_sound_after_any_sequence_of_edits_and_limits() {
         let all: Vec<_> = world.instances().collect();
         all.into_iter().for_each(|key| world.remove_instance(key).expect("it lives"));
         trees.into_iter().for_each(|tree| world.remove_tree(tree).expect("no instances"));
-        let delta = update(&mut world);
-        let plan = played.frame(&world, &delta);
+        update(&mut world);
+        let plan = played.frame(&world);
         assert_eq!((plan.report.waiting_trees, plan.report.waiting_bytes, plan.report.stand_ins), (0, 0, 0));
         assert_eq!((played.planner.memory().used, played.planner.memory().gaps), (0, 0), "seed {seed}");
     }
@@ -346,7 +344,7 @@ fn instances_take_memory_in_proportion() {
     let count = 66_000;
     let (world, _, _) = super::lamps(count);
     let mut played = played(PlanLimits::default());
-    played.frame(&world, &FrameDelta::everything(&world));
+    played.frame(&world);
     let memory = played.planner.memory();
     let each = (memory.buffers - memory.trees) / count as u64;
     // As `LightPlanner::set_tree_memory` says.

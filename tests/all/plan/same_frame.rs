@@ -24,8 +24,8 @@ fn with_gaps(rng: &mut Rng, lights: usize) -> (LightWorld, Played, Vec<TreeKey>,
     let (mut world, mut keys) = row(rng, trees, lights);
     let total: u64 = keys.iter().map(|key| bytes(&world, *key)).sum();
     let mut played = played(PlanLimits::default().with_tree_memory(total * 6 / 5));
-    let delta = update(&mut world);
-    played.frame(&world, &delta);
+    update(&mut world);
+    played.frame(&world);
     rest(&mut played, &world);
     let instances: Vec<_> = world.instances().collect();
     for (instance, tree) in instances.into_iter().zip(&keys).step_by(2) {
@@ -35,8 +35,8 @@ fn with_gaps(rng: &mut Rng, lights: usize) -> (LightWorld, Played, Vec<TreeKey>,
     keys = keys.into_iter().skip(1).step_by(2).collect();
     let large = world.add_tree(LightTree::new(lamps(rng, 3300)).expect("valid"));
     world.add_instance(large, Placement::IDENTITY, Policy::Static).expect("valid");
-    let delta = update(&mut world);
-    played.frame(&world, &delta);
+    update(&mut world);
+    played.frame(&world);
     assert!(played.planner.stands_in(large), "no gap is long enough");
     (world, played, keys, large)
 }
@@ -49,8 +49,8 @@ fn a_tree_that_is_edited_in_the_frame_in_which_it_would_move_to_a_gap_has_its_ed
         // A light that keeps its place, so that the nodes above it are all that changes besides.
         world.set_emission(*key, 7, Vec3::splat(rng.between(1.0, 100.0))).expect("valid");
     }
-    let delta = update(&mut world);
-    played.frame(&world, &delta);
+    update(&mut world);
+    played.frame(&world);
     check(&played, &world);
     let moved = idle(&mut played, &world);
     assert!(moved.report.nodes > 0 && played.planner.stands_in(large), "trees move: {:?}", moved.report);
@@ -69,8 +69,8 @@ fn a_tree_that_gets_light_parts_in_the_frame_in_which_it_would_move_to_a_gap_has
             world.add_instance(*key, Placement::at(DVec3::Y * 500.0), Policy::Budgeted).expect("valid");
         }
     }
-    let delta = update(&mut world);
-    played.frame(&world, &delta);
+    update(&mut world);
+    played.frame(&world);
     check_parts(&played, &world);
     assert!(played.planner.stands_in(large));
     rest(&mut played, &world);
@@ -83,16 +83,16 @@ fn a_device_that_has_lost_its_content_gets_everything_in_one_plan_whatever_a_fra
         let mut rng = Rng(43);
         let (mut world, keys) = row(&mut rng, 12, 300);
         let mut played = played(PlanLimits::default());
-        let delta = update(&mut world);
-        played.frame(&world, &delta);
+        update(&mut world);
+        played.frame(&world);
         played.planner.set_frame_bytes(Some(frame_bytes));
         // Shaders see an older version of some, and one has grown beyond its room.
         for key in &keys[..4] {
             world.rebuild_tree(*key).expect("it lives");
         }
         world.replace_lights(keys[4], lamps(&mut rng, 1000)).expect("valid");
-        let delta = update(&mut world);
-        played.frame(&world, &delta);
+        update(&mut world);
+        played.frame(&world);
         assert!(keys[..5].iter().any(|key| played.planner.is_waiting(*key)));
         played.planner.lose();
         played.device.forget();
@@ -109,13 +109,13 @@ fn a_tree_that_becomes_small_while_it_is_sent_in_pieces_is_sent_at_once() {
     let mut rng = Rng(44);
     let (mut world, keys) = row(&mut rng, 1, 3000);
     let mut played = played(PlanLimits::default().with_frame_bytes(20_000));
-    let delta = update(&mut world);
-    played.frame(&world, &delta);
+    update(&mut world);
+    played.frame(&world);
     idle(&mut played, &world);
     played.planner.set_frame_bytes(Some(0));
     world.replace_lights(keys[0], lamps(&mut rng, 10)).expect("valid");
-    let delta = update(&mut world);
-    played.frame(&world, &delta);
+    update(&mut world);
+    played.frame(&world);
     assert_eq!(check(&played, &world).lights, 10);
     assert!(!played.planner.is_waiting(keys[0]));
     played.planner.set_frame_bytes(None);
@@ -129,13 +129,13 @@ fn an_older_version_makes_room_for_the_present_one_if_there_is_no_other() {
     let (mut world, keys) = row(&mut rng, 1, 3000);
     let memory = bytes(&world, keys[0]) * 8 / 5;
     let mut played = played(PlanLimits::default().with_tree_memory(memory).with_frame_bytes(20_000));
-    let delta = update(&mut world);
-    played.frame(&world, &delta);
+    update(&mut world);
+    played.frame(&world);
     rest(&mut played, &world);
     assert!(!played.planner.is_waiting(keys[0]));
     world.rebuild_tree(keys[0]).expect("it lives");
-    let delta = update(&mut world);
-    played.frame(&world, &delta);
+    update(&mut world);
+    played.frame(&world);
     assert!(played.planner.is_waiting(keys[0]), "there is no room beside the older version");
     rest(&mut played, &world);
     assert!(!played.planner.is_waiting(keys[0]));
@@ -156,8 +156,8 @@ fn trees_that_do_not_fit_do_not_keep_others_coming_and_going() {
             total += bytes(&world, tree);
         }
         let mut played = played(PlanLimits::default().with_tree_memory(total / 3));
-        let delta = update(&mut world);
-        played.frame(&world, &delta);
+        update(&mut world);
+        played.frame(&world);
         for _ in 0..4 {
             world.set_viewpoint(DVec3::X * f64::from(rng.between(0.0, 4000.0))).expect("finite");
             rest(&mut played, &world);
@@ -183,8 +183,8 @@ fn a_large_tree_with_sections_flickers_together_with_many_small_trees() {
     let small: Vec<TreeKey> =
         (0..80).map(|_| add(&mut world, vec![lamp(&mut rng)], rng.position(10.0).as_dvec3()).0).collect();
     let mut played = Played::new();
-    let delta = update(&mut world);
-    played.frame(&world, &delta);
+    update(&mut world);
+    played.frame(&world);
     idle(&mut played, &world);
     for _ in 0..3 {
         for tree in &small {
@@ -193,8 +193,8 @@ fn a_large_tree_with_sections_flickers_together_with_many_small_trees() {
         for i in 0..40 {
             world.set_emission(large, 70 * i, Vec3::splat(rng.between(1.0, 100.0))).expect("valid");
         }
-        let delta = update(&mut world);
-        played.frame(&world, &delta);
+        update(&mut world);
+        played.frame(&world);
         assert_eq!(played.device.dispatches["scatter"], 3, "nodes, lights and records of parts");
         check(&played, &world);
         check_parts(&played, &world);

@@ -90,7 +90,6 @@ impl TestWorld {
         (0..3000).for_each(|_| {
             self.world.update(FrameBudget::NONE);
         });
-        self.world.take_delta();
     }
 
     /// The first instance of a tree.

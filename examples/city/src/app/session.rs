@@ -4,7 +4,7 @@
 
 use super::denoiser::denoise;
 use super::stage_times::{Laps, StageTimes};
-use girandole::{Effects, FrameBudget, FrameReport, LightWorld};
+use girandole::{Effects, FrameBudget, FrameReport, LightWorld, Revision};
 use std::time::Duration;
 use testbed::render::backend::{Backend, ChosenBackend};
 use testbed::render::choice::Baselines;
@@ -113,6 +113,8 @@ pub struct Session {
     next: u32,
     /// The scene's time in the next frame, in frames from the start.
     clock: u32,
+    /// The revision of the light world in the last frame.
+    seen: Revision,
     is_frozen: bool,
 }
 
@@ -139,6 +141,7 @@ impl Session {
             pace,
             next: 0,
             clock: 0,
+            seen: Revision::default(),
             is_frozen: false,
         })
     }
@@ -250,8 +253,9 @@ impl Session {
         times.animation = laps.lap();
         world.set_viewpoint(scene.camera.eye.as_dvec3())?;
         let report = world.update(pace.budget);
-        let delta = world.take_delta();
-        if !delta.is_empty() {
+        let is_changed = !world.changes_since(self.seen).is_empty();
+        self.seen = world.revision();
+        if is_changed {
             self.baselines.clear();
         }
         times.light_update = laps.lap();
@@ -259,8 +263,8 @@ impl Session {
         times.geometry = laps.lap();
         let update = match &mut self.renderer {
             Renderer::Cpu => GpuUpdate::default(),
-            Renderer::Gpu(_) if number > 0 && change.is_empty() && delta.is_empty() => GpuUpdate::default(),
-            Renderer::Gpu(renderer) => renderer.update(geometry, &change, world, &delta)?,
+            Renderer::Gpu(_) if number > 0 && change.is_empty() && !is_changed => GpuUpdate::default(),
+            Renderer::Gpu(renderer) => renderer.update(geometry, &change, world)?,
         };
         // An upload waits for the top level if it measures it.
         times.top_build = update.top_build;

@@ -1,4 +1,4 @@
-//! Camera rays, sky and BRDF. `render.wgsl` has the same functions; `tests/all/city_images.rs`
+//! Camera rays, sky and BRDF. `render.wgsl` has the same functions; `examples/city/tests/all/images.rs`
 //! compares the pictures of both.
 
 use super::scene::{Camera, Material, Sky};

@@ -3,9 +3,9 @@
 
 use std::collections::{HashMap, HashSet};
 
+use girandole::LightWorld;
 use girandole::plan::{Binding, BufferId, BufferKind, Command, Commands, FramePlan, KERNELS, LightPlanner, PlanCursor};
 use girandole::plan::{PlanError, UNIFORM_ALIGNMENT};
-use girandole::{FrameDelta, LightWorld};
 
 /// The buffers of one planner.
 #[derive(Default)]
@@ -157,8 +157,8 @@ impl Played {
     }
 
     /// Plans and plays a frame.
-    pub fn frame(&mut self, world: &LightWorld, delta: &FrameDelta) -> FramePlan {
-        let plan = self.planner.reserve(world, delta).expect("room enough").plan();
+    pub fn frame(&mut self, world: &LightWorld) -> FramePlan {
+        let plan = self.planner.reserve(world).expect("room enough").plan();
         self.device.play(&plan).expect("in order");
         plan
     }

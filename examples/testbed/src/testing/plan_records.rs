@@ -2,7 +2,7 @@
 //! lights.
 
 use girandole::tree::{EMPTY_SLOT, LEAF, WIDTH};
-use girandole::{FrameDelta, Light, LightTree, LightWorld};
+use girandole::{Light, LightTree, LightWorld};
 
 use super::plan_device::Played;
 
@@ -121,7 +121,7 @@ fn part_records(played: &Played, slot: u32, tree: u32) -> Vec<u8> {
 /// wait. Every instance must be shown, and the last plan must have built the top level.
 pub fn check_parts(played: &Played, world: &LightWorld) {
     let mut fresh = Played::new();
-    fresh.frame(world, &FrameDelta::everything(world));
+    fresh.frame(world);
     let instances = |played: &Played| {
         let [params, _, _, instances, _] = played.bound();
         let params = Records { bytes: played.device.content(params), stride: 0 };

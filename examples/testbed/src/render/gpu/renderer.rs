@@ -9,7 +9,7 @@ use crate::common::gpu::{map, wait};
 use girandole::glam::Vec4;
 use girandole::gpu::{GpuLights, LightShader, TargetHook};
 use girandole::wgpu;
-use girandole::{Effects, FrameDelta, LightWorld};
+use girandole::{Effects, LightWorld};
 use std::time::Duration;
 
 use super::buffers::{Buffers, PIXEL_BYTES, TIMESTAMP_BYTES};
@@ -100,10 +100,9 @@ impl GpuRenderer {
         geometry: &Geometry,
         change: &GeometryChange,
         world: &LightWorld,
-        delta: &FrameDelta,
     ) -> Result<GpuUpdate, SceneError> {
         let geometry_bytes = self.buffers.scene.upload(&self.gpu.queue, geometry, change);
-        let light_bytes = self.lights.upload(world, delta).map_err(|e| SceneError(e.to_string()))?.bytes;
+        let light_bytes = self.lights.upload(world).map_err(|e| SceneError(e.to_string()))?.bytes;
         // The effect MOVING changes no shader. An interactive program would compile on another thread
         // and use a more general pipeline until then. This one blocks on purpose, so that the same seed
         // always gives the same picture.

@@ -1,16 +1,23 @@
 #!/usr/bin/env bash
-# Compiles every kernel with Tint, the WGSL compiler of Chromium, on its software adapter. Needs no GPU.
-# Installs Chromium on Debian if there is none.
+# What compilers make of every kernel, without a GPU: registers, scratch memory and instructions on AMD's
+# are within limits; Khronos' validator accepts the SPIR-V; and Tint, the WGSL compiler of Chromium,
+# accepts the text, on its software adapter. Installs what is missing on Debian.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+source scripts/common.sh
+need_vulkan
+need spirv-val spirv-tools
+need chromium chromium
 
-if ! command -v chromium >/dev/null; then
-    apt-get update -qq
-    DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium >/dev/null
-fi
-
+# The limits hold for one version of Mesa.
 mkdir -p target
-cargo run --locked -p shader_stats -- --page target/kernels.html
+step cargo run --locked -p shader_stats -- --out target/shader_stats.csv --chip navi21 --check
+rm -rf target/spirv
+step cargo run --locked -p shader_stats -- --spirv target/spirv
+for kernel in target/spirv/*.spv; do
+    spirv-val --target-env vulkan1.3 "$kernel"
+done
+step cargo run --locked -p shader_stats -- --page target/kernels.html
 
 profile=$(mktemp -d)
 log=$profile/log

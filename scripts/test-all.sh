@@ -1,0 +1,18 @@
+#!/usr/bin/env bash
+# All checks: those of .ci/run, and those that take too long for each change. Run it before a release.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+source scripts/common.sh
+
+step bash .ci/run
+# Bevy 0.19 is linted and Bevy 0.20 tested, too.
+step bash examples/bevy_girandole/test.sh --all
+# The library's tests without threads.
+step cargo test --locked --no-default-features --lib --test all
+# Every bench runs once.
+step cargo test --locked --benches
+# Longer tests with fresh seeds: 200,000 damaged glTF files, and many threads beside background builds.
+step cargo test --locked --release --test all -- --ignored
+# The fuzz target compiles. It needs a C++ compiler.
+need g++ g++
+step cargo check --locked --manifest-path fuzz/Cargo.toml

@@ -1,0 +1,266 @@
+//! What changed in a world, for readers that are behind by any number of changes.
+
+use std::fmt;
+
+use glam::DVec3;
+
+use super::LightWorld;
+use super::slot_set::SlotSet;
+use super::stamps::{Stamps, count_after, slots_after};
+
+/// A point in the history of one [`LightWorld`]: how far a reader has followed it.
+///
+/// Each reader keeps one: a GPU, a cache of an engine, a renderer that reuses samples. It passes it to
+/// [`LightWorld::changes_since`], and takes [`LightWorld::revision`] as its next one. A reader that
+/// skipped any number of frames gets the changes of all of them. A reader that has seen nothing
+/// starts with `Revision::default()`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Revision {
+    /// Grows with each change; 0 before a world was seen.
+    number: u64,
+    /// The origin of the world at that point.
+    origin: DVec3,
+}
+
+/// What changed in a world since a [`Revision`]: see [`LightWorld::changes_since`].
+///
+/// Slots are the numbers that shaders know instances by ([`LightWorld::slot`]). All lists are in
+/// ascending order, name each slot once, and allocate nothing. Reading one is O(slots that it
+/// names), with up to 128 comparisons for each, and a look at 8 bytes for each 4096 slots.
+#[derive(Clone, Copy)]
+pub struct Changes<'w> {
+    world: &'w LightWorld,
+    since: Revision,
+}
+
+impl<'w> Changes<'w> {
+    /// Whether nothing changed, so that an upload writes no byte. Edits of lights count from the
+    /// next [`LightWorld::update`] on. O(1).
+    pub fn is_empty(&self) -> bool {
+        self.since == self.world.revision()
+    }
+
+    /// By how much [`LightWorld::origin`] moved, in metres; `None` if it is where it was, or for a
+    /// reader that had seen nothing. Exact where the origin lies on a grid
+    /// ([`OriginMode`](crate::OriginMode)).
+    ///
+    /// Subtract the shift from every position relative to the origin that was kept from earlier
+    /// frames. To ask for probabilities of the last frame, add it to a present position.
+    pub fn origin_shift(&self) -> Option<DVec3> {
+        let shift = self.world.origin() - self.since.origin;
+        (self.since.number > 0 && shift != DVec3::ZERO).then_some(shift)
+    }
+
+    /// The slots that hold the same instance as before, in another place.
+    ///
+    /// An instance that was moved away and back may be among them. Instances that are hidden by a
+    /// scale of zero, or shown again, count as moved. Not listed are new instances, those whose
+    /// appearance or lights changed, and the change of all positions by a new origin
+    /// ([`Changes::origin_shift`]).
+    pub fn moved_instances(&self) -> impl Iterator<Item = u32> + use<'w> {
+        let (log, number) = (&self.world.log, self.since.number);
+        let is_same = move |slot: &u32| log.added.get(*slot) <= number && log.removed.get(*slot) <= number;
+        slots_after([&log.moved], number).filter(is_same)
+    }
+
+    /// The slots whose instance was added.
+    pub fn added_instances(&self) -> impl Iterator<Item = u32> + use<'w> {
+        let log = &self.world.log;
+        slots_after([&log.added], self.since.number).filter(|slot| log.removed.get(*slot) < log.added.get(*slot))
+    }
+
+    /// The slots that an instance was removed from. A sample that was kept from before and names
+    /// such a slot means nothing any more: the slot is free, or holds another instance.
+    ///
+    /// Listed are also instances that were both added and removed.
+    pub fn removed_instances(&self) -> impl Iterator<Item = u32> + use<'w> {
+        slots_after([&self.world.log.removed], self.since.number)
+    }
+
+    /// The slots of trees that were added, edited, rebuilt or removed.
+    #[cfg(feature = "gpu-plan")]
+    pub(crate) fn trees(&self) -> impl Iterator<Item = u32> + use<'w> {
+        slots_after([&self.world.log.trees], self.since.number)
+    }
+
+    /// The slots of instances whose record on a GPU changed.
+    #[cfg(feature = "gpu-plan")]
+    pub(crate) fn instance_records(&self) -> impl Iterator<Item = u32> + use<'w> {
+        let WorldLog { added, removed, moved, shown, altered, user_data, .. } = &self.world.log;
+        slots_after([added, removed, moved, shown, altered, user_data], self.since.number)
+    }
+
+    /// Whether some directional light was added, changed or removed.
+    #[cfg(feature = "gpu-plan")]
+    pub(crate) fn directionals(&self) -> bool {
+        self.world.log.directionals > self.since.number
+    }
+
+    /// Whether more changed than user data, which the top level does not depend on.
+    #[cfg(feature = "gpu-plan")]
+    pub(crate) fn concern_lights(&self) -> bool {
+        self.world.log.lights > self.since.number
+    }
+}
+
+impl fmt::Debug for Changes<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Changes")
+            .field("since", &self.since)
+            .field("origin_shift", &self.origin_shift())
+            .field("moved_instances", &self.moved_instances().collect::<Vec<_>>())
+            .field("added_instances", &self.added_instances().collect::<Vec<_>>())
+            .field("removed_instances", &self.removed_instances().collect::<Vec<_>>())
+            .finish_non_exhaustive()
+    }
+}
+
+impl LightWorld {
+    /// The present point in the history of the world: what a reader that has read all changes keeps.
+    pub fn revision(&self) -> Revision {
+        Revision { number: self.log.number, origin: self.origin() }
+    }
+
+    /// What changed since a revision of this world. There may be any number of readers, and what one
+    /// reads is not lost for others. With `Revision::default()` everything has changed.
+    ///
+    /// O(1); the lists cost what they name.
+    ///
+    /// ```
+    /// use girandole::glam::{DVec3, Vec3};
+    /// use girandole::{Light, LightTree, LightWorld, Placement, Policy, Revision};
+    /// let mut world = LightWorld::new();
+    /// let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)])?);
+    /// let car = world.add_instance(lamp, Placement::IDENTITY, Policy::Budgeted)?;
+    /// // A reader that has seen nothing, and one that goes on from here.
+    /// let slot = world.slot(car);
+    /// assert!(world.changes_since(Revision::default()).added_instances().eq(slot));
+    /// let seen = world.revision();
+    /// assert!(world.changes_since(seen).is_empty());
+    /// world.move_instance(car, Placement::at(DVec3::X))?;
+    /// assert!(world.changes_since(seen).moved_instances().eq(slot));
+    /// # Ok::<(), girandole::WorldError>(())
+    /// ```
+    pub fn changes_since(&self, revision: Revision) -> Changes<'_> {
+        Changes { world: self, since: revision }
+    }
+}
+
+/// When each slot of a world changed last, and how.
+///
+/// A change is a number that is greater than those of all changes before. The log knows the last
+/// one of each slot and kind, so it is as large as the world, whatever its readers do.
+#[derive(Debug)]
+pub(super) struct WorldLog {
+    /// The number of the last change. 1 in a new world: readers of number 0 have seen nothing.
+    number: u64,
+    /// The number at the last update.
+    updated: u64,
+    /// The last change of more than user data.
+    lights: u64,
+    directionals: u64,
+    /// Trees that were added, edited, rebuilt or removed.
+    trees: Stamps,
+    added: Stamps,
+    removed: Stamps,
+    moved: Stamps,
+    /// Instances that were shown or hidden by their appearance, or got another tree.
+    shown: Stamps,
+    /// Instances whose record is stale for another reason.
+    altered: Stamps,
+    user_data: Stamps,
+}
+
+impl Default for WorldLog {
+    fn default() -> Self {
+        let none = Stamps::default;
+        Self {
+            number: 1,
+            updated: 1,
+            lights: 1,
+            directionals: 1,
+            trees: none(),
+            added: none(),
+            removed: none(),
+            moved: none(),
+            shown: none(),
+            altered: none(),
+            user_data: none(),
+        }
+    }
+}
+
+impl WorldLog {
+    /// The number of a change of lights.
+    fn next(&mut self) -> u64 {
+        self.number += 1;
+        self.lights = self.number;
+        self.number
+    }
+
+    /// Records that the tree of a slot was added, edited, rebuilt or removed.
+    pub fn tree(&mut self, slot: u32) {
+        let number = self.next();
+        self.trees.set(slot, number);
+    }
+
+    /// Records that some directional light was added, changed or removed.
+    pub fn directionals(&mut self) {
+        self.directionals = self.next();
+    }
+
+    /// Records that an instance was added in a slot.
+    pub fn added(&mut self, slot: u32) {
+        let number = self.next();
+        self.added.set(slot, number);
+    }
+
+    /// Records that the instance of a slot was removed.
+    pub fn removed(&mut self, slot: u32) {
+        let number = self.next();
+        self.removed.set(slot, number);
+    }
+
+    /// Records that the instance of a slot was moved.
+    pub fn moved(&mut self, slot: u32) {
+        let number = self.next();
+        self.moved.set(slot, number);
+    }
+
+    /// Records that the instances of some slots were moved. Empties the set.
+    pub fn all_moved(&mut self, slots: &mut SlotSet) {
+        let number = self.next();
+        slots.drain(|slot| self.moved.set(slot, number));
+    }
+
+    /// Records that the instance of a slot was shown or hidden by its appearance, or got another
+    /// tree.
+    pub fn shown(&mut self, slot: u32) {
+        let number = self.next();
+        self.shown.set(slot, number);
+    }
+
+    /// Records that the record of the instance of a slot is stale for another reason.
+    pub fn altered(&mut self, slot: u32) {
+        let number = self.next();
+        self.altered.set(slot, number);
+    }
+
+    /// Records that the user data of the instance of a slot changed.
+    pub fn user_data(&mut self, slot: u32) {
+        self.number += 1;
+        self.user_data.set(slot, self.number);
+    }
+
+    /// Returns how many instances were added, moved, shown, hidden or removed since the last call.
+    pub fn count_moved(&mut self) -> usize {
+        let since = std::mem::replace(&mut self.updated, self.number);
+        count_after([&self.added, &self.removed, &self.moved, &self.shown], since)
+    }
+
+    /// The size in bytes.
+    pub fn memory_bytes(&self) -> usize {
+        let Self { trees, added, removed, moved, shown, altered, user_data, .. } = self;
+        [trees, added, removed, moved, shown, altered, user_data].map(Stamps::memory_bytes).into_iter().sum()
+    }
+}
