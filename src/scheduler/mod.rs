@@ -61,6 +61,8 @@ mod state;
 mod tests;
 
 pub use budget::FrameBudget;
+#[cfg(test)]
+pub(crate) use clock::sealed;
 pub use clock::{Clock, SystemClock, VirtualClock, Work, WorkKind};
 pub(crate) use finish::DoneJob;
 pub(crate) use forecast::TreeFeatures;

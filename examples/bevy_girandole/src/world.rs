@@ -4,9 +4,9 @@ use std::time::{Duration, Instant};
 
 use bevy::ecs::resource::Resource;
 use bevy::log::warn_once;
-use girandole::{LightTree, 
-    DirectionalKey, DirectionalLight, FrameBudget, FrameReport, InstanceKey, Light, LightWorld, Placement, Policy,
-    TreeKey, WorldError,
+use girandole::{
+    DirectionalKey, DirectionalLight, FrameBudget, FrameReport, InstanceKey, Light, LightTree, LightWorld, Placement,
+    Policy, TreeKey, WorldError,
 };
 
 use crate::edits::{Edit, Edits, State};

@@ -38,6 +38,7 @@ impl LightList {
         let names = world.sampler().all_lights().map(|light| match light {
             LightId::Local { instance, light } => [world.slot(instance).unwrap_or_default(), light],
             LightId::Directional(key) => [DIRECTIONAL, directional(key)],
+            _ => unreachable!("this version has no others"),
         });
         let mut texels: Vec<[u32; 2]> = std::iter::once([0, 0]).chain(names).collect();
         let count = texels.len() as u32 - 1;
