@@ -22,7 +22,7 @@ pub(super) const LANES: u32 = 64;
 
 /// Reads the lights at group 0 and the engine's buffers at group 1, with one invocation for each of
 /// their records.
-pub(super) struct Kernel {
+pub(super) struct RequestKernel {
     device: wgpu::Device,
     /// The layout of group 1.
     layout: wgpu::BindGroupLayout,
@@ -33,7 +33,7 @@ pub(super) struct Kernel {
     pipelines: Mutex<HashMap<Effects, wgpu::ComputePipeline>>,
 }
 
-impl Kernel {
+impl RequestKernel {
     /// Chooses one light for each request. Compiles nothing yet. `lights` is the layout of group 0.
     pub fn sampling(device: &wgpu::Device, lights: &wgpu::BindGroupLayout) -> Self {
         Self::new(device, lights, "batch", BATCH, &[storage_entry(0, true), storage_entry(1, false)])

@@ -64,7 +64,7 @@ use bindings::{bind_lights, light_layout};
 use candidates::CandidateTable;
 pub use error::GpuError;
 use error::{check_limits, largest_storage_buffer};
-use kernel::Kernel;
+use kernel::RequestKernel;
 use player::Player;
 use recorder::Recorder;
 pub use records::{ReservoirRecord, SampleRecord, SampleRequest};
@@ -122,8 +122,8 @@ pub struct GpuLights {
     /// The build of the top level after the last upload.
     top: Commands,
     top_status: TopStatus,
-    sampling: Kernel,
-    resampling: Kernel,
+    sampling: RequestKernel,
+    resampling: RequestKernel,
     candidates: CandidateTable,
     /// Made at first use.
     learnt: OnceLock<LearntTable>,
@@ -187,8 +187,8 @@ impl GpuLights {
             player: Player::new(device, queue),
             top: Commands::default(),
             top_status: TopStatus::new(),
-            sampling: Kernel::sampling(device, &layout),
-            resampling: Kernel::resampling(device, &layout),
+            sampling: RequestKernel::sampling(device, &layout),
+            resampling: RequestKernel::resampling(device, &layout),
             candidates,
             learnt: OnceLock::new(),
             origin: DVec3::ZERO,

@@ -16,7 +16,7 @@ pub(super) struct Player {
     layouts: Vec<Layout>,
     pipelines: HashMap<Kernel, wgpu::ComputePipeline>,
     /// A handful: each kernel binds the same buffers in every frame.
-    groups: Vec<Group>,
+    groups: Vec<BoundGroup>,
     #[cfg(test)]
     pub submissions: usize,
     /// The most workgroups along the first dimension of a dispatch.
@@ -46,7 +46,7 @@ struct Layout {
 }
 
 #[derive(Debug)]
-struct Group {
+struct BoundGroup {
     /// The index of the layout.
     layout: usize,
     buffers: Vec<BufferId>,
@@ -228,7 +228,7 @@ impl Player {
     /// The index of a bind group, which is made at first use.
     fn group(&mut self, kernel: Kernel, buffers: &[BufferId]) -> usize {
         let layout = self.layout(kernel.bindings());
-        let is_same = |group: &Group| group.layout == layout && group.buffers == buffers;
+        let is_same = |group: &BoundGroup| group.layout == layout && group.buffers == buffers;
         if let Some(index) = self.groups.iter().position(is_same) {
             return index;
         }
@@ -246,7 +246,7 @@ impl Player {
             layout: &self.layouts[layout].group,
             entries: &entries,
         });
-        self.groups.push(Group { layout, buffers: buffers.to_vec(), group });
+        self.groups.push(BoundGroup { layout, buffers: buffers.to_vec(), group });
         self.groups.len() - 1
     }
 }

@@ -13,7 +13,7 @@ pub struct TopStage {
 
 /// How stages are divided into compute passes.
 #[derive(Clone, Copy, Debug)]
-enum Passes<'a> {
+enum PassDivision<'a> {
     /// One pass for all stages.
     One,
     /// A pass for each stage; the i-th writes the timestamps 2 i and 2 i + 1 of the set, if there
@@ -26,7 +26,7 @@ enum Passes<'a> {
 pub(crate) struct Recorder<'a> {
     encoder: &'a mut wgpu::CommandEncoder,
     label: &'static str,
-    passes: Passes<'a>,
+    passes: PassDivision<'a>,
     pass: Option<wgpu::ComputePass<'static>>,
     stages: Vec<TopStage>,
 }
@@ -34,7 +34,7 @@ pub(crate) struct Recorder<'a> {
 impl<'a> Recorder<'a> {
     /// Records all stages in one pass of this name.
     pub(crate) fn together(encoder: &'a mut wgpu::CommandEncoder, label: &'static str) -> Self {
-        Self { encoder, label, passes: Passes::One, pass: None, stages: Vec::new() }
+        Self { encoder, label, passes: PassDivision::One, pass: None, stages: Vec::new() }
     }
 
     /// Records each stage in a pass of its own, with timestamps in `queries` if there is one.
@@ -43,7 +43,7 @@ impl<'a> Recorder<'a> {
         label: &'static str,
         queries: Option<&'a wgpu::QuerySet>,
     ) -> Self {
-        Self { encoder, label, passes: Passes::Each(queries), pass: None, stages: Vec::new() }
+        Self { encoder, label, passes: PassDivision::Each(queries), pass: None, stages: Vec::new() }
     }
 
     /// Copies the first bytes of a buffer.
@@ -85,8 +85,8 @@ impl<'a> Recorder<'a> {
     /// Begins a pass, if the open one is not for this stage.
     fn begin(&mut self, name: &'static str) {
         let is_open = match self.passes {
-            Passes::One => true,
-            Passes::Each(_) => self.stages.last().is_some_and(|stage| stage.name == name),
+            PassDivision::One => true,
+            PassDivision::Each(_) => self.stages.last().is_some_and(|stage| stage.name == name),
         };
         if is_open && self.pass.is_some() {
             return;
@@ -94,7 +94,7 @@ impl<'a> Recorder<'a> {
         // The open pass locks the encoder, so it has to end first.
         self.pass = None;
         let mut descriptor = wgpu::ComputePassDescriptor { label: Some(self.label), timestamp_writes: None };
-        if let Passes::Each(queries) = self.passes {
+        if let PassDivision::Each(queries) = self.passes {
             let first = 2 * self.stages.len() as u32;
             descriptor.label = Some(name);
             descriptor.timestamp_writes = queries.map(|query_set| wgpu::ComputePassTimestampWrites {

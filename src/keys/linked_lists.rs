@@ -9,7 +9,7 @@ use slotmap::{Key, SecondaryMap};
 #[derive(Debug)]
 pub(crate) struct LinkedLists<K: Key, T> {
     ends: Vec<Ends<K>>,
-    items: SecondaryMap<K, Item<K, T>>,
+    items: SecondaryMap<K, Link<K, T>>,
 }
 
 /// The ends of one list.
@@ -21,7 +21,7 @@ struct Ends<K> {
 
 /// A value, and the neighbours of its key in the list.
 #[derive(Debug)]
-struct Item<K, T> {
+struct Link<K, T> {
     before: Option<K>,
     after: Option<K>,
     value: T,
@@ -35,7 +35,7 @@ impl<K: Key, T> LinkedLists<K, T> {
 
     /// Adds a key, which is in no list.
     pub fn insert(&mut self, key: K, value: T) {
-        self.items.insert(key, Item { before: None, after: None, value });
+        self.items.insert(key, Link { before: None, after: None, value });
     }
 
     /// Forgets a key that is in no list. Returns its value if there was one.
@@ -65,7 +65,7 @@ impl<K: Key, T> LinkedLists<K, T> {
 
     /// Removes a key from its list.
     pub fn remove(&mut self, list: usize, key: K) {
-        let Item { before, after, .. } = self.items[key];
+        let Link { before, after, .. } = self.items[key];
         self.join(list, before, after);
     }
 

@@ -6,7 +6,7 @@
 
 /// Work that is compiled for several kinds of machines. `run` and every function that it calls must
 /// be `#[inline(always)]`.
-pub(crate) trait Job {
+pub(crate) trait VectorJob {
     type Output;
 
     fn run(self) -> Self::Output;
@@ -15,11 +15,11 @@ pub(crate) trait Job {
 /// Runs a job with AVX2 if the machine has it. The results have the same bits either way, because
 /// Rust does not fuse or reorder float operations.
 #[inline]
-pub(crate) fn with_vectors<J: Job>(job: J) -> J::Output {
+pub(crate) fn with_vectors<J: VectorJob>(job: J) -> J::Output {
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(enable = "avx2")]
-        fn with_avx2<J: Job>(job: J) -> J::Output {
+        fn with_avx2<J: VectorJob>(job: J) -> J::Output {
             job.run()
         }
         if std::is_x86_feature_detected!("avx2") {

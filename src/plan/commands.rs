@@ -53,7 +53,7 @@ pub enum Command<'a> {
 /// A list of commands, in the order in which they have to run.
 #[derive(Clone, Debug, Default)]
 pub struct Commands {
-    entries: Vec<Entry>,
+    entries: Vec<StoredCommand>,
     /// What all writes write.
     bytes: Vec<u8>,
     /// The buffers of all dispatches.
@@ -62,7 +62,7 @@ pub struct Commands {
 
 /// A command whose slices are ranges of the lists.
 #[derive(Clone, Debug)]
-enum Entry {
+enum StoredCommand {
     Write { buffer: BufferId, offset: u64, bytes: Range<usize> },
     Copy { from: BufferId, to: BufferId, bytes: u64 },
     Clear { buffer: BufferId, offset: u64, bytes: u64 },
@@ -93,14 +93,14 @@ impl Commands {
     /// The commands in order.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Command<'_>> {
         self.entries.iter().map(|entry| match entry {
-            Entry::Write { buffer, offset, bytes } => {
+            StoredCommand::Write { buffer, offset, bytes } => {
                 Command::Write { buffer: *buffer, offset: *offset, bytes: &self.bytes[bytes.clone()] }
             }
-            Entry::Copy { from, to, bytes } => Command::Copy { from: *from, to: *to, bytes: *bytes },
-            Entry::Clear { buffer, offset, bytes } => {
+            StoredCommand::Copy { from, to, bytes } => Command::Copy { from: *from, to: *to, bytes: *bytes },
+            StoredCommand::Clear { buffer, offset, bytes } => {
                 Command::Clear { buffer: *buffer, offset: *offset, bytes: *bytes }
             }
-            Entry::Dispatch { kernel, buffers, uniform_offset, workgroups } => Command::Dispatch {
+            StoredCommand::Dispatch { kernel, buffers, uniform_offset, workgroups } => Command::Dispatch {
                 kernel: *kernel,
                 buffers: &self.buffers[buffers.clone()],
                 uniform_offset: *uniform_offset,
@@ -136,7 +136,7 @@ impl Commands {
         fill(&mut self.bytes);
         let bytes = start..self.bytes.len();
         if !bytes.is_empty() {
-            self.entries.push(Entry::Write { buffer, offset, bytes });
+            self.entries.push(StoredCommand::Write { buffer, offset, bytes });
         }
     }
 
@@ -148,14 +148,14 @@ impl Commands {
     /// Adds a copy; nothing if it has no bytes.
     pub(crate) fn copy(&mut self, from: BufferId, to: BufferId, bytes: u64) {
         if bytes > 0 {
-            self.entries.push(Entry::Copy { from, to, bytes });
+            self.entries.push(StoredCommand::Copy { from, to, bytes });
         }
     }
 
     /// Adds a clear; nothing if it has no bytes.
     pub(crate) fn zero(&mut self, buffer: BufferId, range: Range<u64>) {
         if !range.is_empty() {
-            self.entries.push(Entry::Clear { buffer, offset: range.start, bytes: range.end - range.start });
+            self.entries.push(StoredCommand::Clear { buffer, offset: range.start, bytes: range.end - range.start });
         }
     }
 
@@ -165,6 +165,6 @@ impl Commands {
         let start = self.buffers.len();
         self.buffers.extend_from_slice(buffers);
         let buffers = start..self.buffers.len();
-        self.entries.push(Entry::Dispatch { kernel, buffers, uniform_offset, workgroups: workgroups(groups) });
+        self.entries.push(StoredCommand::Dispatch { kernel, buffers, uniform_offset, workgroups: workgroups(groups) });
     }
 }

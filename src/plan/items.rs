@@ -47,14 +47,14 @@ fn reached(mut open: Vec<usize>, next: &[Vec<usize>]) -> HashSet<usize> {
 }
 
 /// A function or variable of a text.
-struct Item<'a> {
+struct TextItem<'a> {
     name: &'a str,
     text: &'a str,
     is_variable: bool,
 }
 
 /// The functions and variables of a text.
-fn items(text: &str) -> Vec<Item<'_>> {
+fn items(text: &str) -> Vec<TextItem<'_>> {
     let mut items = Vec::new();
     let mut start = 0;
     let mut open: Option<(&str, usize)> = None;
@@ -65,7 +65,7 @@ fn items(text: &str) -> Vec<Item<'_>> {
             open = name_of(line).map(|name| (name, start));
         }
         if let Some((name, first)) = open.filter(|_| is_variable || line.starts_with('}')) {
-            items.push(Item { name, text: &text[first..end], is_variable });
+            items.push(TextItem { name, text: &text[first..end], is_variable });
             open = None;
         }
         start = end;

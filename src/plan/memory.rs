@@ -25,10 +25,10 @@ impl LightPlanner {
     ///
     /// Shaders see trees that do not fit as *stand-ins*, a coarse level of detail: up to 64 of
     /// their lights that shine as brightly as all of them. So no light is lost, but accuracy
-    /// degrades. Trees whose stand-ins are the least wrong at [`LightWorld::set_viewpoint`] are
-    /// evicted first: far, small and dim ones. Without a viewpoint, trees of dim lights are. Without
-    /// a limit the same happens to trees for which [`PlanLimits::largest_buffer`](super::PlanLimits)
-    /// has no room.
+    /// degrades. Trees whose stand-ins are the least wrong at
+    /// [`LightWorld::set_viewpoint`](crate::LightWorld::set_viewpoint) are evicted first: far,
+    /// small and dim ones. Without a viewpoint, trees of dim lights are. Without a limit the same
+    /// happens to trees for which [`PlanLimits::largest_buffer`](super::PlanLimits) has no room.
     ///
     /// With a limit, a buffer grows by a factor of 16 at a time up to its share of the limit, so
     /// little is ever copied. While it grows, the old and the new buffer together exceed the share
@@ -50,8 +50,8 @@ impl LightPlanner {
         }
     }
 
-    /// Limits the bytes of new trees and of new versions of trees that a plan sends; `None` lifts the
-    /// limit. At first it is [`PlanLimits::frame_bytes`](super::PlanLimits).
+    /// Limits the bytes of new trees and of new versions of trees that a plan sends; `None` lifts
+    /// the limit. At first it is [`PlanLimits::frame_bytes`](super::PlanLimits).
     ///
     /// Until it is a tree's turn, shaders see its stand-ins or its older version:
     /// [`UploadReport::waiting_trees`](super::UploadReport::waiting_trees) counts the trees that

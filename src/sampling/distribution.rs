@@ -4,7 +4,7 @@
 //! down instead of from a light up: each node is evaluated once for all lights below it.
 
 use crate::math::dice::{choice_pmf, joint_pmf};
-use crate::math::simd::{Job, with_vectors};
+use crate::math::simd::{VectorJob, with_vectors};
 use crate::sampling::counts::SplitCount;
 use crate::sampling::cut::{Cut, InstanceTrees, NO_INSTANCE, NoInstances, TreeView, seen_importances};
 use crate::shading::importance::running_sums;
@@ -41,7 +41,7 @@ pub(crate) struct DistributionJob<'a, 't, T> {
     pub pmfs: &'t mut [f32],
 }
 
-impl<'a, T: InstanceTrees<'a>> Job for DistributionJob<'a, '_, T> {
+impl<'a, T: InstanceTrees<'a>> VectorJob for DistributionJob<'a, '_, T> {
     type Output = f32;
 
     #[inline(always)]

@@ -44,7 +44,7 @@ pub(crate) struct Stretch {
 }
 
 /// A light as a segment sees it.
-struct Source {
+struct Emitter {
     /// From the middle of the segment to the centre.
     toward: Vec3,
     /// The mean squared distance of the light's points from its centre.
@@ -56,7 +56,7 @@ struct Source {
     cone: Option<(Vec3, f32)>,
 }
 
-impl Source {
+impl Emitter {
     fn new(light: &Light, frame: &InstanceTransform, shading_point: &ShadingPoint) -> Self {
         let surface = |center: Vec3, offsets: [Vec3; 3], weight: f32, normal_area: Option<Vec3>| {
             let squares = offsets.map(Vec3::length_squared);
@@ -101,7 +101,7 @@ impl Stretch {
         shading_point: &ShadingPoint,
         segment: &LocalSegment,
     ) -> Option<Self> {
-        let Source { toward, variance, radius, cone } = Source::new(light, frame, shading_point);
+        let Emitter { toward, variance, radius, cone } = Emitter::new(light, frame, shading_point);
         let SegmentView { foot, line_sq, half } = SegmentView::new(toward.to_array(), segment);
         let (mut a, mut b) = (-half - foot, half - foot);
         let line = line_sq.sqrt();

@@ -10,7 +10,7 @@
 
 use crate::light::luminance;
 use crate::math::dice::{U_STEP, clamp_unit};
-use crate::math::simd::{Job, with_vectors};
+use crate::math::simd::{VectorJob, with_vectors};
 use crate::sampling::counts::{CandidateCount, MAX_CANDIDATES, SplitCount};
 use crate::sampling::cut::{Cut, InstanceTrees, TreeView};
 use crate::sampling::emit::MIN_PDF;
@@ -213,7 +213,7 @@ struct DrawManyJob<'a, 't, T> {
     instance_trees: &'t T,
 }
 
-impl<'a, T: InstanceTrees<'a>> Job for DrawManyJob<'a, '_, T> {
+impl<'a, T: InstanceTrees<'a>> VectorJob for DrawManyJob<'a, '_, T> {
     type Output = [Outcome; MAX_CANDIDATES as usize];
 
     #[inline(always)]

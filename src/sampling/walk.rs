@@ -6,7 +6,7 @@
 
 use crate::instance::part::Division;
 use crate::math::dice::{Dice, choice_pmf, joint_pmf};
-use crate::math::simd::Job;
+use crate::math::simd::VectorJob;
 use crate::sampling::counts::SplitCount;
 use crate::sampling::cut::{Choice, Cut, InstanceTrees, NO_INSTANCE, TreeView, choose_lane, seen_importances};
 use crate::shading::importance::running_sums;
@@ -182,7 +182,7 @@ pub(crate) struct DrawJob<'a, 't, T> {
     pub instance_trees: &'t T,
 }
 
-impl<'a, T: InstanceTrees<'a>> Job for DrawJob<'a, '_, T> {
+impl<'a, T: InstanceTrees<'a>> VectorJob for DrawJob<'a, '_, T> {
     type Output = Outcome;
 
     #[inline(always)]
@@ -210,7 +210,7 @@ pub(crate) struct PmfJob<'a, 't, T> {
     pub instance_trees: &'t T,
 }
 
-impl<'a, T: InstanceTrees<'a>> Job for PmfJob<'a, '_, T> {
+impl<'a, T: InstanceTrees<'a>> VectorJob for PmfJob<'a, '_, T> {
     type Output = f32;
 
     #[inline(always)]

@@ -7,7 +7,7 @@ use super::constants::MAX_CHARGE_RATIO;
 use super::cost::{self, CostModel, size_class, slice_of, smallest_slice, whole};
 use super::ledger::nanos;
 use super::state::{BatchedTree, LongBuild};
-use super::{Scheduler, TreeState};
+use super::{ScheduledTree, Scheduler};
 use crate::keys::TreeKey;
 use crate::tree::WIDTH;
 
@@ -64,7 +64,7 @@ impl Scheduler {
 
     /// Records the time of a rebuild outside of any budget.
     pub fn finish_rebuild_outside(&mut self, tree: TreeKey, took: Duration) {
-        let TreeState { lights, units, .. } = self.trees[tree];
+        let ScheduledTree { lights, units, .. } = self.trees[tree];
         self.costs.learn(whole(lights), units, took);
     }
 

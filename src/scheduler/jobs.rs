@@ -6,9 +6,9 @@ use super::clock::WorkKind;
 use super::constants::{LEDGER_CAPACITY, MAX_PASSED_OVER, MAX_UNSPENT_SHARE, MIN_SLICE_UNITS, SLICE};
 use super::cost::{smallest_slice, whole};
 use super::ledger::nanos;
-use super::queue::Entry;
+use super::queue::QueueEntry;
 use super::state::{BatchedTree, FrameTime, LongBuild};
-use super::{Scheduler, TreeState};
+use super::{ScheduledTree, Scheduler};
 use crate::keys::TreeKey;
 use crate::tree::{MAX_EXTRA_UNITS, WIDTH, units_of_build};
 
@@ -89,7 +89,7 @@ impl Scheduler {
         let max_nanos = left.min(nanos(SLICE));
         let mut sum = 0.0;
         while let Some(tree) = self.first() {
-            let Entry { since_frame, lights, .. } = self.queue.entry(tree);
+            let QueueEntry { since_frame, lights, .. } = self.queue.entry(tree);
             // As it is predicted now: the times of earlier batches may have changed that.
             let units = units_of_build(lights);
             let nanos = self.costs.nanos(whole(lights), units);
@@ -128,11 +128,11 @@ impl Scheduler {
 
     /// Takes a tree out of the queue and begins a long build of it.
     fn begin_long_build(&mut self, tree: TreeKey) {
-        let Entry { since_frame, nanos, rank, .. } = self.queue.entry(tree);
+        let QueueEntry { since_frame, nanos, rank, .. } = self.queue.entry(tree);
         self.withdraw(tree);
         // The tree waits until the build is done and paid for.
         self.waiting_nanos += nanos;
-        let TreeState { lights, units, .. } = self.trees[tree];
+        let ScheduledTree { lights, units, .. } = self.trees[tree];
         let units_left = units as usize;
         self.long_build = Some(LongBuild {
             tree: Some(tree),

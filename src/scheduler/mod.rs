@@ -104,7 +104,7 @@ use state::{BatchedTree, FrameTime, LongBuild};
 /// such *long build* at a time; it keeps the priority of its tree (`jobs.rs`).
 #[derive(Debug, Default)]
 pub(crate) struct Scheduler {
-    trees: SecondaryMap<TreeKey, TreeState>,
+    trees: SecondaryMap<TreeKey, ScheduledTree>,
     queue: Queue,
     /// The trees to rebuild next, or that were rebuilt last.
     batch: Vec<BatchedTree>,
@@ -124,7 +124,7 @@ pub(crate) struct Scheduler {
 
 /// What the scheduler knows about one tree.
 #[derive(Clone, Debug, Default)]
-struct TreeState {
+struct ScheduledTree {
     /// The number of lights.
     lights: usize,
     /// The units of a rebuild.
@@ -196,7 +196,7 @@ impl Scheduler {
 
     /// Adds a tree that was just built.
     pub fn add(&mut self, tree: TreeKey, features: TreeFeatures, lights: usize) {
-        let mut state = TreeState::default();
+        let mut state = ScheduledTree::default();
         state.set_lights(lights);
         state.start(features, self.frame);
         self.trees.insert(tree, state);
@@ -204,7 +204,7 @@ impl Scheduler {
 
     /// Lets a tree begin with what is known about another one, of which it is a copy.
     pub fn copy(&mut self, from: TreeKey, to: TreeKey) {
-        let state = TreeState { waiting: None, is_required: false, ..self.trees[from].clone() };
+        let state = ScheduledTree { waiting: None, is_required: false, ..self.trees[from].clone() };
         self.trees.insert(to, state);
     }
 
@@ -227,7 +227,7 @@ impl Scheduler {
     }
 }
 
-impl TreeState {
+impl ScheduledTree {
     fn set_lights(&mut self, lights: usize) {
         self.lights = lights;
         self.units = units_of_build(lights);

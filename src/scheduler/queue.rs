@@ -20,7 +20,7 @@ pub(super) struct Queue {
     by_arrival: LinkedLists<TreeKey, ()>,
     len: usize,
     /// One list per rank, at its remainder by [`RANKS`].
-    by_rank: LinkedLists<TreeKey, Entry>,
+    by_rank: LinkedLists<TreeKey, QueueEntry>,
     /// A bit per list of `by_rank`: whether it has any tree.
     is_filled: [u64; WORDS],
     /// The greatest rank of all trees in `by_rank`, and a rank that none of them is below.
@@ -34,7 +34,7 @@ pub(super) struct Queue {
 
 /// What the queue knows about a tree that waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Entry {
+pub(super) struct QueueEntry {
     /// The frame in which the tree began to wait.
     pub since_frame: u64,
     /// The number of lights. It stands here so that the choice reads no other memory.
@@ -80,13 +80,13 @@ impl Queue {
     }
 
     /// What is known about a tree that waits.
-    pub fn entry(&self, tree: TreeKey) -> Entry {
+    pub fn entry(&self, tree: TreeKey) -> QueueEntry {
         self.by_rank[tree]
     }
 
     /// Adds a tree that comes in a frame, after all others. It is hidden until it gets a rank.
     pub fn push(&mut self, tree: TreeKey, lights: usize, since_frame: u64) {
-        self.by_rank.insert(tree, Entry { since_frame, lights, nanos: 0, rank: 0, is_hidden: true });
+        self.by_rank.insert(tree, QueueEntry { since_frame, lights, nanos: 0, rank: 0, is_hidden: true });
         self.by_arrival.insert(tree, ());
         self.by_arrival.push_back(WAITING, tree);
         self.len += 1;
@@ -103,7 +103,7 @@ impl Queue {
     }
 
     /// Removes a tree, and returns what was known about it.
-    pub fn remove(&mut self, tree: TreeKey) -> Option<Entry> {
+    pub fn remove(&mut self, tree: TreeKey) -> Option<QueueEntry> {
         if !self.contains(tree) {
             return None;
         }
@@ -137,7 +137,7 @@ impl Queue {
 
     /// Hides a tree from [`Queue::best`] until it gets a rank.
     pub fn hide(&mut self, tree: TreeKey) {
-        let Entry { rank, is_hidden, .. } = &mut self.by_rank[tree];
+        let QueueEntry { rank, is_hidden, .. } = &mut self.by_rank[tree];
         if std::mem::replace(is_hidden, true) {
             return;
         }
@@ -199,7 +199,7 @@ impl Queue {
         for position in 0..self.passed_over.len() {
             let tree = self.passed_over[position];
             if self.contains(tree) {
-                let Entry { rank, is_hidden, .. } = self.entry(tree);
+                let QueueEntry { rank, is_hidden, .. } = self.entry(tree);
                 if is_hidden {
                     self.show(tree, rank);
                 }

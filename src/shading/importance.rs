@@ -14,7 +14,7 @@ use glam::Vec3;
 
 use crate::cluster::Linear;
 use crate::light::{LAMBERTIAN, UNLIMITED_RANGE};
-use crate::math::simd::{Job, with_vectors};
+use crate::math::simd::{VectorJob, with_vectors};
 use crate::shading::gloss::LocalGloss;
 use crate::shading::segment::{LocalSegment, SegmentView, clamped, gap_sq};
 use crate::shading::shading_point::ShadingPoint;
@@ -421,7 +421,7 @@ struct SegmentJob<'a> {
     segment: &'a LocalSegment,
 }
 
-impl Job for SegmentJob<'_> {
+impl VectorJob for SegmentJob<'_> {
     type Output = ChildImportances;
 
     #[inline(always)]

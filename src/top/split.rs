@@ -244,7 +244,7 @@ fn cost_of_cut(left: &GridSums, right: &GridSums) -> Option<u32> {
 }
 
 /// A part that has been cut.
-struct Cut {
+struct PartCut {
     /// The bits of the cost of the part.
     cost: u32,
     /// The number of units on the left.
@@ -253,7 +253,7 @@ struct Cut {
     ranges: [GridSums; 2],
 }
 
-impl Cut {
+impl PartCut {
     /// A cut of a part in half, without regard to cost. `range` is a box around the part.
     fn middle(whole: &GridSums, range: &GridSums) -> Self {
         Self { cost: whole.cost().to_bits(), left: middle(whole.count), ranges: [*range; 2] }
@@ -264,7 +264,7 @@ impl Cut {
 /// first. Halves the part if no cut fills nodes on both sides, or if `may_bin` is false. Moves the left
 /// side to the front and keeps the order within each side. The bins divide `range`, a box around the
 /// part.
-fn cut_large(items: &[GridItem], part: &mut [usize], range: &GridSums, may_bin: bool) -> Cut {
+fn cut_large(items: &[GridItem], part: &mut [usize], range: &GridSums, may_bin: bool) -> PartCut {
     let (axis, extent) = range.longest();
     let bin_of = |unit: usize| ((items[unit].centre(axis) - range.low[axis]) * BINS as u32 / (extent + 1)) as usize;
     let mut bins = [GridSums::EMPTY; BINS];
@@ -286,14 +286,14 @@ fn cut_large(items: &[GridItem], part: &mut [usize], range: &GridSums, may_bin: 
         }
     }
     if best.0 == u32::MAX || !may_bin {
-        return Cut::middle(&from[0], range);
+        return PartCut::middle(&from[0], range);
     }
     let (_, last, ranges) = best;
-    Cut { cost: from[0].cost().to_bits(), left: partition(part, |_, unit| bin_of(unit) <= last), ranges }
+    PartCut { cost: from[0].cost().to_bits(), left: partition(part, |_, unit| bin_of(unit) <= last), ranges }
 }
 
 /// Cuts a small part after the unit where the cut costs least, as [`cut_large`] does.
-fn cut_small(items: &[GridItem], part: &mut [usize], range: &GridSums, may_search: bool) -> Cut {
+fn cut_small(items: &[GridItem], part: &mut [usize], range: &GridSums, may_search: bool) -> PartCut {
     let (axis, _) = range.longest();
     let count = part.len();
     // The units' centres and places in the part, in the order of the centres.
@@ -319,12 +319,12 @@ fn cut_small(items: &[GridItem], part: &mut [usize], range: &GridSums, may_searc
         }
     }
     if best.0 == u32::MAX || !may_search {
-        return Cut::middle(&from[0], range);
+        return PartCut::middle(&from[0], range);
     }
     let (_, last, ranges) = best;
     let border = (items[part[last]].centre(axis), last);
     let left = partition(part, |place, unit| (items[unit].centre(axis), place) <= border);
-    Cut { cost: from[0].cost().to_bits(), left, ranges }
+    PartCut { cost: from[0].cost().to_bits(), left, ranges }
 }
 
 /// Moves the units on the left, by their places and numbers, to the front, with each side in its

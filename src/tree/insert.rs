@@ -31,7 +31,7 @@ const MAX_GROWTH: u32 = 2;
 const MAX_RISE: f64 = 0.3;
 
 /// Where a light goes below a node.
-struct Choice {
+struct LightPlace {
     slot: usize,
     /// The cluster of the child with the light.
     merged: Cluster,
@@ -107,10 +107,10 @@ impl LightTree {
 
     /// The child of a node whose cost a light raises least: of the child nodes if the node has room,
     /// of all children otherwise. Of equal ones the one with the fewest lights.
-    fn choose(&self, node: usize, light: &Cluster) -> Option<Choice> {
+    fn choose(&self, node: usize, light: &Cluster) -> Option<LightPlace> {
         let record = &self.nodes[node];
         let has_room = record.count() < WIDTH;
-        let mut best: Option<Choice> = None;
+        let mut best: Option<LightPlace> = None;
         for slot in 0..record.count() {
             let child = record.children[slot];
             let is_light = child & LEAF != 0;
@@ -122,9 +122,9 @@ impl LightTree {
             let present = cost(&cluster);
             let rise = cost(&merged) - present;
             let lights = if is_light { 1 } else { self.light_counts[child as usize] };
-            let is_better = |best: &Choice| rise < best.rise || rise == best.rise && lights < best.lights;
+            let is_better = |best: &LightPlace| rise < best.rise || rise == best.rise && lights < best.lights;
             if best.as_ref().is_none_or(is_better) {
-                best = Some(Choice { slot, merged, cost: present, rise, lights });
+                best = Some(LightPlace { slot, merged, cost: present, rise, lights });
             }
         }
         best

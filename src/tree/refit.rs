@@ -9,7 +9,7 @@ use super::node::{ChildRef, NO_PARENT, Node, WIDTH};
 use super::tasks::{RefitTask, RefitTasks};
 use super::wide::WideCluster;
 use crate::cluster::Cluster;
-use crate::math::simd::{Job, with_vectors};
+use crate::math::simd::{VectorJob, with_vectors};
 
 /// A refit visits a list of nodes if fewer than one in this many changed, and sweeps over all nodes
 /// otherwise. The list is a heap, which costs about as much per node as the refit of a node.
@@ -189,7 +189,7 @@ fn sweep_tasks<const MEASURE: bool>(subtrees: &mut [RefitTask], slices: NodeSlic
 /// subtree's root if that changed.
 struct Sweep<'a, const MEASURE: bool>(NodeSlices<'a>);
 
-impl<const MEASURE: bool> Job for Sweep<'_, MEASURE> {
+impl<const MEASURE: bool> VectorJob for Sweep<'_, MEASURE> {
     type Output = Option<Cluster>;
 
     #[inline(always)]
@@ -215,7 +215,7 @@ impl<const MEASURE: bool> Job for Sweep<'_, MEASURE> {
 /// range contains it.
 struct SweepRange<'a>(NodeSlices<'a>, Range<usize>);
 
-impl Job for SweepRange<'_> {
+impl VectorJob for SweepRange<'_> {
     type Output = Option<Cluster>;
 
     #[inline(always)]
@@ -235,7 +235,7 @@ impl Job for SweepRange<'_> {
 /// Refits the nodes above the subtrees that were refitted in parallel.
 struct SweepUpper<'a, const MEASURE: bool>(&'a mut LightTree);
 
-impl<const MEASURE: bool> Job for SweepUpper<'_, MEASURE> {
+impl<const MEASURE: bool> VectorJob for SweepUpper<'_, MEASURE> {
     type Output = ();
 
     #[inline(always)]
@@ -268,7 +268,7 @@ impl<const MEASURE: bool> Job for SweepUpper<'_, MEASURE> {
 /// Refits the nodes of a list and the nodes above them.
 struct RefitListed<'a, const MEASURE: bool>(&'a mut LightTree);
 
-impl<const MEASURE: bool> Job for RefitListed<'_, MEASURE> {
+impl<const MEASURE: bool> VectorJob for RefitListed<'_, MEASURE> {
     type Output = ();
 
     #[inline(always)]

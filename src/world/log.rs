@@ -4,16 +4,17 @@ use std::fmt;
 
 use glam::DVec3;
 
-use super::LightWorld;
 use super::slot_set::SlotSet;
 use super::stamps::{Stamps, count_after, slots_after};
 
-/// A point in the history of one [`LightWorld`]: how far a reader has followed it.
+/// A point in the history of one [`LightWorld`](crate::LightWorld): how far a reader has followed
+/// it.
 ///
-/// Each reader keeps one: a GPU, a cache of an engine, a renderer that reuses samples. It passes it to
-/// [`LightWorld::changes_since`], and takes [`LightWorld::revision`] as its next one. A reader that
-/// skipped any number of frames gets the changes of all of them. A reader that has seen nothing
-/// starts with `Revision::default()`.
+/// Each reader keeps one: a GPU, a cache of an engine, a renderer that reuses samples. It passes it
+/// to [`LightWorld::changes_since`](crate::LightWorld::changes_since), and takes
+/// [`LightWorld::revision`](crate::LightWorld::revision) as its next one. A reader that skipped any
+/// number of frames gets the changes of all of them. A reader that has seen nothing starts with
+/// `Revision::default()`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Revision {
     /// Grows with each change; 0 before a world was seen.
@@ -22,32 +23,35 @@ pub struct Revision {
     origin: DVec3,
 }
 
-/// What changed in a world since a [`Revision`]: see [`LightWorld::changes_since`].
+/// What changed in a world since a [`Revision`]: see
+/// [`LightWorld::changes_since`](crate::LightWorld::changes_since).
 ///
-/// Slots are the numbers that shaders know instances by ([`LightWorld::slot`]). All lists are in
-/// ascending order, name each slot once, and allocate nothing. Reading one is O(slots that it
-/// names), with up to 128 comparisons for each, and a look at 8 bytes for each 4096 slots.
+/// Slots are the numbers that shaders know instances by
+/// ([`LightWorld::slot`](crate::LightWorld::slot)). All lists are in ascending order, name each
+/// slot once, and allocate nothing. Reading one is O(slots that it names), with up to 128
+/// comparisons for each, and a look at 8 bytes for each 4096 slots.
 #[derive(Clone, Copy)]
 pub struct Changes<'w> {
-    world: &'w LightWorld,
+    log: &'w WorldLog,
     since: Revision,
+    present: Revision,
 }
 
 impl<'w> Changes<'w> {
     /// Whether nothing changed, so that an upload writes no byte. Edits of lights count from the
-    /// next [`LightWorld::update`] on. O(1).
+    /// next [`LightWorld::update`](crate::LightWorld::update) on. O(1).
     pub fn is_empty(&self) -> bool {
-        self.since == self.world.revision()
+        self.since == self.present
     }
 
-    /// By how much [`LightWorld::origin`] moved, in metres; `None` if it is where it was, or for a
-    /// reader that had seen nothing. Exact where the origin lies on a grid
-    /// ([`OriginMode`](crate::OriginMode)).
+    /// By how much [`LightWorld::origin`](crate::LightWorld::origin) moved, in metres; `None` if it
+    /// is where it was, or for a reader that had seen nothing. Exact where the origin lies on a
+    /// grid ([`OriginMode`](crate::OriginMode)).
     ///
     /// Subtract the shift from every position relative to the origin that was kept from earlier
     /// frames. To ask for probabilities of the last frame, add it to a present position.
     pub fn origin_shift(&self) -> Option<DVec3> {
-        let shift = self.world.origin() - self.since.origin;
+        let shift = self.present.origin - self.since.origin;
         (self.since.number > 0 && shift != DVec3::ZERO).then_some(shift)
     }
 
@@ -58,14 +62,14 @@ impl<'w> Changes<'w> {
     /// appearance or lights changed, and the change of all positions by a new origin
     /// ([`Changes::origin_shift`]).
     pub fn moved_instances(&self) -> impl Iterator<Item = u32> + use<'w> {
-        let (log, number) = (&self.world.log, self.since.number);
+        let (log, number) = (self.log, self.since.number);
         let is_same = move |slot: &u32| log.added.get(*slot) <= number && log.removed.get(*slot) <= number;
         slots_after([&log.moved], number).filter(is_same)
     }
 
     /// The slots whose instance was added.
     pub fn added_instances(&self) -> impl Iterator<Item = u32> + use<'w> {
-        let log = &self.world.log;
+        let log = self.log;
         slots_after([&log.added], self.since.number).filter(|slot| log.removed.get(*slot) < log.added.get(*slot))
     }
 
@@ -74,32 +78,32 @@ impl<'w> Changes<'w> {
     ///
     /// Listed are also instances that were both added and removed.
     pub fn removed_instances(&self) -> impl Iterator<Item = u32> + use<'w> {
-        slots_after([&self.world.log.removed], self.since.number)
+        slots_after([&self.log.removed], self.since.number)
     }
 
     /// The slots of trees that were added, edited, rebuilt or removed.
     #[cfg(feature = "gpu-plan")]
     pub(crate) fn trees(&self) -> impl Iterator<Item = u32> + use<'w> {
-        slots_after([&self.world.log.trees], self.since.number)
+        slots_after([&self.log.trees], self.since.number)
     }
 
     /// The slots of instances whose record on a GPU changed.
     #[cfg(feature = "gpu-plan")]
     pub(crate) fn instance_records(&self) -> impl Iterator<Item = u32> + use<'w> {
-        let WorldLog { added, removed, moved, shown, altered, user_data, .. } = &self.world.log;
+        let WorldLog { added, removed, moved, shown, altered, user_data, .. } = self.log;
         slots_after([added, removed, moved, shown, altered, user_data], self.since.number)
     }
 
     /// Whether some directional light was added, changed or removed.
     #[cfg(feature = "gpu-plan")]
     pub(crate) fn directionals(&self) -> bool {
-        self.world.log.directionals > self.since.number
+        self.log.directionals > self.since.number
     }
 
     /// Whether more changed than user data, which the top level does not depend on.
     #[cfg(feature = "gpu-plan")]
     pub(crate) fn concern_lights(&self) -> bool {
-        self.world.log.lights > self.since.number
+        self.log.lights > self.since.number
     }
 }
 
@@ -112,37 +116,6 @@ impl fmt::Debug for Changes<'_> {
             .field("added_instances", &self.added_instances().collect::<Vec<_>>())
             .field("removed_instances", &self.removed_instances().collect::<Vec<_>>())
             .finish_non_exhaustive()
-    }
-}
-
-impl LightWorld {
-    /// The present point in the history of the world: what a reader that has read all changes keeps.
-    pub fn revision(&self) -> Revision {
-        Revision { number: self.log.number, origin: self.origin() }
-    }
-
-    /// What changed since a revision of this world. There may be any number of readers, and what one
-    /// reads is not lost for others. With `Revision::default()` everything has changed.
-    ///
-    /// O(1); the lists cost what they name.
-    ///
-    /// ```
-    /// use girandole::glam::{DVec3, Vec3};
-    /// use girandole::{Light, LightTree, LightWorld, Placement, Policy, Revision};
-    /// let mut world = LightWorld::new();
-    /// let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)])?);
-    /// let car = world.add_instance(lamp, Placement::IDENTITY, Policy::Budgeted)?;
-    /// // A reader that has seen nothing, and one that goes on from here.
-    /// let slot = world.slot(car);
-    /// assert!(world.changes_since(Revision::default()).added_instances().eq(slot));
-    /// let seen = world.revision();
-    /// assert!(world.changes_since(seen).is_empty());
-    /// world.move_instance(car, Placement::at(DVec3::X))?;
-    /// assert!(world.changes_since(seen).moved_instances().eq(slot));
-    /// # Ok::<(), girandole::WorldError>(())
-    /// ```
-    pub fn changes_since(&self, revision: Revision) -> Changes<'_> {
-        Changes { world: self, since: revision }
     }
 }
 
@@ -191,6 +164,16 @@ impl Default for WorldLog {
 }
 
 impl WorldLog {
+    /// The present point in the history of a world with this origin.
+    pub fn revision(&self, origin: DVec3) -> Revision {
+        Revision { number: self.number, origin }
+    }
+
+    /// What changed in a world since a revision of it. `origin` is the present one.
+    pub fn changes_since(&self, since: Revision, origin: DVec3) -> Changes<'_> {
+        Changes { log: self, since, present: self.revision(origin) }
+    }
+
     /// The number of a change of lights.
     fn next(&mut self) -> u64 {
         self.number += 1;

@@ -267,6 +267,35 @@ impl LightWorld {
         self.scene.instances.key_at(slot)
     }
 
+    /// The present point in the history of the world: what a reader that has read all changes keeps.
+    pub fn revision(&self) -> Revision {
+        self.log.revision(self.origin())
+    }
+
+    /// What changed since a revision of this world. There may be any number of readers, and what one
+    /// reads is not lost for others. With `Revision::default()` everything has changed.
+    ///
+    /// O(1); the lists cost what they name.
+    ///
+    /// ```
+    /// use girandole::glam::{DVec3, Vec3};
+    /// use girandole::{Light, LightTree, LightWorld, Placement, Policy, Revision};
+    /// let mut world = LightWorld::new();
+    /// let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)])?);
+    /// let car = world.add_instance(lamp, Placement::IDENTITY, Policy::Budgeted)?;
+    /// // A reader that has seen nothing, and one that goes on from here.
+    /// let slot = world.slot(car);
+    /// assert!(world.changes_since(Revision::default()).added_instances().eq(slot));
+    /// let seen = world.revision();
+    /// assert!(world.changes_since(seen).is_empty());
+    /// world.move_instance(car, Placement::at(DVec3::X))?;
+    /// assert!(world.changes_since(seen).moved_instances().eq(slot));
+    /// # Ok::<(), girandole::WorldError>(())
+    /// ```
+    pub fn changes_since(&self, revision: Revision) -> Changes<'_> {
+        self.log.changes_since(revision, self.origin())
+    }
+
     /// The number of instance slots that are or were in use.
     pub(crate) fn slot_count(&self) -> usize {
         self.scene.instances.slot_count()

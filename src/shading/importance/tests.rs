@@ -2,13 +2,13 @@ use glam::{DMat3, Mat3};
 
 use super::*;
 use crate::light::{Light, Shape};
-use crate::math::simd::{Job, with_vectors};
+use crate::math::simd::{VectorJob, with_vectors};
 use crate::shading::gloss::Gloss;
 use crate::tree::LightTree;
 
 struct Importances<'a>(&'a Node, &'a LocalShadingPoint<'a>);
 
-impl Job for Importances<'_> {
+impl VectorJob for Importances<'_> {
     type Output = ChildImportances;
 
     #[inline(always)]

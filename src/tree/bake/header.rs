@@ -177,8 +177,7 @@ impl Header {
         if flags & !(HAS_STALE_SUMS | HAS_REFERENCE) != 0 {
             return refuse("the header: a flag");
         }
-        // Not below 0, and not NaN.
-        if !(built_cost >= 0.0) {
+        if built_cost.is_nan() || built_cost < 0.0 {
             return refuse("the header: the cost of the tree");
         }
         if !attributes.iter().all(|attribute| *attribute >= 0.0) {

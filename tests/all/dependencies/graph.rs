@@ -82,8 +82,8 @@ struct Module {
 /// What a path names.
 enum Target {
     Module(Path),
-    /// An item, by the module that defines it and its name.
-    Item(Path, String),
+    /// An item, by the module that defines it.
+    Item(Path),
 }
 
 impl Modules {
@@ -105,9 +105,8 @@ impl Modules {
         let used = source.imports.iter().filter(|import| !import.is_reexport || names.contains(&import.name));
         let mut files = BTreeSet::new();
         for named in used.map(|import| &import.path).chain(&source.paths) {
-            let Some(Target::Item(module, item)) = self.resolve(path, named) else { continue };
-            let is_implemented = path.starts_with(&module) && source.implemented.contains(&item);
-            if !is_implemented && self.0[&module].file != *file {
+            let Some(Target::Item(module)) = self.resolve(path, named) else { continue };
+            if self.0[&module].file != *file {
                 files.insert(self.0[&module].file.clone());
             }
         }
@@ -138,7 +137,7 @@ impl Modules {
                 Some(Target::Module(inner)) => module = inner,
                 Some(item) => return Some(item),
                 // Neither a child nor an import: the module defines it.
-                None => return Some(Target::Item(module, name.clone())),
+                None => return Some(Target::Item(module)),
             }
         }
         Some(Target::Module(module))

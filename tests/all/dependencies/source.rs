@@ -1,4 +1,4 @@
-//! Reads child modules, imports, paths and implementations from the text of a Rust file.
+//! Reads child modules, imports and paths from the text of a Rust file.
 //!
 //! A tokeniser and a few patterns are enough for this crate. Unlike a parser they also find the
 //! paths in the arguments of macros. Comments, strings and items under `#[cfg(test)]` are left out.
@@ -24,8 +24,6 @@ pub struct Source {
     pub imports: Vec<Import>,
     /// Paths outside of `use` declarations, single names included.
     pub paths: Vec<Path>,
-    /// The names of the types that have an `impl` block here.
-    pub implemented: Vec<String>,
 }
 
 impl Source {
@@ -57,9 +55,6 @@ impl Source {
                 ("{", _) => braces.push(false),
                 ("}", _) => {
                     braces.pop();
-                }
-                ("impl", _) if matches!(before, ";" | "}" | "{" | "]" | "unsafe") => {
-                    source.implemented.extend(implemented_type(&tokens[at + 1..]));
                 }
                 (first, _) if is_name(first) && before != "." => {
                     let mut path = vec![first.to_owned()];
@@ -122,22 +117,6 @@ fn use_tree<'a>(mut tokens: &'a [String], parent: &Path) -> (Vec<(Path, String)>
         }
         tokens = &tokens[1..];
     }
-}
-
-/// The name of the type that an `impl` block is for: the last name outside of angle brackets.
-fn implemented_type(tokens: &[String]) -> Option<String> {
-    let mut depth = 0;
-    let mut name = None;
-    for (at, token) in tokens.iter().enumerate() {
-        match token.as_str() {
-            "{" | "where" => break,
-            "<" => depth += 1,
-            ">" if tokens[at - 1] != "-" => depth -= 1,
-            word if depth == 0 && is_name(word) => name = Some(word.to_owned()),
-            _ => {}
-        }
-    }
-    name
 }
 
 /// The tokens outside of items under `#[cfg(test)]`.

@@ -116,7 +116,8 @@ impl Device {
         };
         let pass = words(&self.content(buffers[0])[offset..]);
         let [records, before, after] = [0, 1, 2].map(|i| pass[i] as usize);
-        let (sources, values) = pass[4..].split_at((pass.len() - 4).min(52));
+        // 14 quads are as long as the longest record.
+        let (sources, values) = pass[4..].split_at(56);
         let former = words(self.content(buffers[1]));
         for record in 0..records {
             for word in 0..4 * after {
