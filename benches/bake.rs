@@ -64,7 +64,7 @@ fn bake(c: &mut Criterion) {
         group.bench_function(BenchmarkId::new("write", count), |b| time(b, || loaded.bake()));
         let insert = |tree| {
             let mut world = LightWorld::new();
-            world.insert_tree(tree);
+            world.add_tree(tree);
             world
         };
         group.bench_function(BenchmarkId::new("insert", count), |b| {

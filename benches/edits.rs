@@ -56,7 +56,8 @@ impl Kind {
 /// A world that was updated.
 fn world(count: usize, kind: Kind, rng: &mut Rng) -> LightWorld {
     let mut world = LightWorld::new();
-    let trees: Vec<_> = (0..TREES).map(|_| world.add_tree(rng.lights(4, 2.0)).expect("valid lights")).collect();
+    let trees: Vec<_> =
+        (0..TREES).map(|_| world.add_tree(LightTree::new(rng.lights(4, 2.0)).expect("valid lights"))).collect();
     for index in 0..count {
         world.add_instance(trees[index % TREES], kind.place(rng), Policy::Budgeted).expect("a valid placement");
     }
@@ -181,7 +182,7 @@ fn lights(c: &mut Criterion) {
             let mut rng = Rng(7);
             let mut world = LightWorld::new();
             let lamp = |rng: &mut Rng| Light::point(rng.position(SIZE), Vec3::ONE);
-            let tree = world.add_tree((0..count).map(|_| lamp(&mut rng)).collect()).expect("valid");
+            let tree = world.add_tree(LightTree::new((0..count).map(|_| lamp(&mut rng)).collect()).expect("valid"));
             world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
             world.update(FrameBudget::NONE);
             let mut planner = LightPlanner::new(PlanLimits::new(1 << 30));

@@ -16,7 +16,8 @@ use girandole::glam::{DVec3, Mat3, Quat, Vec3};
 use girandole::gpu::measure::record_bytes;
 use girandole::gpu::{GpuLights, SampleRecord, SampleRequest};
 use girandole::{
-    DirectionalLight, Effects, FrameBudget, Light, LightWorld, OriginMode, Placement, Policy, WorldError, wgpu,
+    DirectionalLight, Effects, FrameBudget, Light, LightTree, LightWorld, OriginMode, Placement, Policy, WorldError,
+    wgpu,
 };
 
 use testbed::common::gpu;
@@ -115,7 +116,7 @@ fn stored(machine: &Machine, instances: u32) -> Result<(GpuLights, GpuLights), W
     for _ in 0..instances.div_ceil(40) {
         let count = 10 + rng.bits() % 31;
         let mut lamp = || Light::point(rng.position(4.0), Vec3::splat(rng.between(10.0, 1000.0)));
-        trees.push(world.add_tree((0..count).map(|_| lamp()).collect())?);
+        trees.push(world.add_tree(LightTree::new((0..count).map(|_| lamp()).collect())?));
     }
     // The density does not depend on the number of instances, and is that of a town.
     let side = 8.0 * (instances as f32).sqrt();
@@ -128,11 +129,11 @@ fn stored(machine: &Machine, instances: u32) -> Result<(GpuLights, GpuLights), W
 
     // The layout for removed effects is kept for some updates.
     let [x, z] = [Vec3::X, Vec3::Z];
-    let extra = world.add_tree(vec![
+    let extra = world.add_tree(LightTree::new(vec![
         Light::spot(Vec3::ZERO, x, 0.2, 0.6, x).with_range(9.0),
         Light::rectangle(Vec3::ZERO, x, z, x),
         Light::triangle([Vec3::ZERO, x, z], x).two_sided(),
-    ])?;
+    ])?);
     let scaled = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 2.0, 3.0)), translation: DVec3::ZERO };
     let scaled = world.add_instance(extra, scaled, Policy::Static)?;
     world.set_factor(scaled, 0.5 * Vec3::ONE)?;

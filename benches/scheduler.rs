@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Criterion, SamplingMode, criterion_group, criterion_main};
 use girandole::glam::{DVec3, Vec3};
-use girandole::{Effects, FrameBudget, FrameReport, Light, LightWorld, Placement, Policy, TreeKey};
+use girandole::{Effects, FrameBudget, FrameReport, Light, LightTree, LightWorld, Placement, Policy, TreeKey};
 
 use testbed::testing::support::Rng;
 
@@ -50,7 +50,7 @@ fn grid_of_trees(trees: usize, lights_each: usize, rng: &mut Rng) -> (LightWorld
     let mut world = LightWorld::new();
     let side = (trees as f64).sqrt().ceil() as usize;
     let mut add_tree = |index: usize| {
-        let key = world.add_tree(lights(&random_lights(lights_each, 5.0, rng))).expect("valid lights");
+        let key = world.add_tree(LightTree::new(lights(&random_lights(lights_each, 5.0, rng))).expect("valid lights"));
         let translation = DVec3::new((index % side) as f64, 0.0, (index / side) as f64) * 20.0;
         world.add_instance(key, Placement::at(translation), Policy::Budgeted).expect("a valid placement");
         key
@@ -137,7 +137,8 @@ fn stay_awake(group: &mut BenchmarkGroup<WallTime>, trees: usize) {
     const { assert!(STILL_UPDATES < girandole::effects::EFFECT_HOLD_UPDATES as u64) };
     let lamp = |x: f32| Light::point(Vec3::new(x, 0.0, 0.0), Vec3::ONE);
     let mut world = LightWorld::new();
-    let keys: Vec<_> = (0..trees).map(|_| world.add_tree(vec![lamp(0.0)]).expect("a valid light")).collect();
+    let keys: Vec<_> =
+        (0..trees).map(|_| world.add_tree(LightTree::new(vec![lamp(0.0)]).expect("a valid light"))).collect();
     let mut x = 0.0;
     group.bench_function(BenchmarkId::new("nothing moved, awake", trees), |b| {
         b.iter_custom(|rounds| {

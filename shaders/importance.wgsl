@@ -92,7 +92,8 @@ struct LightLocalShadingPoint {
     // False in a volume.
     has_normal: bool,
     margin: f32,
-    // The bit of child bits that marks a single light; 0 in the top level.
+    // The bit of child bits that marks a single light: LIGHT_LEAF in a tree, LIGHT_SINGLE in the top
+    // level.
     light_bit: u32,
     // #if GLOSSY
     gloss: LightGloss,

@@ -12,14 +12,14 @@
 //!
 //! ```
 //! use girandole::glam::{DVec3, Vec3};
-//! use girandole::{FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint};
+//! use girandole::{FrameBudget, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint};
 //! use std::time::Duration;
 //!
 //! let bulb = |candela| Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(candela));
 //! let mut world = LightWorld::new();
 //!
 //! // One tree for each kind of object, any number of instances of it.
-//! let lamp = world.add_tree(vec![bulb(800.0)])?;
+//! let lamp = world.add_tree(LightTree::new(vec![bulb(800.0)])?);
 //! let post = world.add_instance(lamp, Placement::at(DVec3::new(10.0, 0.0, 0.0)), Policy::Budgeted)?;
 //!
 //! // Every frame: move instances, change lights, then update.
@@ -154,6 +154,8 @@ pub mod plan;
 pub mod gpu;
 #[cfg(feature = "gltf")]
 pub mod gltf;
+#[cfg(test)]
+mod documented;
 #[cfg(test)]
 mod f64_reference;
 

@@ -22,6 +22,7 @@ pub const DEFAULT_FLOOR: f32 = 0.005;
 /// When an instance requests a rebuild of its tree. A tree that several instances share makes the
 /// most demanding request of all their policies.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub enum Policy {
     /// The lights never change: while all instances of a tree are static, edits of its lights are
     /// refused with [`WorldError::StaticTree`].

@@ -12,7 +12,7 @@ use super::Effects;
 /// without another pipeline.
 pub const EFFECT_HOLD_UPDATES: u32 = 120;
 
-const KINDS: usize = Effects::all().bits().count_ones() as usize;
+const KINDS: usize = Effects::NAMES.len();
 
 /// For each effect, the number of lights, instances and trees that have it.
 ///
@@ -34,25 +34,25 @@ const KINDS: usize = Effects::all().bits().count_ones() as usize;
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EffectCounts {
-    /// Indexed by the number of the effect's bit.
+    /// Indexed by the number of the effect.
     counts: [u64; KINDS],
 }
 
 impl EffectCounts {
     /// Adds one light, instance or tree with these effects.
     pub(crate) fn add(&mut self, effects: Effects) {
-        indices(effects).for_each(|kind| self.counts[kind] += 1);
+        effects.numbers().for_each(|kind| self.counts[kind] += 1);
     }
 
     /// Adds several lights that all have these effects.
     #[cfg(feature = "bake")]
     pub(crate) fn add_several(&mut self, effects: Effects, count: u64) {
-        indices(effects).for_each(|kind| self.counts[kind] += count);
+        effects.numbers().for_each(|kind| self.counts[kind] += count);
     }
 
     /// Removes one light, instance or tree with these effects, which must have been added.
     pub(crate) fn remove(&mut self, effects: Effects) {
-        indices(effects).for_each(|kind| self.counts[kind] -= 1);
+        effects.numbers().for_each(|kind| self.counts[kind] -= 1);
     }
 
     /// Adds all counts of another.
@@ -68,24 +68,18 @@ impl EffectCounts {
     /// The number of lights, instances and trees that have an effect; for a set of several
     /// effects, the sum of their counts.
     pub fn of(&self, effects: Effects) -> u64 {
-        indices(effects).map(|kind| self.counts[kind]).sum()
+        effects.numbers().map(|kind| self.counts[kind]).sum()
     }
 
     /// Whether something has an effect, a single one. O(1).
     pub(crate) fn has(&self, effect: Effects) -> bool {
-        self.counts[effect.bits().trailing_zeros() as usize] > 0
+        effect.numbers().any(|number| self.counts[number] > 0)
     }
 
     /// The effects with a count above 0.
     pub fn effects(&self) -> Effects {
-        let has_some = |kind: &usize| self.counts[*kind] > 0;
-        (0..KINDS).filter(has_some).fold(Effects::empty(), |all, kind| all | Effects::from_bits_retain(1 << kind))
+        (0..KINDS).filter(|kind| self.counts[*kind] > 0).map(Effects::of_number).collect()
     }
-}
-
-/// The numbers of the bits that are set.
-fn indices(effects: Effects) -> impl Iterator<Item = usize> {
-    (0..KINDS).filter(move |kind| effects.bits() >> kind & 1 != 0)
 }
 
 /// The counts of a world, and the effects that it still holds after their counts fell to 0.
@@ -106,7 +100,7 @@ impl HeldEffects {
     /// without [`Effects::MOVING`]: sets that differ only in it have the same shaders.
     pub fn effects(&self) -> Effects {
         let is_held = |kind: &usize| self.updates_left[*kind] > 0;
-        let held = (0..KINDS).filter(is_held).map(|kind| Effects::from_bits_retain(1 << kind));
+        let held = (0..KINDS).filter(is_held).map(|kind| Effects::of_number(kind));
         held.fold(self.counts.effects(), |all, one| all | one) - Effects::MOVING
     }
 
@@ -115,7 +109,7 @@ impl HeldEffects {
         let before = self.counts.effects();
         change(&mut self.counts);
         let gone = before - self.counts.effects();
-        indices(gone).for_each(|kind| self.updates_left[kind] = EFFECT_HOLD_UPDATES);
+        gone.numbers().for_each(|kind| self.updates_left[kind] = EFFECT_HOLD_UPDATES);
     }
 
     /// Counts one update.

@@ -62,6 +62,7 @@ pub use texture::{TextureImage, TextureUse, TextureWrap};
 use crate::error::WorldError;
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey};
 use crate::policy::Policy;
+use crate::tree::LightTree;
 use crate::world::LightWorld;
 use plan::{Plan, PlannedInstance};
 
@@ -167,7 +168,7 @@ fn add(
 ) -> Result<(), GltfError> {
     let refused = |node: usize| move |source: WorldError| GltfError::World { node, source };
     for tree in plan.trees {
-        trees.push(world.add_tree(tree.lights).map_err(refused(tree.node))?);
+        trees.push(world.add_tree(LightTree::new(tree.lights).map_err(refused(tree.node))?));
     }
     for planned in plan.instances {
         let tree = trees[planned.tree];

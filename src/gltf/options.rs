@@ -4,6 +4,7 @@ use crate::policy::Policy;
 
 /// Which sides of emissive triangles emit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum EmissiveSides {
     /// Both sides where the material is `doubleSided`, otherwise the front, as glTF viewers show
     /// them.

@@ -21,6 +21,7 @@ use crate::light::{DirectionalLight, Light};
 
 /// Where the lights of an instance come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum LightSource {
     /// The emissive triangles of the node's mesh: one light each, in the order of the primitives. A
     /// primitive with the accessors and the emission of an earlier one of its mesh adds no lights,

@@ -138,6 +138,7 @@ mod tests {
     use crate::light::Light;
     use crate::policy::Policy;
     use crate::sampling::counts::CandidateCount;
+    use crate::tree::LightTree;
     use crate::world::LightWorld;
 
     /// The limits that `check_limits` requires, and the minimum of all others.
@@ -199,7 +200,7 @@ mod tests {
         let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
         let mut lights = GpuLights::new(&device, &queue).expect("the required limits");
         let mut world = LightWorld::new();
-        let lamp = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
+        let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid"));
         world.add_instance(lamp, Placement::IDENTITY, Policy::Static).expect("valid");
         lights.upload(&world).expect("room enough");
         let buffer = || {

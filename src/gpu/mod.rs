@@ -76,7 +76,7 @@ use visibility::LearntTable;
 use crate::effects::Effects;
 use crate::plan::layout::ParamsRecord;
 use crate::plan::pool::Growth;
-use crate::plan::{BufferId, Commands, KERNELS, LightPlanner, PlanLimits};
+use crate::plan::{Commands, KERNELS, LightPlanner, PlanLimits, ShaderBuffers};
 pub use crate::plan::{GpuMemory, TargetHook, TargetHookError, UploadReport, wgsl};
 use crate::sampling::counts::SplitCount;
 use crate::world::{LightWorld, Revision};
@@ -135,9 +135,9 @@ pub struct GpuLights {
     layout: wgpu::BindGroupLayout,
     bind_group: wgpu::BindGroup,
     /// The buffers that the bind group was made for; `None` for `dark`.
-    bound: Option<[BufferId; 5]>,
+    bound: Option<ShaderBuffers>,
     /// The bind group of the last frame, and its buffers; without them `dark` is bound.
-    previous: (Option<[BufferId; 5]>, wgpu::BindGroup),
+    previous: (Option<ShaderBuffers>, wgpu::BindGroup),
 }
 
 /// Zeros in place of all buffers that shaders bind: a world without lights.
@@ -200,10 +200,7 @@ impl GpuLights {
             bound: None,
         };
         // Conversions are rare, so their kernel is compiled when one is needed.
-        KERNELS
-            .into_iter()
-            .filter(|kernel| kernel.stage() != "relayout")
-            .for_each(|kernel| lights.player.compile(kernel));
+        KERNELS.iter().filter(|kernel| kernel.stage() != "relayout").for_each(|kernel| lights.player.compile(*kernel));
         lights.start()?;
         Ok(lights)
     }
@@ -319,7 +316,7 @@ impl GpuLights {
     /// The buffers that shaders bind, in the order of the layout.
     fn buffers(&self) -> [&wgpu::Buffer; 5] {
         if let Some(bound) = self.bound {
-            return bound.map(|id| self.player.buffer(id));
+            return bound.0.map(|id| self.player.buffer(id));
         }
         let DarkBuffers { params, storage, .. } = &self.dark;
         [params, storage, storage, storage, storage]

@@ -30,7 +30,7 @@ impl GpuLights {
         }
         let dark = &self.dark;
         let buffers = match bound {
-            Some(bound) => bound.map(|id| self.player.buffer(id)),
+            Some(bound) => bound.0.map(|id| self.player.buffer(id)),
             None => [&dark.params, &dark.storage, &dark.storage, &dark.storage, &dark.storage],
         };
         self.previous = (bound, bind_lights(&self.device, &self.layout, &buffers));

@@ -54,6 +54,7 @@ mod tests {
     use crate::instance::placement::Placement;
     use crate::light::Light;
     use crate::policy::Policy;
+    use crate::tree::LightTree;
     use crate::world::LightWorld;
 
     /// Whether all but two samples agree. Two texts may round differently, and a random number that
@@ -70,7 +71,7 @@ mod tests {
         let (device, queue) = gpu();
         let mut world = LightWorld::new();
         let lamp = |i: u32| Light::point(Vec3::new(i as f32, 3.0, (i * i % 17) as f32), Vec3::splat(1.0 + i as f32));
-        let tree = world.add_tree((0..100).map(lamp).collect()).expect("valid");
+        let tree = world.add_tree(LightTree::new((0..100).map(lamp).collect()).expect("valid"));
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
         let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
         let request = |i: u32| SampleRequest {

@@ -1,10 +1,10 @@
 //! Tests that any variant of the shaders reads any layout of the buffers and samples the same
 //! lights, as long as both serve the effects of the world.
 
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 use std::mem::offset_of;
 use std::ops::Range;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, LazyLock, Mutex};
 
 use glam::{DVec3, Mat3, Quat, Vec3};
 
@@ -18,6 +18,7 @@ use crate::plan::layout::{InstanceRecord, ParamsRecord, Strides};
 use crate::plan::text;
 use crate::policy::Policy;
 use crate::scheduler::FrameBudget;
+use crate::tree::LightTree;
 use crate::world::OriginMode;
 
 const SHADING_POINTS: u32 = 2048;
@@ -91,7 +92,8 @@ fn world_of(effects: Effects) -> LightWorld {
     }
     let origin = world.origin();
     for tree in 0..4 {
-        let key = world.add_tree((0..LIGHTS).map(|i| light(200 * tree + i, effects)).collect()).unwrap();
+        let key =
+            world.add_tree(LightTree::new((0..LIGHTS).map(|i| light(200 * tree + i, effects)).collect()).unwrap());
         for i in 0..5 {
             let here = placement(10 * tree + i, effects);
             let there = Placement { translation: origin + here.translation, ..here };
@@ -119,9 +121,10 @@ fn requests() -> Vec<SampleRequest> {
 
 /// The pipeline for these effects, compiled once for all tests.
 fn pipeline(lights: &GpuLights, variant: Effects) -> wgpu::ComputePipeline {
-    static PIPELINES: Mutex<BTreeMap<u16, Arc<OnceLock<wgpu::ComputePipeline>>>> = Mutex::new(BTreeMap::new());
+    static PIPELINES: LazyLock<Mutex<HashMap<Effects, Arc<OnceLock<wgpu::ComputePipeline>>>>> =
+        LazyLock::new(Mutex::default);
     let variant = variant - Effects::MOVING;
-    let place = PIPELINES.lock().unwrap().entry(variant.bits()).or_default().clone();
+    let place = PIPELINES.lock().unwrap().entry(variant).or_default().clone();
     place.get_or_init(|| lights.sampling.compile(variant)).clone()
 }
 
@@ -297,7 +300,7 @@ fn a_world_whose_effects_come_and_go_is_stored_as_a_fresh_upload_stores_it() {
     .into_iter()
     .enumerate()
     {
-        let tree = world.add_tree((0..LIGHTS).map(|i| light(i, effects)).collect()).unwrap();
+        let tree = world.add_tree(LightTree::new((0..LIGHTS).map(|i| light(i, effects)).collect()).unwrap());
         let at = placement(1 + 4 * i as u32, effects);
         let instance = world.add_instance(tree, at, Policy::default()).unwrap();
         adorn(&mut world, instance, 0, effects);
@@ -339,7 +342,7 @@ fn commands_recorded_before_a_change_of_layout_read_the_former_buffers() {
     let before = sample(&mut lights, Effects::empty());
     let (encoder, output) = record(&mut lights, Effects::empty());
     let effects = Effects::CONES | Effects::RANGES | Effects::NON_RIGID | Effects::FACTORS;
-    let tree = world.add_tree((0..60).map(|i| light(i, effects)).collect()).unwrap();
+    let tree = world.add_tree(LightTree::new((0..60).map(|i| light(i, effects)).collect()).unwrap());
     let instance = world.add_instance(tree, placement(1, effects), Policy::default()).unwrap();
     adorn(&mut world, instance, 0, effects);
     lights.upload(&world).unwrap();
@@ -352,7 +355,7 @@ fn commands_recorded_before_a_change_of_layout_read_the_former_buffers() {
 fn the_variant_that_counts_nodes_counts_those_that_a_sample_reads() {
     let (device, queue) = gpu();
     let mut world = LightWorld::new();
-    let lamp = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).unwrap();
+    let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)]).unwrap());
     world.add_instance(lamp, Placement::at(DVec3::X), Policy::default()).unwrap();
     let mut lights = upload(&world, Effects::empty());
     let text = text::wgsl_counting(0, Effects::empty())

@@ -18,9 +18,9 @@ new_key_type! {
     /// same object as the key.
     ///
     /// ```
-    /// use girandole::{LightWorld, TreeKey};
+    /// use girandole::{LightTree, LightWorld, TreeKey};
     /// let mut world = LightWorld::new();
-    /// let key = world.add_tree(Vec::new())?;
+    /// let key = world.add_tree(LightTree::new(Vec::new())?);
     /// let handle = u64::from(key);
     /// assert_eq!(TreeKey::from(handle), key);
     /// assert!(world.tree(TreeKey::from(0)).is_none());

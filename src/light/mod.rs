@@ -47,6 +47,7 @@ const UNIT_TOLERANCE: f32 = 1.0e-3;
 
 /// Shape and position of a light, in the space of its tree. Metres and radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Shape {
     /// A point that emits equally in all directions.
     Point {
@@ -119,6 +120,7 @@ pub enum Shape {
 /// assert!((lamp.flux() - 800.0 * 4.0 * std::f32::consts::PI).abs() < 1.0);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Light {
     /// Kind and position.
     pub shape: Shape,
@@ -143,7 +145,8 @@ impl Light {
         self.range == 0.0
     }
 
-    fn new(shape: Shape, emission: Vec3) -> Self {
+    /// Creates a light without a range; `emission` as in [`Light::emission`].
+    pub fn new(shape: Shape, emission: Vec3) -> Self {
         Self { shape, emission, range: f32::INFINITY }
     }
 
@@ -173,6 +176,18 @@ impl Light {
     /// Creates a sphere; `radius` in metres, `radiance` in nits.
     pub fn sphere(center: Vec3, radius: f32, radiance: Vec3) -> Self {
         Self::new(Shape::Sphere { center, radius }, radiance)
+    }
+
+    /// The same light with another shape or position.
+    #[must_use]
+    pub fn with_shape(self, shape: Shape) -> Self {
+        Self { shape, ..self }
+    }
+
+    /// The same light with another emission, see [`Light::emission`].
+    #[must_use]
+    pub fn with_emission(self, emission: Vec3) -> Self {
+        Self { emission, ..self }
     }
 
     /// The same light with a range in metres, see [`Light::range`].

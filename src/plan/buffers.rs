@@ -1,6 +1,7 @@
 //! The names of buffers, which the engine makes and the plans use.
 
 use std::collections::BTreeMap;
+use std::ops::Deref;
 
 /// The number of a buffer. A planner gives each buffer a number of its own and never uses it again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -35,6 +36,19 @@ pub struct NewBuffer {
     pub bytes: u64,
     /// What it is bound as.
     pub kind: BufferKind,
+}
+
+/// The buffers that shaders bind, in the order of their bindings: a slice, which later versions may
+/// lengthen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct ShaderBuffers(pub(crate) [BufferId; 5]);
+
+impl Deref for ShaderBuffers {
+    type Target = [BufferId];
+
+    fn deref(&self) -> &[BufferId] {
+        &self.0
+    }
 }
 
 /// Gives out numbers for buffers.

@@ -111,6 +111,7 @@ mod tests {
 
     use super::*;
     use crate::plan::PlanLimits;
+    use crate::tree::LightTree;
     use crate::{Light, LightWorld, Placement, Policy};
 
     #[test]
@@ -118,7 +119,7 @@ mod tests {
         // Powers of two, for which buffers that double have no room to spare.
         for count in [1 << 16, 1 << 18] {
             let mut world = LightWorld::new();
-            let tree = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid");
+            let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid"));
             for i in 0..count {
                 let placement = Placement::at(DVec3::new(f64::from(i), 0.0, 0.0));
                 world.add_instance(tree, placement, Policy::Static).expect("valid");

@@ -95,7 +95,7 @@ mod write;
 
 use std::fmt;
 
-pub use buffers::{BufferId, BufferKind, NewBuffer};
+pub use buffers::{BufferId, BufferKind, NewBuffer, ShaderBuffers};
 pub use changes::UploadReport;
 pub use commands::{Command, Commands};
 pub use cursor::PlanCursor;
@@ -127,8 +127,8 @@ use tree_store::TreeStore;
 use uniforms::Uniforms;
 
 /// All kernels that plans dispatch. A kernel need not use all of its bindings.
-pub const KERNELS: [Kernel; 7] =
-    [relayout::RELAYOUT, scatter::SCATTER, top::LEAVES, top::KEYS, sort::SCATTER_KEYS, top::GROUP, top::NODE];
+pub const KERNELS: &[Kernel] =
+    &[relayout::RELAYOUT, scatter::SCATTER, top::LEAVES, top::KEYS, sort::SCATTER_KEYS, top::GROUP, top::NODE];
 
 /// What the GPU holds of one [`LightWorld`], and what it has to do to follow the world.
 ///
@@ -177,15 +177,15 @@ impl LightPlanner {
     ///
     /// A plan that replaces one of them replaces the first one too. So commands that were recorded
     /// before go on reading the former buffers, as long as these are not freed.
-    pub fn bindings(&self) -> Option<[BufferId; 5]> {
+    pub fn bindings(&self) -> Option<ShaderBuffers> {
         let params = self.uniforms.params_buffer?;
-        Some([
+        Some(ShaderBuffers([
             params,
             self.top.nodes(),
             self.trees.nodes.buffer(),
             self.instances.pool.buffer(),
             self.trees.lights.buffer(),
-        ])
+        ]))
     }
 
     /// Keeps the buffers of the last frame, from the next plan on, or drops them. They take as much
@@ -201,7 +201,7 @@ impl LightPlanner {
     /// The buffers of the last frame, as [`LightPlanner::bindings`] was then, but with buffers of
     /// their own; `None` before the first plan after [`LightPlanner::keep_previous`]. In that plan's
     /// frame they are those of the plan before it.
-    pub fn previous_bindings(&self) -> Option<[BufferId; 5]> {
+    pub fn previous_bindings(&self) -> Option<ShaderBuffers> {
         self.previous.bindings()
     }
 
@@ -213,7 +213,7 @@ impl LightPlanner {
 
     /// The buffers that shaders bind, with the bytes that are in use and their sizes.
     fn present(&self) -> Option<[(BufferId, u64, u64); BUFFERS]> {
-        let [_, top, nodes, instances, lights] = self.bindings()?;
+        let ShaderBuffers([_, top, nodes, instances, lights]) = self.bindings()?;
         let top_bytes = self.top.nodes_bytes();
         Some([
             (top, top_bytes, top_bytes),

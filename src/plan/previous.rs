@@ -3,7 +3,7 @@
 //! Each plan begins with copies of the buffers that the plan before it changed. So a pool that rests
 //! costs nothing, and a plan may change all buffers freely afterwards.
 
-use super::buffers::{BufferId, Ids, NewBuffer};
+use super::buffers::{BufferId, Ids, NewBuffer, ShaderBuffers};
 use super::commands::Commands;
 use super::layout::ParamsRecord;
 
@@ -49,9 +49,9 @@ impl Previous {
     }
 
     /// The buffers in the order of the bindings; `None` before the first plan that keeps them.
-    pub fn bindings(&self) -> Option<[BufferId; 5]> {
+    pub fn bindings(&self) -> Option<ShaderBuffers> {
         let ([top, nodes, instances, lights], params) = (self.buffers?.map(|copied| copied.id), self.params?);
-        Some([params, top, nodes, instances, lights])
+        Some(ShaderBuffers([params, top, nodes, instances, lights]))
     }
 
     /// Reserves room for copies of the present buffers: what of each is in use, and its whole size.
@@ -103,7 +103,7 @@ impl Previous {
     ) {
         let Some(buffers) = copies.buffers else {
             if !self.is_kept {
-                freed.extend(self.bindings().into_iter().flatten());
+                freed.extend(self.bindings().iter().flat_map(|buffers| buffers.iter()));
                 *self = Self::new();
             }
             return;

@@ -149,7 +149,7 @@ impl LightPlanner {
         self.instances.parts.pool().begin(Stored::whole::<PartRecord>())?;
         self.trees.place_trees(world, changes, &mut room.trees)?;
         self.trees.add_placed_instances(world, &room.trees, changes);
-        let directionals = world.directionals().count() as u32;
+        let directionals = world.directional_count() as u32;
         if changes.directionals && directionals as usize != self.trees.directionals.len() {
             room.directionals = Some(self.trees.lights.alloc(directionals, growth)?);
         }

@@ -86,7 +86,7 @@ impl Reservation<'_> {
         planner.lists.keep(writes, runs.instances);
         if changes.directionals {
             let run = planner.trees.directionals.clone();
-            let records = world.directionals().map(|(_, light)| LightRecord::directional(light));
+            let records = world.directional_lights().map(|(_, light)| LightRecord::directional(light));
             planner.trees.lights.write(commands, &mut Scattered::default(), run, records);
         }
         planner.scatter(commands, staged);

@@ -9,6 +9,7 @@ use crate::shading::shading_point::ShadingPoint;
 
 /// A point of a segment, which [`LightSampler::sample_along`] chose for a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct SegmentPoint {
     /// Distance from the start of the segment in metres.
     pub along: f32,

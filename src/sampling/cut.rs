@@ -3,7 +3,7 @@
 //!
 //! Twin of `shaders/cut.wgsl`. Based on CK18 5 (adaptive tree splitting). Differs: one light is
 //! chosen among all candidates together, instead of one light for each; and the number of splits is
-//! bounded, and with it the time. Bottom- level trees and the top level are split alike, and a
+//! bounded, and with it the time. Bottom-level trees and the top level are split alike, and a
 //! split continues from a leaf of the top level into the instance's tree.
 
 use crate::instance::part::SINGLE;

@@ -17,6 +17,7 @@ use crate::shading::shading_point::ShadingPoint;
 
 /// The light that arrives at a shading point from a point on a light, not yet shadowed.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Incident {
     /// Unit vector from the shading point to the point on the light.
     pub direction: Vec3,

@@ -9,10 +9,10 @@ use crate::sampling::counts::{CandidateCount, SplitCount};
 ///
 /// ```
 /// use girandole::glam::Vec3;
-/// use girandole::{Light, LightWorld, Placement, Policy, Quality, ShadingPoint};
+/// use girandole::{Light, LightTree, LightWorld, Placement, Policy, Quality, ShadingPoint};
 ///
 /// let mut world = LightWorld::new();
-/// let lamp = world.add_tree(vec![Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(800.0))])?;
+/// let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(800.0))])?);
 /// world.add_instance(lamp, Placement::IDENTITY, Policy::Static)?;
 ///
 /// let quality = Quality::High;
@@ -31,6 +31,7 @@ use crate::sampling::counts::{CandidateCount, SplitCount};
 /// `cargo run --release -p accuracy -- --out DIR --pictures 4 [--matte]` on an Intel Xeon, 2026-11-22;
 /// `docs/accuracy.md` has the intervals and the other settings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum Quality {
     /// Four splits, one candidate: 0.86 of the time, 1.49 of the error on diffuse materials, 1.40 on
     /// glossy ones. Fewer splits are hardly faster.
@@ -40,7 +41,7 @@ pub enum Quality {
     /// one, two or four samples per pixel.
     #[default]
     Balanced,
-    /// Eight splits, eight candidates: 2.0 times the time, 0.42 of the error on diffuse materials,
+    /// Seven splits, eight candidates: 2.0 times the time, 0.42 of the error on diffuse materials,
     /// 0.65 on glossy ones. It has less error per shadow ray than [`Quality::Balanced`] on diffuse
     /// materials, and no measured difference on glossy ones. If shadow rays are not the limit, take
     /// two samples of `Balanced` instead.
@@ -67,6 +68,23 @@ impl Quality {
             Self::Fast => CandidateCount::ONE,
             Self::Balanced => CandidateCount::of::<4>(),
             Self::High => CandidateCount::of::<8>(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::documented::{assert_says, word};
+
+    #[test]
+    fn the_documentation_of_the_presets_names_their_settings() {
+        for quality in Quality::ALL {
+            let [splits, candidates] = [quality.splits().get(), quality.candidates().get() as usize].map(word);
+            let plural = if candidates == "one" { "candidate" } else { "candidates" };
+            let (first, rest) = splits.split_at(1);
+            let sentence = format!("{}{rest} splits, {candidates} {plural}: ", first.to_uppercase());
+            assert_says(include_str!("quality.rs"), &sentence);
         }
     }
 }

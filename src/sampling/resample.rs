@@ -40,6 +40,7 @@ pub(crate) const MAX_RESERVOIR_WEIGHT: f32 = f32::MAX;
 /// `brdf * cosine * chosen.incident.radiance * weight` estimates the light that arrives from all
 /// lights, if the point is not in shadow: `weight` replaces `1 / (pmf * pdf)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Reservoir {
     /// The candidate that was kept, with its own `pmf` and `pdf`.
     pub chosen: LightSample,
@@ -82,11 +83,11 @@ impl LightSampler<'_> {
     /// ```
     /// use girandole::glam::Vec3;
     /// use girandole::light::luminance;
-    /// use girandole::{CandidateCount, Light, LightWorld, Placement, Policy, ShadingPoint};
+    /// use girandole::{CandidateCount, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint};
     ///
     /// let mut world = LightWorld::new();
     /// let lamps = (0..9).map(|i| Light::point(Vec3::new(i as f32, 3.0, 0.0), Vec3::splat(100.0)));
-    /// let tree = world.add_tree(lamps.collect())?;
+    /// let tree = world.add_tree(LightTree::new(lamps.collect())?);
     /// world.add_instance(tree, Placement::IDENTITY, Policy::Static)?;
     ///
     /// let ground = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);

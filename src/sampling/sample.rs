@@ -28,6 +28,7 @@ use crate::world::LightWorld;
 
 /// The name of a light that can be sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum LightId {
     /// A light of an instance's tree.
     Local {
@@ -90,10 +91,10 @@ pub struct LightSample {
 ///
 /// ```
 /// use girandole::glam::{DVec3, Vec3};
-/// use girandole::{Light, LightWorld, Placement, Policy, ShadingPoint};
+/// use girandole::{Light, LightTree, LightWorld, Placement, Policy, ShadingPoint};
 ///
 /// let mut world = LightWorld::new();
-/// let lamp = world.add_tree(vec![Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(800.0))])?;
+/// let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(800.0))])?);
 /// for x in [0.0, 10.0, 20.0] {
 ///     world.add_instance(lamp, Placement::at(DVec3::new(x, 0.0, 0.0)), Policy::Budgeted)?;
 /// }
@@ -438,7 +439,7 @@ impl<'a> LightSampler<'a> {
             let lights = world.instance(instance).and_then(|i| world.tree(i.tree)).map_or(0, |t| t.lights().len());
             (0..lights as u32).map(move |light| LightId::Local { instance, light })
         });
-        local.chain(world.directionals().map(|(key, _)| LightId::Directional(key)))
+        local.chain(world.directional_lights().map(|(key, _)| LightId::Directional(key)))
     }
 
     /// The nodes of the top level, the tree over all instances, for tools that draw or measure trees.
@@ -480,7 +481,7 @@ impl<'a> LightSampler<'a> {
         let total = with_instance_trees!(self, shading_point, |instance_trees| {
             with_vectors(DistributionJob { root, splits, directional_lux, instance_trees, starts, pmfs })
         });
-        pmfs.extend(world.directionals().map(|(_, light)| {
+        pmfs.extend(world.directional_lights().map(|(_, light)| {
             let lux = illuminance(light, shading_point);
             if total > 0.0 { choice_pmf(lux, total) } else { 0.0 }
         }));
@@ -488,7 +489,7 @@ impl<'a> LightSampler<'a> {
 
     /// The illuminance by all directional lights, in lux.
     pub(crate) fn directional_lux(&self, shading_point: &ShadingPoint) -> f32 {
-        self.world.directionals().map(|(_, light)| illuminance(light, shading_point)).sum()
+        self.world.directional_lights().map(|(_, light)| illuminance(light, shading_point)).sum()
     }
 
     /// The trees of all instances as seen from a shading point.
@@ -544,7 +545,7 @@ impl<'a> LightSampler<'a> {
     fn pick_directional(&self, shading_point: &ShadingPoint, point: f32, total: f32) -> Option<LightPick> {
         let mut chosen = None;
         let mut before = 0.0;
-        for (key, light) in self.world.directionals() {
+        for (key, light) in self.world.directional_lights() {
             let lux = illuminance(light, shading_point);
             if lux > 0.0 && point >= before {
                 chosen = Some(LightPick { light: LightId::Directional(key), pmf: choice_pmf(lux, total) });

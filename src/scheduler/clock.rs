@@ -9,6 +9,7 @@ use web_time::Instant;
 /// A piece of work on trees. A world describes its work to its [`Clock`], so that a clock can
 /// compute the time that the work takes instead of measuring it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub struct Work {
     /// The kind of work.
     pub kind: WorkKind,
@@ -44,9 +45,12 @@ pub enum WorkKind {
 /// [`ReplayClock`](crate::scheduler::ReplayClock) repeats the times of an earlier run. A world
 /// takes its clock in [`LightWorld::with_clock`](crate::LightWorld::with_clock).
 ///
+/// This trait is sealed: only the clocks of this library implement it. A [`VirtualClock`] takes any
+/// function for the cost of work.
+///
 /// A clock that jumps or stops does no harm. A step back counts as no time, and every job counts
 /// as at least the time that the fastest machine would need, so the work in a frame stays bounded.
-pub trait Clock: Send + Sync {
+pub trait Clock: sealed::Sealed + Send + Sync {
     /// Returns the time since a fixed moment, which each clock chooses. It should never decrease.
     fn now(&self) -> Duration;
 
@@ -75,6 +79,15 @@ pub trait Clock: Send + Sync {
         done
     }
 }
+
+pub(crate) mod sealed {
+    /// Is implemented by the clocks of this library alone.
+    pub trait Sealed {}
+}
+
+impl sealed::Sealed for SystemClock {}
+
+impl sealed::Sealed for VirtualClock {}
 
 /// The machine's monotonic clock. Its time starts at zero when it is created.
 ///
@@ -115,28 +128,35 @@ impl Clock for SystemClock {
 /// # let _ = world;
 /// ```
 pub struct VirtualClock {
-    now: Mutex<Duration>,
+    state: Mutex<VirtualState>,
     cost: Box<dyn Fn(Work) -> Duration + Send + Sync>,
+}
+
+#[derive(Default)]
+struct VirtualState {
+    now: Duration,
+    /// The last build in the background: when it started, its work, and the time that it takes.
+    build: Option<(Duration, Work, Duration)>,
 }
 
 impl VirtualClock {
     /// Creates a clock at time zero. `cost` returns the time that a piece of work takes.
     ///
-    /// `cost` may keep state. For [`WorkKind::Background`] it is called once per update while a
-    /// build runs, and should return the same time for the same number of lights.
+    /// `cost` may keep state. It is called once for each piece of work, and once for each build in
+    /// the background.
     pub fn new(cost: impl Fn(Work) -> Duration + Send + Sync + 'static) -> Self {
-        Self { now: Mutex::new(Duration::ZERO), cost: Box::new(cost) }
+        Self { state: Mutex::default(), cost: Box::new(cost) }
     }
 
     /// Advances the clock, for example to the next frame. The time saturates at [`Duration::MAX`].
     pub fn advance(&self, time: Duration) {
-        let mut now = self.lock();
-        *now = now.saturating_add(time);
+        let mut state = self.lock();
+        state.now = state.now.saturating_add(time);
     }
 
-    fn lock(&self) -> MutexGuard<'_, Duration> {
+    fn lock(&self) -> MutexGuard<'_, VirtualState> {
         // A panic while the lock is held leaves a valid time.
-        self.now.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -148,7 +168,7 @@ impl std::fmt::Debug for VirtualClock {
 
 impl Clock for VirtualClock {
     fn now(&self) -> Duration {
-        *self.lock()
+        self.lock().now
     }
 
     fn worked(&self, work: Work) {
@@ -156,8 +176,11 @@ impl Clock for VirtualClock {
     }
 
     fn background(&self, started: Duration, work: Work, _: Option<Duration>) -> Option<Duration> {
-        let cost = (self.cost)(work);
-        (self.now() >= started.saturating_add(cost)).then_some(cost)
+        let known = self.lock().build.filter(|(start, of, _)| (*start, *of) == (started, work));
+        let cost = known.map_or_else(|| (self.cost)(work), |(.., cost)| cost);
+        let mut state = self.lock();
+        state.build = Some((started, work, cost));
+        (state.now >= started.saturating_add(cost)).then_some(cost)
     }
 }
 

@@ -19,13 +19,13 @@
 //!
 //! use girandole::glam::Vec3;
 //! use girandole::scheduler::{Clock, RecordingClock, ReplayClock, SystemClock};
-//! use girandole::{FrameBudget, FrameReport, Light, LightWorld, Placement, Policy, WorldError};
+//! use girandole::{FrameBudget, FrameReport, Light, LightTree, LightWorld, Placement, Policy, WorldError};
 //!
 //! // The edits are the same in both runs; only the clock differs.
 //! fn run(clock: Arc<dyn Clock>) -> Result<Vec<FrameReport>, WorldError> {
 //!     let mut world = LightWorld::with_clock(clock);
 //!     let lamp = |x: u32| Light::point(Vec3::new(x as f32, 4.0, 0.0), Vec3::ONE);
-//!     let tree = world.add_tree((0..100).map(lamp).collect())?;
+//!     let tree = world.add_tree(LightTree::new((0..100).map(lamp).collect())?);
 //!     world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted)?;
 //!     let mut reports = Vec::new();
 //!     for frame in 0..10 {
@@ -61,6 +61,8 @@ mod state;
 mod tests;
 
 pub use budget::FrameBudget;
+#[cfg(test)]
+pub(crate) use clock::sealed;
 pub use clock::{Clock, SystemClock, VirtualClock, Work, WorkKind};
 pub(crate) use finish::DoneJob;
 pub(crate) use forecast::TreeFeatures;

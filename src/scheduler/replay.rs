@@ -4,10 +4,11 @@ use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use super::clock::{Clock, Work};
+use super::clock::{Clock, Work, sealed::Sealed};
 
 /// One answer of a recorded clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum ClockEvent {
     /// [`Clock::now`] returned this time.
     Now(Duration),
@@ -44,6 +45,8 @@ impl<C: Clock> RecordingClock<C> {
         lock(&self.events).push(event);
     }
 }
+
+impl<C> Sealed for RecordingClock<C> {}
 
 impl<C: Clock> Clock for RecordingClock<C> {
     fn now(&self) -> Duration {
@@ -112,6 +115,8 @@ impl ReplayState {
         None
     }
 }
+
+impl Sealed for ReplayClock {}
 
 impl Clock for ReplayClock {
     fn now(&self) -> Duration {

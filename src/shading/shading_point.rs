@@ -60,10 +60,10 @@ impl ShadingPoint {
     ///
     /// ```
     /// use girandole::glam::Vec3;
-    /// use girandole::{Light, LightWorld, Placement, Policy, ShadingPoint};
+    /// use girandole::{Light, LightTree, LightWorld, Placement, Policy, ShadingPoint};
     ///
     /// let mut world = LightWorld::new();
-    /// let lamp = world.add_tree(vec![Light::point(Vec3::new(4.0, 3.0, 0.0), Vec3::ONE)])?;
+    /// let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::new(4.0, 3.0, 0.0), Vec3::ONE)])?);
     /// world.add_instance(lamp, Placement::IDENTITY, Policy::Static)?;
     ///
     /// // The lamp is 3 m from the ray, and sees it under a right angle.

@@ -8,6 +8,7 @@ use crate::light::{Light, luminance};
 use crate::policy::Policy;
 use crate::sampling::sample::{LightId, LightSampler};
 use crate::shading::shading_point::ShadingPoint;
+use crate::tree::LightTree;
 use crate::tree::testing::Rng;
 use crate::tree::{BuildItem, LEAF, fills_nodes, middle, shape};
 use crate::world::LightWorld;
@@ -21,7 +22,7 @@ fn random(index: usize, purpose: u64) -> f32 {
 /// instance.
 fn city(instances: usize) -> LightWorld {
     let mut world = LightWorld::new();
-    let mut add = |lights: Vec<Light>| world.add_tree(lights).expect("valid lights");
+    let mut add = |lights: Vec<Light>| world.add_tree(LightTree::new(lights).expect("valid lights"));
     let head = Light::spot(Vec3::Y * 6.0, Vec3::NEG_Y, 0.6, 1.2, Vec3::splat(900.0));
     let trees = [
         add(vec![head]),

@@ -115,6 +115,7 @@ pub struct LightTree {
 
 /// The flux of a tree in lumens, separated by how a transform changes it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct FluxByKind {
     /// Flux of points and spots.
     pub punctual: f32,

@@ -31,7 +31,7 @@ pub const NO_PARENT: u32 = u32::MAX;
 pub type Bytes = [u8; WIDTH];
 
 /// A node: up to eight children and a link to the parent. It has 208 bytes: 23 for each child and
-/// 24 of its own.
+/// 24 of its own. Tools that look into trees need it; engines do not. Any release may change it.
 ///
 /// The fields that a GPU may leave out come last, in pieces of 16 bytes: `axis` and `cap` where no
 /// light has a cone, `range` where no light has a range (`plan/stored.rs`). A dark child has the
@@ -78,6 +78,7 @@ pub struct Node {
 
 /// The kind and the index of a child.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ChildRef {
     /// The index of a node.
     Node(u32),

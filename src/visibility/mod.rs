@@ -125,10 +125,10 @@ impl Default for VisibilityOptions {
 ///
 /// ```
 /// use girandole::glam::Vec3;
-/// use girandole::{Light, LightWorld, Placement, Policy, ShadingPoint, VisibilityTable};
+/// use girandole::{Light, LightTree, LightWorld, Placement, Policy, ShadingPoint, VisibilityTable};
 ///
 /// let mut world = LightWorld::new();
-/// let lamp = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)])?;
+/// let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)])?);
 /// for position in [Vec3::new(-2.0, 3.0, 0.0), Vec3::new(2.0, 3.0, 0.0)] {
 ///     world.add_instance(lamp, Placement::at(position.as_dvec3()), Policy::Static)?;
 /// }

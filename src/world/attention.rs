@@ -98,6 +98,7 @@ fn in_units(illuminance: f32) -> u128 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tree::LightTree;
     use crate::{FrameBudget, Light, LightWorld, Placement, Policy};
     use glam::Vec3;
 
@@ -112,7 +113,9 @@ mod tests {
         let trees: Vec<TreeKey> = (0..10)
             .map(|i| {
                 let candela = if i % 2 == 0 { 1.0e15 } else { 1.0 };
-                let tree = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::splat(candela))]).expect("a valid light");
+                let tree = world.add_tree(
+                    LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::splat(candela))]).expect("a valid light"),
+                );
                 let place = Placement::at(DVec3::new(f64::from(i), 0.0, 0.0));
                 world.add_instance(tree, place, Policy::Budgeted).expect("a valid placement");
                 tree

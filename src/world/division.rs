@@ -19,7 +19,7 @@ pub(super) const MAX_LIGHT_PARTS: usize = 128;
 /// The largest number of sections of a tree. Each of them takes 80 bytes on the GPU. For each
 /// instance of the tree it takes 24 bytes more and is a leaf of the top level, which costs work in
 /// each build (docs/decisions.md, 49).
-const MAX_SECTIONS: usize = 2048;
+pub(super) const MAX_SECTIONS: usize = 2048;
 
 /// The largest number of sections of all instances of a tree.
 const MAX_OF_INSTANCES: usize = 8192;

@@ -23,32 +23,32 @@ pub(super) struct RemovedTree {
 }
 
 impl LightWorld {
-    /// Builds a tree over lights. It contributes nothing until it has an instance. A tree of no
-    /// lights is allowed.
+    /// Takes a tree, which contributes nothing until it has an instance.
     ///
-    /// O(n log n), on the calling thread and rayon's.
+    /// | how the tree was made | what it is |
+    /// |---|---|
+    /// | [`LightTree::new`] | built over lights, on the calling thread and rayon's |
+    /// | [`LightTree::new_for`] | built for a first instance that is stretched |
+    /// | [`LightTree::new_placeholder`] | made in half of the time of a build; its lights shine at once, and later updates build it within their budgets ([below](#placeholders)) |
+    /// | `LightTree::from_baked` | loaded from bytes |
+    /// | on another thread, or removed from another world | any of these |
     ///
-    /// # Errors
-    /// [`WorldError::Light`], [`WorldError::TooManyLights`].
-    pub fn add_tree(&mut self, lights: Vec<Light>) -> Result<TreeKey, WorldError> {
-        let tree = LightTree::new(lights)?;
-        Ok(self.insert_tree(tree))
-    }
-
-    /// Adds a tree whose lights shine at once and which later updates build within their budgets: a
-    /// [placeholder](LightTree::new_placeholder). It contributes nothing until it has an instance.
+    /// The tree is moved in and used as it is: nothing is built or copied. A clone that is added
+    /// too is a second tree, which knows nothing of the first. The present attributes of the tree
+    /// count as those of a fresh build, also if it has degraded over refits. If its lights have
+    /// changed since its last refit, it is refitted at once.
     ///
-    /// The tree requests its build until it has been built, with or without instances, whatever
-    /// their policies, [`Policy::Static`](crate::Policy::Static) and
-    /// [`Policy::RefitOnly`](crate::Policy::RefitOnly) included.
+    /// O(1), but for that refit. Adding its first instance may build it again if that instance is
+    /// stretched: see [`LightTree::new_for`].
+    ///
+    /// # Placeholders
+    ///
+    /// A [placeholder](LightTree::new_placeholder) requests its build until it has been built, with or
+    /// without instances, whatever their policies, [`Policy::Static`] and [`Policy::RefitOnly`] included.
     /// [`LightTree::is_placeholder`] tells whether it still waits, and
     /// [`FrameReport::placeholder_trees`](crate::FrameReport::placeholder_trees) how many trees do.
-    /// The built tree has the same bits as one from [`LightWorld::add_tree`]. If the first instance
-    /// is stretched, the tree is built for that instance, and adding the instance builds nothing.
-    ///
-    /// O(lights) on the calling thread, about half of the time of a build. To spend that time on
-    /// another thread, make the tree there and pass it to [`LightWorld::insert_tree`], or fill a
-    /// [`Region`](crate::Region) there.
+    /// The built tree has the same bits as one from [`LightTree::new`]. If the first instance is
+    /// stretched, the tree is built for that instance, and adding the instance builds nothing.
     ///
     /// | before the tree is built | outcome |
     /// |---|---|
@@ -59,25 +59,7 @@ impl LightWorld {
     /// | instances come, go, move or change | nothing |
     /// | the tree does not change for some time | it is frozen, and still built later |
     /// | [`LightWorld::remove_tree`] | nothing is built |
-    ///
-    /// # Errors
-    /// As [`LightWorld::add_tree`].
-    pub fn add_placeholder(&mut self, lights: Vec<Light>) -> Result<TreeKey, WorldError> {
-        let tree = LightTree::new_placeholder(lights)?;
-        Ok(self.insert_tree(tree))
-    }
-
-    /// Takes a tree that was made elsewhere: built on another thread, loaded from a file or removed
-    /// from another world. It contributes nothing until it has an instance.
-    ///
-    /// The tree is moved in and used as it is: nothing is built or copied. A clone that is inserted
-    /// too is a second tree, which knows nothing of the first. The present attributes of the tree
-    /// count as those of a fresh build, also if it has degraded over refits. If its lights have
-    /// changed since its last refit, it is refitted at once.
-    ///
-    /// O(1), but for that refit. Adding its first instance may build it again if that instance is
-    /// stretched: see [`LightTree::new_for`].
-    pub fn insert_tree(&mut self, mut tree: LightTree) -> TreeKey {
+    pub fn add_tree(&mut self, mut tree: LightTree) -> TreeKey {
         tree.refit_changes();
         self.effects.change(|counts| counts.add_all(tree.effects()));
         let (features, lights) = (TreeFeatures::of(&tree), tree.light_count());
@@ -277,12 +259,12 @@ impl LightWorld {
     /// Replaces a tree by one that was made elsewhere, of any number of lights, and returns the
     /// former one. Changes that wait for the next update are dropped.
     ///
-    /// The given tree is moved in as by [`LightWorld::insert_tree`]: nothing is built. If it was not
+    /// The given tree is moved in as by [`LightWorld::add_tree`]: nothing is built. If it was not
     /// made for a stretched instance, later builds divide it as they would have divided the former
     /// tree. To free the memory of a large tree takes milliseconds: drop the former one on another
     /// thread.
     ///
-    /// O(instances of the tree), but for a refit as in [`LightWorld::insert_tree`].
+    /// O(instances of the tree), but for a refit as in [`LightWorld::add_tree`].
     ///
     /// # Errors
     /// [`WorldError::NoSuchTree`], [`WorldError::StaticTree`]. The given tree is dropped.
@@ -423,7 +405,7 @@ impl LightWorld {
         let copy = entry.tree.clone();
         let (history, staged) = (entry.history, entry.staged.clone());
         let has_new_policy = entry.has_new_policy;
-        let own = self.insert_tree(copy);
+        let own = self.add_tree(copy);
         if !staged.is_empty() || has_new_policy {
             self.edits.pending.insert(own);
         }

@@ -150,6 +150,11 @@ impl LightWorld {
         self.scene.instances.len()
     }
 
+    /// The number of directional lights.
+    pub fn directional_count(&self) -> usize {
+        self.scene.directionals.len()
+    }
+
     /// The number of lights that have a [`LightId`](crate::LightId): the lights of each tree once
     /// per instance, hidden instances included, and the directional lights. Lights that were added
     /// or removed count from the next [`LightWorld::update`] on.
@@ -217,8 +222,13 @@ impl LightWorld {
         self.scene.directionals.get(key)
     }
 
-    /// All directional lights.
-    pub fn directionals(&self) -> impl Iterator<Item = (DirectionalKey, &DirectionalLight)> {
+    /// The keys of all directional lights.
+    pub fn directionals(&self) -> impl Iterator<Item = DirectionalKey> {
+        self.scene.directionals.keys()
+    }
+
+    /// All directional lights with their keys, in the order of the keys.
+    pub(crate) fn directional_lights(&self) -> impl Iterator<Item = (DirectionalKey, &DirectionalLight)> {
         self.scene.directionals.iter()
     }
 
@@ -267,9 +277,9 @@ impl LightWorld {
     ///
     /// ```
     /// use girandole::glam::{DVec3, Vec3};
-    /// use girandole::{Light, LightWorld, Placement, Policy, Revision};
+    /// use girandole::{Light, LightTree, LightWorld, Placement, Policy, Revision};
     /// let mut world = LightWorld::new();
-    /// let lamp = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)])?;
+    /// let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)])?);
     /// let car = world.add_instance(lamp, Placement::IDENTITY, Policy::Budgeted)?;
     /// // A reader that has seen nothing, and one that goes on from here.
     /// let slot = world.slot(car);

@@ -36,9 +36,9 @@ impl LightWorld {
     ///
     /// ```
     /// use girandole::glam::{DVec3, Vec3};
-    /// use girandole::{Light, LightWorld, Placement, Policy};
+    /// use girandole::{Light, LightTree, LightWorld, Placement, Policy};
     /// let mut world = LightWorld::new();
-    /// let lamp = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)])?;
+    /// let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)])?);
     /// let cars: Vec<_> = (0..100)
     ///     .map(|_| world.add_instance(lamp, Placement::IDENTITY, Policy::Budgeted))
     ///     .collect::<Result<_, _>>()?;

@@ -34,7 +34,7 @@ const THICKNESS: f64 = 0.02;
 const MIN_AMONG: f32 = 0.5;
 
 /// Slots that an update visits while anything moves.
-const SLOTS_PER_UPDATE: usize = 64;
+pub(super) const SLOTS_PER_UPDATE: usize = 64;
 
 /// The largest number of large instances that are compared with one instance.
 const MAX_LOOKED_AT: usize = 64;
@@ -287,6 +287,7 @@ mod tests {
     use crate::light::Light;
     use crate::policy::Policy;
     use crate::scheduler::FrameBudget;
+    use crate::tree::LightTree;
 
     /// Lamps over a square of 100 m.
     fn lamps(count: usize) -> Vec<Light> {
@@ -295,7 +296,7 @@ mod tests {
     }
 
     fn add(world: &mut LightWorld, lights: Vec<Light>, at: DVec3) -> (TreeKey, InstanceKey) {
-        let tree = world.add_tree(lights).expect("valid");
+        let tree = world.add_tree(LightTree::new(lights).expect("valid"));
         (tree, world.add_instance(tree, Placement::at(at), Policy::Budgeted).expect("valid"))
     }
 
@@ -377,7 +378,7 @@ mod tests {
     #[test]
     fn sections_are_bounded_for_a_tree_of_many_instances() {
         let mut world = LightWorld::new();
-        let tree = world.add_tree(lamps(5000)).expect("valid");
+        let tree = world.add_tree(LightTree::new(lamps(5000)).expect("valid"));
         let mut most = 0;
         for i in 0..3000 {
             let place = Placement::at(DVec3::X * 0.001 * f64::from(i));

@@ -29,7 +29,7 @@ const MARGIN: f32 = 0.1;
 const LIGHT_PARTS_SHARE: f32 = 0.5;
 
 /// Instances that an update judges again while anything moves.
-const JUDGED_PER_UPDATE: usize = 4;
+pub(super) const JUDGED_PER_UPDATE: usize = 4;
 
 /// Slots that an update looks at to find them.
 const SLOTS_PER_UPDATE: usize = 64;
@@ -295,6 +295,7 @@ mod tests {
     use crate::light::Light;
     use crate::policy::Policy;
     use crate::scheduler::FrameBudget;
+    use crate::tree::LightTree;
     use crate::world::division::MAX_LIGHT_PARTS;
 
     fn string(lamps: usize) -> Vec<Light> {
@@ -310,7 +311,7 @@ mod tests {
     fn world_of(placements: impl IntoIterator<Item = Placement>, lamps: usize) -> (LightWorld, Vec<InstanceKey>) {
         let mut world = LightWorld::new();
         let mut add = |placement| {
-            let tree = world.add_tree(string(lamps)).expect("valid");
+            let tree = world.add_tree(LightTree::new(string(lamps)).expect("valid"));
             world.add_instance(tree, placement, Policy::Budgeted).expect("valid")
         };
         let keys = placements.into_iter().map(&mut add).collect();
@@ -363,7 +364,7 @@ mod tests {
         world.update(FrameBudget::NONE);
         assert_eq!(light_parts_count(&world), 0);
         let (mut world, _) = world_of((0..5).map(|i| crossing(i as f32)), MAX_LIGHT_PARTS);
-        let lantern = world.add_tree(string(2)).expect("valid");
+        let lantern = world.add_tree(LightTree::new(string(2)).expect("valid"));
         world.add_instance(lantern, Placement::IDENTITY, Policy::Budgeted).expect("valid");
         world.update(FrameBudget::NONE);
         assert_eq!((light_parts_count(&world), world.division(lantern)), (5, Division::Whole));
@@ -398,7 +399,7 @@ mod tests {
         world.update(FrameBudget::NONE);
         assert!(world.divisions.overlaps.cells.values().all(|listed| listed.len() <= MAX_LISTED));
         assert_eq!(light_parts_count(&world), 1000);
-        let point = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE); 2]).expect("valid");
+        let point = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE); 2]).expect("valid"));
         for i in 0..1000 {
             let translation = DVec3::new(f64::from(i), -1.0e9 + f64::from(i), 1.0e9);
             world.add_instance(point, Placement::at(translation), Policy::Budgeted).expect("in range");

@@ -72,6 +72,7 @@ impl Scene {
 mod tests {
     use glam::{Mat3, Vec3};
 
+    use crate::tree::LightTree;
     use crate::{Light, LightWorld, Placement, Policy};
 
     #[test]
@@ -87,7 +88,7 @@ mod tests {
         let [point, rectangle, spot] = lights()[..] else { panic!("three lights") };
         for (scale, area) in [(1.0, 1.0), (2.0, 4.0)] {
             let mut world = LightWorld::new();
-            let tree = world.add_tree(lights()).expect("valid lights");
+            let tree = world.add_tree(LightTree::new(lights()).expect("valid lights"));
             let placement = Placement { linear: Mat3::IDENTITY * scale, ..Placement::IDENTITY };
             world.add_instance(tree, placement, Policy::Static).expect("a valid placement");
             let sum: f32 = world.parts().iter().map(|(_, cluster)| cluster.flux).sum();

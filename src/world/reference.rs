@@ -95,7 +95,7 @@ mod tests {
 
     fn tree_of(linear: Mat3) -> LightTree {
         let mut world = LightWorld::new();
-        let tree = world.add_tree(lights()).expect("valid");
+        let tree = world.add_tree(LightTree::new(lights()).expect("valid"));
         world.add_instance(tree, Placement { linear, translation: DVec3::ZERO }, Policy::Static).expect("valid");
         world.tree(tree).expect("it lives").clone()
     }
@@ -123,7 +123,7 @@ mod tests {
     #[test]
     fn later_builds_keep_the_reference_and_later_instances_do_not_change_it() {
         let mut world = LightWorld::new();
-        let tree = world.add_tree(lights()).expect("valid");
+        let tree = world.add_tree(LightTree::new(lights()).expect("valid"));
         let squashed = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 1.0, 0.01)), ..Placement::IDENTITY };
         world.add_instance(tree, squashed, Policy::Budgeted).expect("valid");
         let nodes = |world: &LightWorld| world.tree(tree).expect("it lives").nodes().to_vec();

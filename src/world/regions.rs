@@ -78,11 +78,11 @@ impl LightWorld {
     fn insert_region(&mut self, region: Region) -> RegionKey {
         let key = self.regions.by_key.insert(RegionEntry::default());
         let is_own = region.trees.iter().map(|tree| matches!(tree, RegionSource::Own { .. })).collect();
-        let insert_tree = |source| match source {
-            RegionSource::Own { tree, .. } => self.insert_tree(*tree),
+        let add_tree = |source| match source {
+            RegionSource::Own { tree, .. } => self.add_tree(*tree),
             RegionSource::OfWorld(tree) => tree,
         };
-        let trees: Vec<TreeKey> = region.trees.into_iter().map(insert_tree).collect();
+        let trees: Vec<TreeKey> = region.trees.into_iter().map(add_tree).collect();
         let insert_instance = |instance: PlacedInstance| {
             let PlacedInstance { tree, placement, policy, appearance, placed } = instance;
             let placed = Placed::moved(placed.as_ref(), &placement, &placement, self.scene.origin.anchor())

@@ -24,7 +24,7 @@ pub struct FrameReport {
     /// Trees that request a rebuild and wait for a later frame, without the tree whose build is
     /// under way: in slices, or in the background.
     pub waiting_trees: usize,
-    /// [Placeholders](crate::LightWorld::add_placeholder) that have yet to be built, those whose build is
+    /// [Placeholders](crate::LightTree::new_placeholder) that have yet to be built, those whose build is
     /// under way included.
     pub placeholder_trees: usize,
     /// The longest wait in updates, of the trees that were served in this update and of the trees

@@ -49,12 +49,14 @@ impl LightWorld {
 mod tests {
     use super::*;
     use crate::scheduler::FrameBudget;
+    use crate::tree::LightTree;
 
     #[test]
     fn an_update_in_which_nothing_moved_visits_as_few_trees_of_100_000_as_of_one() {
         let accesses = [1, 100_000].map(|count| {
             let mut world = LightWorld::new();
-            let trees: Vec<_> = (0..count).map(|_| world.add_tree(Vec::new()).expect("valid")).collect();
+            let trees: Vec<_> =
+                (0..count).map(|_| world.add_tree(LightTree::new(Vec::new()).expect("valid"))).collect();
             for tree in trees.iter().step_by(2) {
                 world.replace_lights(*tree, Vec::new()).expect("valid");
             }

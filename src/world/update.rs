@@ -20,7 +20,7 @@ impl LightWorld {
     ///    four others in each call while anything moves. A larger tree is divided into up to 2,048
     ///    *sections* if most of its instances lie among others, of any size up to twice their own.
     ///    The top level sorts the sections by position. Instances that were added are judged in the
-    ///    next call, and 256 others in each call while anything moves.
+    ///    next call, and 64 others in each call while anything moves.
     /// 3. Trees whose policies request a rebuild are rebuilt, those whose rebuild removes the most
     ///    noise per millisecond first. The noise is estimated from the tree's attributes, and
     ///    weighted by the tree's share of the illuminance at the viewpoint
@@ -32,7 +32,7 @@ impl LightWorld {
     ///    all trees that wait could be rebuilt once. Once a tree that gains something has waited
     ///    for nine rounds, only trees that already wait are rebuilt before it. This holds for any
     ///    sequence of budgets; `docs/math.md` has the exact statement.
-    ///    [Placeholders](LightWorld::add_placeholder) request their build as a policy that must be
+    ///    [Placeholders](crate::LightTree::new_placeholder) request their build as a policy that must be
     ///    served does.
     /// 6. Effects that nothing in the world had for
     ///    [`EFFECT_HOLD_UPDATES`](crate::effects::EFFECT_HOLD_UPDATES) calls leave
@@ -66,5 +66,81 @@ impl LightWorld {
     pub fn rebuild_tree(&mut self, tree: TreeKey) -> Result<Duration, WorldError> {
         self.entry(tree)?;
         Ok(self.rebuild_now(tree))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicU64, Ordering};
+    use std::time::Duration;
+
+    use glam::Vec3;
+
+    use super::super::{division, neighbours, overlap};
+    use crate::documented::{assert_says, grouped, word};
+    use crate::scheduler::{Clock, FrameBudget, sealed};
+    use crate::tree::testing::Rng;
+    use crate::{Light, LightTree, LightWorld, Placement, Policy};
+
+    #[test]
+    fn the_documentation_of_an_update_names_its_limits() {
+        let says = |sentence: &str| assert_says(include_str!("update.rs"), sentence);
+        says(&format!("A tree of up to {} lights that is not divided by side is divided", division::MAX_LIGHT_PARTS));
+        says(&format!("{} others in each call while anything moves. A larger", word(overlap::JUDGED_PER_UPDATE)));
+        says(&format!("is divided into up to {} *sections*", grouped(division::MAX_SECTIONS)));
+        says(&format!("and {} others in each call while anything moves. 3.", neighbours::SLOTS_PER_UPDATE));
+    }
+
+    /// A clock whose time is a function of the number of calls so far.
+    struct CallClock {
+        calls: AtomicU64,
+        time: fn(u64) -> Duration,
+    }
+
+    impl sealed::Sealed for CallClock {}
+
+    impl Clock for CallClock {
+        fn now(&self) -> Duration {
+            (self.time)(self.calls.fetch_add(1, Ordering::Relaxed))
+        }
+    }
+
+    #[test]
+    fn frames_stay_bounded_on_clocks_that_stand_still_or_jump() {
+        type Time = fn(u64) -> Duration;
+        let clocks: [(&str, Time, usize); 4] = [
+            ("stands still", |_| Duration::ZERO, 1),
+            ("an hour per call", |call| Duration::from_secs(3600 * call), 0),
+            ("back and forth", |call| Duration::from_secs(if call % 2 == 0 { 1000 } else { 0 }), 0),
+            ("the greatest time", |_| Duration::MAX, 1),
+        ];
+        for (name, time, min_rebuilt) in clocks {
+            let mut world = LightWorld::with_clock(Arc::new(CallClock { calls: AtomicU64::new(0), time }));
+            let mut rng = Rng(30);
+            let mut lights =
+                || -> Vec<Light> { (0..100).map(|_| Light::point(rng.position(10.0), Vec3::ONE)).collect() };
+            let trees: Vec<_> = (0..200)
+                .map(|_| {
+                    let tree = world.add_tree(LightTree::new(lights()).expect("valid lights"));
+                    world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("a valid instance");
+                    tree
+                })
+                .collect();
+            let mut rebuilt = 0;
+            for frame in 0..200 {
+                for tree in &trees {
+                    let changes: Vec<_> = (0..).zip(lights()).collect();
+                    world.set_lights(*tree, &changes).expect("valid lights");
+                }
+                let report = world.update(FrameBudget::new(Duration::from_micros(100)));
+                // A rebuild of a hundred lights counts as at least 1.5 µs, and a slice as at least
+                // 45 ns.
+                assert!(report.rebuilt_trees <= 67, "{name}, frame {frame}: {report:?}");
+                assert!(world.jobs().len() <= 2222, "{name}, frame {frame}: {} jobs", world.jobs().len());
+                rebuilt += report.rebuilt_trees;
+            }
+            assert!(rebuilt >= min_rebuilt, "{name}: {rebuilt}");
+        }
     }
 }

@@ -38,7 +38,7 @@ fn lamps(rng: &mut Rng, count: usize) -> Vec<Light> {
 
 fn world_of(lights: Vec<Light>, policy: Policy) -> (LightWorld, TreeKey, InstanceKey) {
     let mut world = LightWorld::new();
-    let tree = world.add_tree(lights).expect("valid");
+    let tree = world.add_tree(LightTree::new(lights).expect("valid"));
     let instance = world.add_instance(tree, Placement::IDENTITY, policy).expect("valid");
     (world, tree, instance)
 }
@@ -77,7 +77,7 @@ fn lights_are_added_and_removed_at_the_update_and_keep_their_indices() {
     world.set_emission(tree, 3, Vec3::splat(5.0)).expect("added lights may be set at once");
     assert!(lights(&world).len() == 3 && pmf(&world, 1) > 0.0, "nothing happens before the update");
     world.update(FrameBudget::NONE);
-    let bright = Light { emission: Vec3::splat(5.0), ..lamp(7.0) };
+    let bright = lamp(7.0).with_emission(Vec3::splat(5.0));
     let now = lights(&world);
     assert_eq!((now[0], now[2], now[3], now[4]), (lamp(0.0), lamp(2.0), bright, lamp(9.0)));
     assert!(now[1].is_removed() && now.len() == 5);
@@ -438,7 +438,7 @@ proptest! {
         for count in [0, 5, 40, 150, 600] {
             let lights = rng.lights(count, 12.0);
             let model: Model = lights.iter().copied().map(Some).collect();
-            let tree = world.add_tree(lights).expect("valid");
+            let tree = world.add_tree(LightTree::new(lights).expect("valid"));
             let policy = [Policy::Budgeted, Policy::RefitOnly, Policy::AlwaysRebuild][below(&mut rng, 3)];
             models.push((tree, world.add_instance(tree, rng.affine(20.0), policy).expect("valid"), model));
         }
@@ -477,7 +477,7 @@ fn a_build_that_is_open_while_lights_come_and_go_has_all_of_them_when_it_is_take
         let mut rng = Rng(407);
         let lights = rng.lights(3_000, 12.0);
         let model: Model = lights.iter().copied().map(Some).collect();
-        let tree = world.add_tree(lights).expect("valid");
+        let tree = world.add_tree(LightTree::new(lights).expect("valid"));
         let instance = world.add_instance(tree, Placement::IDENTITY, Policy::AlwaysRebuild).expect("valid");
         let mut models = vec![(tree, instance, model)];
         let mut finished = 0;
@@ -518,8 +518,10 @@ fn divided_and_open_trees_follow_additions_and_removals_on_both_sides() {
     };
     let mut world = LightWorld::new();
     let panels = (0..30).map(|i| panel(&mut rng, if i % 2 == 0 { 1.0 } else { -1.0 })).collect();
-    let divided = world.add_tree(panels).expect("valid");
-    let open = world.add_tree((0..100).map(|_| Light::point(rng.position(5.0), Vec3::ONE)).collect()).expect("valid");
+    let divided = world.add_tree(LightTree::new(panels).expect("valid"));
+    let open = world.add_tree(
+        LightTree::new((0..100).map(|_| Light::point(rng.position(5.0), Vec3::ONE)).collect()).expect("valid"),
+    );
     for i in 0..20 {
         let at = |x: f64| Placement::at(DVec3::new(x, 0.0, 0.0));
         world.add_instance(divided, at(8.0 * f64::from(i)), Policy::Budgeted).expect("valid");

@@ -147,8 +147,8 @@ fn a_tree_that_was_made_elsewhere_is_taken_in_without_a_copy_or_a_build() {
         let mut keys = Vec::with_capacity(3);
         // Lists of the world grow, whatever the size of the tree; a build asks for 10 MB.
         let asked = requested_bytes(|| {
-            keys.push(world.insert_tree(first));
-            keys.push(world.insert_tree(second));
+            keys.push(world.add_tree(first));
+            keys.push(world.add_tree(second));
         });
         assert!(asked < 20_000, "{asked} bytes");
         let asked = requested_bytes(|| drop(world.replace_tree(small, third).expect("it lives")));
@@ -168,7 +168,7 @@ fn region(rng: &mut Rng, lights: usize) -> Region {
     let mut frozen = LightTree::new(rng.lights(lights, 50.0)).expect("valid");
     frozen.freeze();
     let trees = [
-        region.add_placeholder(rng.lights(lights, 50.0)).expect("valid"),
+        region.add_tree(LightTree::new_placeholder(rng.lights(lights, 50.0)).expect("valid")),
         region.add_tree(LightTree::new(rng.lights(lights, 50.0)).expect("valid")),
         region.add_tree(frozen),
     ];
@@ -276,7 +276,7 @@ fn the_memory_of_a_world_is_what_it_holds_but_for_one_percent() {
         }
         check(&world, "regions");
         for lights in &trees {
-            let tree = world.add_placeholder(lights.clone()).expect("valid");
+            let tree = world.add_tree(LightTree::new_placeholder(lights.clone()).expect("valid"));
             places.iter().step_by(200).for_each(|place| drop(world.add_instance(tree, *place, Policy::Budgeted)));
         }
         check(&world, "trees");
@@ -327,7 +327,7 @@ fn a_load_asks_for_about_the_bytes_of_the_file_and_a_refusal_for_none() {
 fn edits_that_wait_for_the_update_take_memory_for_each_light_once() {
     let mut rng = Rng(73);
     let mut world = LightWorld::new();
-    let tree = world.add_tree(rng.lights(500, 10.0)).expect("valid");
+    let tree = world.add_tree(LightTree::new(rng.lights(500, 10.0)).expect("valid"));
     let changes: Vec<_> = (0..500).map(|index| (index, rng.light(10.0))).collect();
     world.set_lights(tree, &changes).expect("valid");
     let asked = requests(|| {
@@ -369,7 +369,7 @@ fn an_update_of_a_world_at_rest_asks_for_no_memory() {
 fn an_update_in_which_nothing_moves_asks_for_no_memory_while_100_000_trees_come_to_rest() {
     let lamp = |x: f32| Light::point(Vec3::new(x, 0.0, 0.0), Vec3::ONE);
     let mut world = LightWorld::new();
-    let trees: Vec<_> = (0..100_000).map(|_| world.add_tree(vec![lamp(0.0)]).expect("valid")).collect();
+    let trees: Vec<_> = (0..100_000).map(|_| world.add_tree(LightTree::new(vec![lamp(0.0)]).expect("valid"))).collect();
     // A part of the trees move in each of some updates, so that they come to rest in different
     // updates.
     for group in trees.chunks(trees.len() / 10) {
@@ -440,9 +440,9 @@ fn a_frame_asks_for_memory_by_what_it_changes_and_not_by_the_size_of_the_world()
             let mut asked_before = None;
             for (lights, instances) in [(1_000, 300), (30_000, 20_000)] {
                 let mut world = LightWorld::new();
-                let tree = world.add_tree((0..lights).map(lamp).collect()).expect("valid");
+                let tree = world.add_tree(LightTree::new((0..lights).map(lamp).collect()).expect("valid"));
                 world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
-                let small = world.add_tree(vec![lamp(0)]).expect("valid");
+                let small = world.add_tree(LightTree::new(vec![lamp(0)]).expect("valid"));
                 // So far away that the large tree has no sections: they are sent with what changes.
                 let place = |i: u32| Placement::at(DVec3::new(f64::from(i * i % 9973), 500.0, f64::from(i % 997)));
                 let add = |i| world.add_instance(small, place(i), Policy::Budgeted).expect("valid");
@@ -479,7 +479,7 @@ fn a_frame_asks_for_memory_by_what_it_changes_and_not_by_the_size_of_the_world()
 fn an_origin_that_follows_the_viewpoint_asks_for_no_memory() {
     let (mut world, mut rng) = (LightWorld::new(), Rng(79));
     world.set_origin_mode(OriginMode::Following).expect("zero is on the grid");
-    let tree = world.add_tree(rng.lights(20, 1.0)).expect("valid");
+    let tree = world.add_tree(LightTree::new(rng.lights(20, 1.0)).expect("valid"));
     for _ in 0..1000 {
         world.add_instance(tree, rng.affine(3000.0), Policy::Static).expect("valid");
     }

@@ -5,8 +5,8 @@ use girandole::glam::{DVec3, Vec3};
 use girandole::gpu::{GpuLights, wgsl};
 use girandole::light::MAX_EMISSION;
 use girandole::{
-    Effects, FrameBudget, InstanceKey, Light, LightId, LightWorld, MAX_FACTOR, Placement, Policy, ShadingPoint,
-    VisibilityTable,
+    Effects, FrameBudget, InstanceKey, Light, LightId, LightTree, LightWorld, MAX_FACTOR, Placement, Policy,
+    ShadingPoint, VisibilityTable,
 };
 
 use crate::gpu::{OTHER_PICKS, ask, close, gpu, requests, sample};
@@ -15,7 +15,7 @@ use testbed::testing::support::{Rng, SPLITS, all_pmfs, user_data_of};
 /// Cars in a row along x that share a tree of one lamp.
 fn cars(count: u32) -> (LightWorld, Vec<InstanceKey>) {
     let mut world = LightWorld::new();
-    let tree = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
+    let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid"));
     let at = |i: u32| Placement::at(DVec3::X * 3.0 * f64::from(i));
     let keys = (0..count).map(|i| world.add_instance(tree, at(i), Policy::Static).expect("valid")).collect();
     (world, keys)
@@ -121,6 +121,7 @@ fn masked_lights_are_never_drawn_and_the_others_are_drawn_as_if_they_did_not_exi
             let is_seen = |light: &LightId| match light {
                 LightId::Local { instance, .. } => world.mask(*instance).expect("it lives") & mask != 0,
                 LightId::Directional(_) => true,
+                &_ => unreachable!("this version has no others"),
             };
             for (light, pmf) in &pmfs {
                 let incident = sampler.sample_light(&seen, *light, [rng.unit(), rng.unit()]);
@@ -197,7 +198,7 @@ fn masks_without_a_common_bit_leave_the_directional_lights() {
     assert!((only_directionals(&world, &nowhere) - 1.0).abs() < 1.0e-5);
     // Bits that no instance has.
     assert!((only_directionals(&world, &nowhere.with_mask(!0b1000)) - 1.0).abs() < 1.0e-5);
-    for key in world.directionals().map(|(key, _)| key).collect::<Vec<_>>() {
+    for key in world.directionals().collect::<Vec<_>>() {
         world.remove_directional(key).expect("it lives");
     }
     assert_eq!(world.sampler().sample(&nowhere, [0.5; 4]), None);
@@ -252,7 +253,7 @@ fn the_gpu_chooses_the_same_lights_for_masked_points() {
     let mut rng = Rng(309);
     let mut world = rng.varied_world(6, 30, 8, 20.0);
     // More parts than one piece of the top level, so that masks pass through rounds.
-    let lamp = world.add_tree(rng.lights(3, 1.0)).expect("valid");
+    let lamp = world.add_tree(LightTree::new(rng.lights(3, 1.0)).expect("valid"));
     for i in 0..900 {
         let key = world.add_instance(lamp, rng.affine(60.0), Policy::Static).expect("valid");
         world.set_mask(key, [0b01, 0b10, u32::MAX, 0][i % 4]).expect("it lives");
@@ -291,6 +292,7 @@ fn the_gpu_chooses_the_same_lights_for_masked_points() {
                     let index = match twin.light {
                         LightId::Local { light, .. } => light,
                         LightId::Directional(_) => light.to_bits(),
+                        _ => unreachable!("this version has no others"),
                     };
                     if index != light.to_bits() || !close(pmf, twin.pmf) || pmf == 0.0 {
                         others += 1;
@@ -361,8 +363,8 @@ fn factors_change_probabilities_as_lights_of_that_emission_do() {
         let mut world = LightWorld::new();
         for (i, size) in [(0, 20.0), (1, 20.0), (2, 3.0)] {
             let share = if i == 1 { scale } else { 1.0 };
-            let scaled = lights.iter().map(|light| Light { emission: light.emission * share, ..*light });
-            let tree = world.add_tree(scaled.collect()).expect("valid");
+            let scaled = lights.iter().map(|light| light.with_emission(light.emission * share));
+            let tree = world.add_tree(LightTree::new(scaled.collect()).expect("valid"));
             world.add_instance(tree, Rng(i).affine(size), Policy::Static).expect("valid");
         }
         world
@@ -388,7 +390,7 @@ fn the_greatest_and_the_least_factors_leave_all_results_finite() {
         lights.extend([MAX_EMISSION, 1.0e-20].map(|candela| Light::point(rng.position(3.0), Vec3::splat(candela))));
         lights.push(Light::sphere(rng.position(3.0), 1.0, Vec3::splat(MAX_EMISSION)));
         let lamp = lights[30].aabb().center();
-        let tree = world.add_tree(lights).expect("valid");
+        let tree = world.add_tree(LightTree::new(lights).expect("valid"));
         let instance = world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
         let plain = world.add_instance(tree, Placement::at(DVec3::X), Policy::Static).expect("valid");
         world.set_factor(instance, Vec3::splat(factor)).expect("within the limits");
@@ -450,6 +452,7 @@ fn every_sample_returns_the_user_data_of_its_instance_on_both_sides() {
             let expected = match sample.light {
                 LightId::Local { instance, .. } => user_data_of(&world, instance),
                 LightId::Directional(_) => 0,
+                _ => unreachable!("this version has no others"),
             };
             assert_eq!(sample.user_data, expected);
             samples += 1;

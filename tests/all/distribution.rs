@@ -43,7 +43,7 @@ fn the_distribution_of_a_world_is_the_pmf_of_each_light() {
         // has none, and unused slots.
         let mut world = rng.varied_world(4, 10 + 25 * (round % 4), 5, 40.0);
         for lights in [0, 1] {
-            let tree = world.add_tree(rng.lights(lights, 4.0)).expect("random lights are valid");
+            let tree = world.add_tree(LightTree::new(rng.lights(lights, 4.0)).expect("random lights are valid"));
             world.add_instance(tree, rng.affine(40.0), Policy::Budgeted).expect("a valid placement");
         }
         let removed: Vec<_> = world.instances().step_by(7).collect();
@@ -101,7 +101,7 @@ fn a_world_without_trees_has_the_distribution_of_its_directional_lights() {
     assert!((pmfs[0] - 0.25).abs() < 1.0e-6 && (pmfs[1] - 0.75).abs() < 1.0e-6, "{pmfs:?}");
     // A surface that faces down is not lit, with a dark tree or without.
     let below = ShadingPoint::surface(Vec3::ZERO, Vec3::NEG_Y);
-    let tree = world.add_tree(vec![Light::point(Vec3::X, Vec3::ZERO)]).expect("a dark light");
+    let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::X, Vec3::ZERO)]).expect("a dark light"));
     world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("a valid placement");
     assert_eq!(compare(&world.sampler(), &below, &mut pmfs), 0.0);
     assert_eq!(pmfs.len(), 3);

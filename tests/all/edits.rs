@@ -8,6 +8,7 @@ use girandole::tree::{NO_PARENT, WIDTH};
 use girandole::{FrameBudget, FrameReport, Light, LightWorld, Placement, Policy, SplitCount, TreeKey};
 
 use crate::gpu::{gpu, requests, sample};
+use girandole::LightTree;
 use testbed::testing::support::Rng;
 
 fn below(rng: &mut Rng, end: usize) -> usize {
@@ -21,7 +22,7 @@ fn lamps(rng: &mut Rng, count: usize) -> Vec<Light> {
 
 fn world_of(lights: Vec<Light>) -> (LightWorld, TreeKey) {
     let mut world = LightWorld::new();
-    let tree = world.add_tree(lights).expect("valid");
+    let tree = world.add_tree(LightTree::new(lights).expect("valid"));
     world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
     (world, tree)
 }
@@ -127,7 +128,7 @@ fn a_gpu_that_got_only_changes_samples_as_one_that_got_everything() {
     let (device, queue) = gpu();
     let mut rng = Rng(303);
     let (mut world, first) = world_of(lamps(&mut rng, 3_000));
-    let second = world.add_tree(lamps(&mut rng, 400)).expect("valid");
+    let second = world.add_tree(LightTree::new(lamps(&mut rng, 400)).expect("valid"));
     world.add_instance(second, Placement::at(DVec3::X * 30.0), Policy::Budgeted).expect("valid");
     let requests = requests(&mut rng, 512, 40.0);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");

@@ -1,12 +1,12 @@
 //! The effects of a world, which follow from counts that every edit keeps up to date.
 
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 
 use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::{
-    DirectionalKey, DirectionalLight, EffectCounts, Effects, FrameBudget, InstanceKey, Light, LightWorld, OriginMode,
-    Placement, Policy,
+    DirectionalKey, DirectionalLight, EffectCounts, Effects, FrameBudget, InstanceKey, Light, LightTree, LightWorld,
+    OriginMode, Placement, Policy,
 };
 use proptest::prelude::*;
 
@@ -17,10 +17,10 @@ fn moon() -> DirectionalLight {
 }
 
 /// The counts of all effects but [`Effects::MOVING`], from a visit of everything.
-fn counted(world: &LightWorld) -> BTreeMap<u16, u64> {
+fn counted(world: &LightWorld) -> HashMap<Effects, u64> {
     let all = Effects::all() - Effects::MOVING;
-    let mut counts: BTreeMap<u16, u64> = all.iter().map(|effect| (effect.bits(), 0)).collect();
-    let mut add = |effects: Effects| effects.iter().for_each(|effect| *counts.entry(effect.bits()).or_default() += 1);
+    let mut counts: HashMap<Effects, u64> = all.iter().map(|effect| (effect, 0)).collect();
+    let mut add = |effects: Effects| effects.iter().for_each(|effect| *counts.entry(effect).or_default() += 1);
     for tree in world.trees() {
         let tree = world.tree(tree).expect("it lives");
         tree.lights().iter().for_each(|light| add(light.effects()));
@@ -51,8 +51,8 @@ fn counted(world: &LightWorld) -> BTreeMap<u16, u64> {
 }
 
 /// The same as the world keeps them.
-fn kept(counts: &EffectCounts) -> BTreeMap<u16, u64> {
-    (Effects::all() - Effects::MOVING).iter().map(|effect| (effect.bits(), counts.of(effect))).collect()
+fn kept(counts: &EffectCounts) -> HashMap<Effects, u64> {
+    (Effects::all() - Effects::MOVING).iter().map(|effect| (effect, counts.of(effect))).collect()
 }
 
 #[test]
@@ -81,7 +81,7 @@ fn a_lamp_that_flickers_changes_the_set_of_effects_once() {
         if (frame / 10).is_multiple_of(2) { plain } else { plain.with_range(5.0) }
     };
     let mut world = LightWorld::new();
-    let tree = world.add_tree(vec![lamp(0)]).expect("valid");
+    let tree = world.add_tree(LightTree::new(vec![lamp(0)]).expect("valid"));
     world.add_instance(tree, Placement::IDENTITY, Policy::RefitOnly).expect("valid");
     let mut sets = vec![world.effects()];
     let mut exact_changes = 0;
@@ -111,7 +111,7 @@ fn a_lamp_that_flickers_changes_the_set_of_effects_once() {
 #[test]
 fn an_effect_is_held_for_a_while_after_the_last_thing_that_had_it() {
     let mut world = LightWorld::new();
-    let tree = world.add_tree(vec![Light::sphere(Vec3::ZERO, 1.0, Vec3::ONE)]).expect("valid");
+    let tree = world.add_tree(LightTree::new(vec![Light::sphere(Vec3::ZERO, 1.0, Vec3::ONE)]).expect("valid"));
     let squashed = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 2.0, 1.0)), ..Placement::IDENTITY };
     let instance = world.add_instance(tree, squashed, Policy::Static).expect("valid");
     let key = world.add_directional(moon()).expect("valid");
@@ -140,7 +140,7 @@ fn trees_at_rest_are_frozen_once_and_thaw_when_they_are_edited() {
     let lights = rng.lights(200, 10.0);
     let mut world = LightWorld::new();
     let [resting, flickering] = [0, 1].map(|_| {
-        let tree = world.add_tree(lights.clone()).expect("valid");
+        let tree = world.add_tree(LightTree::new(lights.clone()).expect("valid"));
         world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
         tree
     });
@@ -170,7 +170,7 @@ fn trees_at_rest_are_frozen_once_and_thaw_when_they_are_edited() {
 fn the_delay_before_a_freeze_doubles_up_to_a_limit() {
     let lamp = |x: u32| Light::point(Vec3::new(x as f32, 0.0, 0.0), Vec3::ONE);
     let mut world = LightWorld::new();
-    let tree = world.add_tree(vec![lamp(0)]).expect("valid");
+    let tree = world.add_tree(LightTree::new(vec![lamp(0)]).expect("valid"));
     world.add_instance(tree, Placement::IDENTITY, Policy::RefitOnly).expect("valid");
     let updates_until_frozen = |world: &mut LightWorld| {
         let update = |world: &mut LightWorld| {
@@ -192,7 +192,7 @@ fn the_delay_before_a_freeze_doubles_up_to_a_limit() {
 fn trees_freeze_again_after_a_late_rebuild_and_at_most_64_in_one_update() {
     let mut rng = Rng(92);
     let mut world = LightWorld::new();
-    let tree = world.add_tree(rng.lights(100, 10.0)).expect("valid");
+    let tree = world.add_tree(LightTree::new(rng.lights(100, 10.0)).expect("valid"));
     world.add_instance(tree, Placement::IDENTITY, Policy::AlwaysRebuild).expect("valid");
     world.set_lights(tree, &[(3, rng.light(10.0))]).expect("valid");
     let is_frozen = |world: &LightWorld| world.tree(tree).expect("it lives").is_frozen();
@@ -212,7 +212,7 @@ fn trees_freeze_again_after_a_late_rebuild_and_at_most_64_in_one_update() {
     let frozen =
         |world: &LightWorld| world.trees().filter(|tree| world.tree(*tree).is_some_and(|t| t.is_frozen())).count();
     for _ in 0..999 {
-        world.add_tree(rng.lights(2, 1.0)).expect("valid");
+        world.add_tree(LightTree::new(rng.lights(2, 1.0)).expect("valid"));
     }
     updates(&mut world, EFFECT_HOLD_UPDATES, FrameBudget::NONE);
     let mut former = frozen(&world);
@@ -243,7 +243,7 @@ proptest! {
             let instance = instances.get(any(instances.len())).copied();
             let bad = Light::point(Vec3::NAN, Vec3::ONE).with_range(2.0);
             match (any(17), tree, instance) {
-                (0, ..) => drop(world.add_tree(numbers.lights(any(30), 5.0))),
+                (0, ..) => drop(world.add_tree(LightTree::new(numbers.lights(any(30), 5.0)).expect("valid"))),
                 (1, Some(tree), _) => {
                     let _ = world.remove_tree(tree);
                 }

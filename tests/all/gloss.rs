@@ -5,8 +5,8 @@ use girandole::glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
 use girandole::gpu::{GpuLights, wgsl};
 use girandole::light::luminance;
 use girandole::{
-    CandidateCount, DirectionalLight, Effects, Gloss, Light, LightId, LightSampler, LightWorld, Placement, Policy,
-    ShadingPoint,
+    CandidateCount, DirectionalLight, Effects, Gloss, Light, LightId, LightSampler, LightTree, LightWorld, Placement,
+    Policy, ShadingPoint,
 };
 
 use crate::gpu::{ask, close, gpu};
@@ -47,7 +47,7 @@ fn distribution(sampler: &LightSampler, at: &ShadingPoint) -> Vec<f32> {
 /// A world of one tree in one instance.
 fn world_of(lights: Vec<Light>, placement: Placement) -> LightWorld {
     let mut world = LightWorld::new();
-    let tree = world.add_tree(lights).expect("valid lights");
+    let tree = world.add_tree(LightTree::new(lights).expect("valid lights"));
     world.add_instance(tree, placement, Policy::Static).expect("a valid placement");
     world
 }
@@ -255,8 +255,9 @@ fn question(world: &LightWorld, at: &ShadingPoint, light: LightId) -> [u32; 16] 
     let (instance, index) = match light {
         LightId::Local { instance, light } => (world.slot(instance).expect("it lives"), light),
         LightId::Directional(key) => {
-            (u32::MAX, world.directionals().position(|(other, _)| other == key).expect("listed") as u32)
+            (u32::MAX, world.directionals().position(|other| other == key).expect("listed") as u32)
         }
+        _ => unreachable!("this version has no others"),
     };
     let none = Gloss { view: Vec3::ZERO, roughness: 0.0, specular: 0.0, diffuse: 0.0 };
     let gloss = at.gloss.unwrap_or(none);

@@ -1,13 +1,14 @@
 //! The GPU samples as the CPU does: the same random numbers give the same lights, to float
 //! rounding.
 
-use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, OnceLock};
+use std::collections::HashMap;
+use std::sync::{Arc, LazyLock, Mutex, OnceLock};
 
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::{GpuError, GpuLights, SampleRecord, SampleRequest, wgsl};
 use girandole::{Effects, FrameBudget, Light, LightId, LightWorld, Placement, Policy, ShadingPoint, SplitCount};
 
+use girandole::LightTree;
 use testbed::common::gpu as device;
 use testbed::testing::support::{Rng, SPLITS};
 
@@ -112,7 +113,8 @@ fn sample_again(
 /// Samples the lights of the last upload with a pipeline for these effects. It has the text of
 /// `GpuLights::sample` and is compiled once for all tests, while each `GpuLights` compiles its own.
 pub(crate) fn sample_by(effects: Effects, lights: &mut GpuLights, requests: &[SampleRequest]) -> Vec<SampleRecord> {
-    static PIPELINES: Mutex<BTreeMap<u16, Arc<OnceLock<wgpu::ComputePipeline>>>> = Mutex::new(BTreeMap::new());
+    static PIPELINES: LazyLock<Mutex<HashMap<Effects, Arc<OnceLock<wgpu::ComputePipeline>>>>> =
+        LazyLock::new(Mutex::default);
     let (device, queue) = gpu();
     let entry = |binding, read_only| wgpu::BindGroupLayoutEntry {
         binding,
@@ -128,7 +130,7 @@ pub(crate) fn sample_by(effects: Effects, lights: &mut GpuLights, requests: &[Sa
         label: None,
         entries: &[entry(0, true), entry(1, false)],
     });
-    let place = PIPELINES.lock().expect("no panic before").entry(effects.bits()).or_default().clone();
+    let place = PIPELINES.lock().expect("no panic before").entry(effects).or_default().clone();
     let pipeline = place.get_or_init(|| {
         let shader = lights.shader(0, effects);
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -184,6 +186,7 @@ fn emission(world: &LightWorld, light: LightId) -> f32 {
             let factor = world.factor(instance).unwrap_or(Vec3::ONE);
             tree.map_or(0.0, |tree| (tree.lights()[light as usize].emission * factor).length())
         }
+        _ => unreachable!("this version has no others"),
     }
 }
 
@@ -196,7 +199,7 @@ pub(crate) fn compare(
     records: &[SampleRecord],
 ) -> usize {
     let sampler = world.sampler().with_splits(splits);
-    let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+    let directionals: Vec<_> = world.directionals().collect();
     let mut mismatches = 0;
     for (request, record) in requests.iter().zip(records) {
         let shading_point = shading_point(request);
@@ -236,7 +239,7 @@ fn the_gpu_chooses_the_same_lights_with_the_same_probabilities() {
         let requests = requests(&mut rng, 4096, 40.0);
         for has_directionals in [true, false] {
             if !has_directionals {
-                let keys: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+                let keys: Vec<_> = world.directionals().collect();
                 keys.into_iter().for_each(|key| world.remove_directional(key).expect("a live key"));
             }
             for splits in SPLITS {
@@ -262,12 +265,12 @@ fn an_empty_world_gives_no_light_and_no_error() {
     let requests = requests(&mut rng, 64, 10.0);
     assert!(sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests).iter().all(|r| r.pmf == 0.0));
     // A tree without lights, a dark tree, and an instance that is removed.
-    let empty = world.add_tree(vec![]).expect("fine");
-    let dark = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ZERO)]).expect("fine");
+    let empty = world.add_tree(LightTree::new(vec![]).expect("fine"));
+    let dark = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ZERO)]).expect("fine"));
     for tree in [empty, dark] {
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     }
-    let tree = world.add_tree(rng.lights(5, 5.0)).expect("valid");
+    let tree = world.add_tree(LightTree::new(rng.lights(5, 5.0)).expect("valid"));
     let removed = world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     assert!(sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests).iter().any(|r| r.pmf > 0.0));
     world.remove_instance(removed).expect("it lives");
@@ -291,7 +294,7 @@ fn a_world_that_changes_and_grows_is_sampled_alike_on_both_sides() {
             );
         }
         // Grows past the first buffers, and edits, moves and removes.
-        let tree = world.add_tree(rng.lights(200, 3.0)).expect("valid");
+        let tree = world.add_tree(LightTree::new(rng.lights(200, 3.0)).expect("valid"));
         for _ in 0..20 {
             world.add_instance(tree, rng.affine(20.0), Policy::AlwaysRebuild).expect("valid");
         }
@@ -339,7 +342,7 @@ fn a_world_of_points_sends_no_bytes_for_cones_ranges_and_scales() {
     let mut world = LightWorld::new();
     let points =
         |rng: &mut Rng, count| (0..count).map(|_| Light::point(rng.position(5.0), Vec3::ONE)).collect::<Vec<_>>();
-    let tree = world.add_tree(points(&mut rng, 300)).expect("valid");
+    let tree = world.add_tree(LightTree::new(points(&mut rng, 300)).expect("valid"));
     let instance = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
     world.add_instance(tree, Placement::at(DVec3::X), Policy::Budgeted).expect("valid");
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
@@ -360,7 +363,7 @@ fn a_world_of_points_sends_no_bytes_for_cones_ranges_and_scales() {
     // the uniform of shaders, and those of the top level: of the four passes of its sort, since
     // there is one part more, and of its only round.
     let spot = |_| Light::spot(rng.position(5.0), Vec3::NEG_Y, 0.1, 0.4, Vec3::ONE).with_range(9.0);
-    let spots = world.add_tree((0..20).map(spot).collect()).expect("valid");
+    let spots = world.add_tree(LightTree::new((0..20).map(spot).collect()).expect("valid"));
     // So far away that the other tree has no sections.
     world.add_instance(spots, Placement::at(DVec3::X * 100.0), Policy::Budgeted).expect("valid");
     let table = 16 + 2 * 14 * 16;
@@ -393,7 +396,8 @@ fn changes_that_do_not_fit_are_refused_and_sent_with_the_next_upload_that_fits()
     let mut lights = GpuLights::new(&device, &queue).expect("such limits are enough");
     lights.upload(&world).expect("room enough");
     // 20,000 lights of 64 bytes take more than a mebibyte, and trees of 16 lights have no stand-ins.
-    let trees: Vec<_> = (0..1250).map(|_| world.add_tree(rng.lights(16, 5.0)).expect("valid")).collect();
+    let trees: Vec<_> =
+        (0..1250).map(|_| world.add_tree(LightTree::new(rng.lights(16, 5.0)).expect("valid"))).collect();
     let instance = world.add_instance(trees[0], Placement::IDENTITY, Policy::Static).expect("valid");
     let mover = world.instances().next().expect("seven instances");
     world.move_instance(mover, Placement::at(DVec3::X)).expect("valid");
@@ -478,7 +482,7 @@ fn an_upload_that_does_not_fit_in_its_longer_layout_leaves_the_last_one_in_place
     for _ in 0..750 {
         // Trees of 16 lights have no stand-ins.
         let points = (0..16).map(|_| Light::point(rng.position(5.0), Vec3::ONE)).collect();
-        let tree = world.add_tree(points).expect("valid");
+        let tree = world.add_tree(LightTree::new(points).expect("valid"));
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     }
     let mut lights = GpuLights::new(&limited.0, &limited.1).expect("such limits are enough");
@@ -487,7 +491,7 @@ fn an_upload_that_does_not_fit_in_its_longer_layout_leaves_the_last_one_in_place
     let before = sample_again(&limited, &mut lights, &requests);
     // At 64 bytes each, 12,000 lights fit into a mebibyte, and 18,000 do not.
     let mut spot = |_| Light::spot(rng.position(5.0), Vec3::NEG_Y, 0.1, 0.4, Vec3::ONE);
-    let mut add = |_| world.add_tree((0..16).map(&mut spot).collect()).expect("valid");
+    let mut add = |_| world.add_tree(LightTree::new((0..16).map(&mut spot).collect()).expect("valid"));
     let spots: Vec<_> = (0..375).map(&mut add).collect();
     let instance = world.add_instance(spots[0], Placement::IDENTITY, Policy::Static).expect("valid");
     let refused = lights.upload(&world).err();
@@ -533,9 +537,10 @@ fn the_shader_function_for_a_pmf_gives_the_probabilities_of_the_cpu() {
     let mut world = rng.varied_world(4, 25, 3, 15.0);
     // Strings that cross each other, whose lights are leaves of the top level.
     for i in 0..6 {
-        let tree = world.add_tree((0..9).map(|i| Light::point(Vec3::X * (i as f32 - 4.0), Vec3::ONE)).collect());
+        let lights = (0..9).map(|i| Light::point(Vec3::X * (i as f32 - 4.0), Vec3::ONE)).collect();
+        let tree = world.add_tree(LightTree::new(lights).expect("valid"));
         let placement = Placement { linear: Mat3::from_rotation_y(i as f32), ..Placement::IDENTITY };
-        world.add_instance(tree.expect("valid"), placement, Policy::Budgeted).expect("valid");
+        world.add_instance(tree, placement, Policy::Budgeted).expect("valid");
     }
     world.update(FrameBudget::NONE);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
@@ -543,7 +548,7 @@ fn the_shader_function_for_a_pmf_gives_the_probabilities_of_the_cpu() {
 
     // Every light at a few shading points, as position, instance, normal and light.
     let sampler = world.sampler();
-    let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+    let directionals: Vec<_> = world.directionals().collect();
     let mut questions: Vec<[u32; 8]> = Vec::new();
     // The probability with each number of splits.
     let mut expected: Vec<[f32; 2]> = Vec::new();
@@ -555,6 +560,7 @@ fn the_shader_function_for_a_pmf_gives_the_probabilities_of_the_cpu() {
                 LightId::Directional(key) => {
                     (u32::MAX, directionals.iter().position(|k| *k == key).expect("listed") as u32)
                 }
+                _ => unreachable!("this version has no others"),
             };
             let [x, y, z] = shading_point.position.to_array().map(f32::to_bits);
             let [p, q, r] = shading_point.normal.to_array().map(f32::to_bits);
@@ -585,7 +591,7 @@ fn the_shader_function_for_a_pmf_gives_the_probabilities_of_the_cpu() {
 fn a_build_whose_encoder_is_dropped_is_recorded_again() {
     let (device, queue) = gpu();
     let mut world = LightWorld::new();
-    let lamp = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
+    let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid"));
     world.add_instance(lamp, Placement::IDENTITY, Policy::Static).expect("valid");
     let request = SampleRequest { normal: [0.0, 1.0, 0.0], u: [0.5; 4], ..SampleRequest::default() };
     for is_finished in [false, true] {

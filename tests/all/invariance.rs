@@ -20,7 +20,7 @@ impl Scene {
         // Bright enough that no flux is below the least one after the scene is dimmed.
         let light = |rng: &mut Rng| {
             let light = rng.light(2.0);
-            Light { emission: light.emission + 1.0, ..light }
+            light.with_emission(light.emission + 1.0)
         };
         let trees = (0..4).map(|_| (0..40).map(|_| light(rng)).collect()).collect();
         let instances = (0..24).map(|i| (i % 4, rng.affine(20.0).into())).collect();
@@ -29,7 +29,8 @@ impl Scene {
 
     fn world(&self) -> LightWorld {
         let mut world = LightWorld::new();
-        let trees: Vec<_> = self.trees.iter().map(|lights| world.add_tree(lights.clone()).expect("valid")).collect();
+        let trees: Vec<_> =
+            self.trees.iter().map(|lights| world.add_tree(LightTree::new(lights.clone()).expect("valid"))).collect();
         for (tree, placement) in &self.instances {
             world.add_instance(trees[*tree], *placement, Policy::Static).expect("valid");
         }
@@ -49,7 +50,7 @@ impl Scene {
 
 /// A light in another unit of length, which sends the same light to the same place.
 fn measured(light: &Light, unit: f32) -> Light {
-    let mut scaled = Light { range: light.range * unit, ..*light };
+    let mut scaled = light.with_range(light.range * unit);
     match &mut scaled.shape {
         Shape::Point { position } | Shape::Spot { position, .. } => {
             *position *= unit;
@@ -60,12 +61,13 @@ fn measured(light: &Light, unit: f32) -> Light {
         }
         Shape::Triangle { vertices, .. } => *vertices = vertices.map(|vertex| vertex * unit),
         Shape::Sphere { center, radius } => (*center, *radius) = (*center * unit, *radius * unit),
+        &mut _ => unreachable!("this version has no others"),
     }
     scaled
 }
 
 fn dimmed(light: &Light, factor: f32) -> Light {
-    Light { emission: light.emission * factor, ..*light }
+    light.with_emission(light.emission * factor)
 }
 
 /// The bits of the probabilities of all lights.
@@ -126,7 +128,7 @@ fn pmfs(world: &LightWorld, at: &ShadingPoint, splits: SplitCount) -> Vec<f32> {
 /// A world with one instance.
 fn one(lights: Vec<Light>, placement: Placement) -> LightWorld {
     let mut world = LightWorld::new();
-    let tree = world.add_tree(lights).expect("valid");
+    let tree = world.add_tree(LightTree::new(lights).expect("valid"));
     world.add_instance(tree, placement, Policy::Static).expect("valid");
     world
 }
@@ -157,7 +159,7 @@ fn moving_turning_and_scaling_an_instance_changes_probabilities_by_rounding_only
             let scale = [1.0, 10.0_f32.powf(power), (3.3 * power).round().exp2()][kind];
             // Points keep their intensity under a scale, and all keep their ranges.
             let factor = if kind == 2 { scale * scale } else { 1.0 };
-            let sent = |light: &Light| Light { range: light.range * scale, ..dimmed(light, factor) };
+            let sent = |light: &Light| dimmed(light, factor).with_range(light.range * scale);
             let plain = one(lights.clone(), Placement::IDENTITY);
             let placement = Placement { linear: turn * scale, translation: (rng.position(20.0) * scale).as_dvec3() };
             let other = one(lights.iter().map(sent).collect(), placement);
@@ -184,7 +186,7 @@ fn units_and_brightness_that_are_no_powers_of_two_change_probabilities_by_packin
     for kind in 0..2 {
         let mut differences = [Vec::new(), Vec::new()];
         for _ in 0..100 {
-            let bright = |light: &Light| Light { emission: light.emission + 1.0, ..*light };
+            let bright = |light: &Light| light.with_emission(light.emission + 1.0);
             let lights: Vec<Light> = rng.lights(200, 5.0).iter().map(bright).collect();
             let tree = LightTree::new(lights.clone()).expect("valid");
             let power = if kind == 0 { rng.between(-6.0, 6.0) } else { rng.between(-12.0, 11.0) };

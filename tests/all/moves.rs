@@ -31,7 +31,7 @@ fn world(seed: u64) -> LightWorld {
     }
     for lights in [5, 12, 12, 40] {
         for first in [Placement::IDENTITY, stretched(&mut rng)] {
-            let tree = world.add_tree(rng.lights(lights, 2.0)).expect("valid");
+            let tree = world.add_tree(LightTree::new(rng.lights(lights, 2.0)).expect("valid"));
             world.add_instance(tree, first, Policy::Budgeted).expect("valid");
             for _ in 0..4 {
                 world.add_instance(tree, rng.affine(10.0), Policy::Budgeted).expect("valid");
@@ -148,7 +148,7 @@ proptest! {
     fn readers_find_what_was_moved_added_and_removed_since_they_read(seed in any::<u64>()) {
         let mut rng = Rng(seed);
         let mut world = LightWorld::new();
-        let tree = world.add_tree(rng.lights(3, 1.0)).expect("valid");
+        let tree = world.add_tree(LightTree::new(rng.lights(3, 1.0)).expect("valid"));
         for _ in 0..80 {
             world.add_instance(tree, rng.affine(9.0), Policy::Budgeted).expect("valid");
         }

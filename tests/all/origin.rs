@@ -9,6 +9,7 @@ use girandole::{
 };
 
 use crate::gpu::{OTHER_PICKS, compare, gpu, requests, sample};
+use girandole::LightTree;
 use testbed::testing::support::{Rng, all_pmfs};
 
 /// 10,000 km from zero, on the grid.
@@ -29,7 +30,7 @@ fn world_at(around: DVec3, size: f32, mode: OriginMode) -> LightWorld {
     world.set_origin_mode(mode).expect("zero is on the grid");
     world.set_origin(around).expect("on the grid");
     for _ in 0..12 {
-        let tree = world.add_tree(rng.lights(25, 8.0)).expect("valid");
+        let tree = world.add_tree(LightTree::new(rng.lights(25, 8.0)).expect("valid"));
         for i in 0..6 {
             let here = Placement::from(rng.affine(size));
             let translation = around + stepped(here.translation);
@@ -142,7 +143,7 @@ fn lamps_with_all_digits_are_where_they_are_to_an_ulp_of_their_coordinates() {
     let mut rng = Rng(93);
     let mut world = LightWorld::new();
     world.set_origin_mode(OriginMode::Following).expect("zero is on the grid");
-    let tree = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid");
+    let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid"));
     let mut largest: f64 = 0.0;
     for i in 0..2000 {
         let metres = f64::from(rng.unit()) * 1.0e7;
@@ -265,7 +266,7 @@ fn an_origin_or_a_viewpoint_that_is_refused_changes_nothing() {
     // Instances that are near an origin far beyond the limit.
     let mut world = LightWorld::new();
     world.set_origin(DVec3::X * 4.0 * MAX_DISTANCE).expect("no instances");
-    let tree = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid");
+    let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid"));
     world.add_instance(tree, Placement::at(DVec3::X * 3.5 * MAX_DISTANCE), Policy::Static).expect("near the origin");
     assert!(matches!(world.set_origin_mode(OriginMode::Following), Err(WorldError::OriginTooFar { .. })));
     world.set_origin(DVec3::X * 2.5e6 * ORIGIN_GRID).expect("near the instance");
@@ -278,7 +279,7 @@ fn an_origin_or_a_viewpoint_that_is_refused_changes_nothing() {
 fn instances_at_the_limit_never_keep_the_origin_from_moving() {
     let mut world = LightWorld::new();
     world.set_origin_mode(OriginMode::Following).expect("zero is on the grid");
-    let tree = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid");
+    let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid"));
     let mut add = |x: f64| world.add_instance(tree, Placement::at(DVec3::splat(x)), Policy::Static);
     let ends = [add(-MAX_DISTANCE), add(MAX_DISTANCE)].map(|key| key.expect("at the limit"));
     let beyond =
@@ -299,7 +300,7 @@ fn instances_at_the_limit_never_keep_the_origin_from_moving() {
 fn rows(instances: u32) -> (LightWorld, LightPlanner) {
     let mut world = LightWorld::new();
     world.set_origin_mode(OriginMode::Following).expect("zero is on the grid");
-    let tree = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE); 3]).expect("valid");
+    let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE); 3]).expect("valid"));
     for i in 0..instances {
         let at = DVec3::new(f64::from(i % 100) * 300.0, f64::from(i / 100) * 500.0, 3.0);
         world.add_instance(tree, Placement::at(at), Policy::Static).expect("valid");

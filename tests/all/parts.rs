@@ -3,7 +3,7 @@
 
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
-use girandole::{FrameBudget, InstanceKey, Light, LightId, LightWorld, Placement, Policy, TreeKey};
+use girandole::{FrameBudget, InstanceKey, Light, LightId, LightTree, LightWorld, Placement, Policy, TreeKey};
 
 use crate::gpu::{OTHER_PICKS, compare, gpu, requests, sample};
 use testbed::testing::support::{Rng, SPLITS, assert_probabilities};
@@ -43,11 +43,11 @@ fn street(rng: &mut Rng) -> Street {
     let mut world = rng.varied_world(3, 20, 3, 15.0);
     let (mut strings, mut string_trees) = (Vec::new(), Vec::new());
     for i in 0..8 {
-        let tree = world.add_tree(string(rng, 30 + i)).expect("valid");
+        let tree = world.add_tree(LightTree::new(string(rng, 30 + i)).expect("valid"));
         string_trees.push(tree);
         strings.push(world.add_instance(tree, crossing(rng), Policy::Budgeted).expect("valid"));
     }
-    let train = world.add_tree(train(0.0)).expect("valid");
+    let train = world.add_tree(LightTree::new(train(0.0)).expect("valid"));
     let trains =
         (0..20).map(|_| world.add_instance(train, rng.affine(15.0), Policy::Budgeted).expect("valid")).collect();
     world.update(FrameBudget::UNLIMITED);
@@ -129,7 +129,7 @@ fn dark_lights_of_divided_and_open_trees_are_never_chosen() {
     let mut rng = Rng(91);
     let Street { mut world, strings, trains, train: tree, .. } = street(&mut rng);
     let lamps = (1..20).step_by(4);
-    let dark = lamps.clone().map(|i| (i as u32, Light { emission: Vec3::ZERO, ..train(0.0)[i] }));
+    let dark = lamps.clone().map(|i| (i as u32, train(0.0)[i].with_emission(Vec3::ZERO)));
     world.set_lights(tree, &dark.collect::<Vec<_>>()).expect("valid");
     world.update(FrameBudget::NONE);
     let sampler = world.sampler();

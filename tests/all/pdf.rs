@@ -2,7 +2,7 @@
 
 use girandole::glam::{DMat3, DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
-use girandole::{Effects, Light, LightId, LightSampler, LightWorld, Placement, Policy, ShadingPoint, Shape};
+use girandole::{Effects, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy, ShadingPoint, Shape};
 
 use crate::gpu::{ask, gpu};
 use testbed::testing::support::{Rng, SPLITS};
@@ -147,6 +147,7 @@ fn hit(light: &Light, origin: DVec3, direction: DVec3) -> Option<f64> {
             (root >= 0.0 && b < 0.0).then(|| (-b - root.sqrt()) / a)
         }
         Shape::Point { .. } | Shape::Spot { .. } => None,
+        _ => unreachable!("this version has no others"),
     }
 }
 
@@ -178,7 +179,7 @@ fn check_integrals(rng: &mut Rng, by_solid_angle: bool) {
         for linear in linears {
             let mut world = LightWorld::new();
             world.set_solid_angle_sampling(by_solid_angle);
-            let tree = world.add_tree(vec![light]).expect("valid");
+            let tree = world.add_tree(LightTree::new(vec![light]).expect("valid"));
             let placement = Placement { linear, translation: DVec3::new(0.5, -0.2, 0.3) };
             let instance = world.add_instance(tree, placement, Policy::Static).expect("valid");
             let id = LightId::Local { instance, light: 0 };
@@ -224,7 +225,7 @@ fn points_that_sampling_never_returns_have_no_density() {
         Light::sphere(Vec3::new(5.0, 0.0, 0.0), 1.0, Vec3::ONE),
         Light::point(Vec3::new(9.0, 0.0, 0.0), Vec3::ONE),
     ];
-    let tree = world.add_tree(lights).expect("valid");
+    let tree = world.add_tree(LightTree::new(lights).expect("valid"));
     let instance = world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     let sampler = world.sampler();
     let pdf = |shading_point: ShadingPoint, light, point| {

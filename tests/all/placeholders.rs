@@ -67,7 +67,7 @@ fn every_light_of_a_placeholder_has_its_true_chance_before_the_build_and_after()
     let mut rng = Rng(400);
     let mut world = LightWorld::new();
     let lights = rng.lights(300, 8.0);
-    let key = world.add_placeholder(lights).expect("valid");
+    let key = world.add_tree(LightTree::new_placeholder(lights).expect("valid"));
     for _ in 0..3 {
         world.add_instance(key, rng.affine(20.0), Policy::Budgeted).expect("valid");
     }
@@ -100,7 +100,7 @@ fn a_placeholder_is_built_whatever_the_policies_are_and_without_any() {
     for policy in [Some(Policy::Static), Some(Policy::RefitOnly), Some(Policy::Budgeted), Some(bounded), None] {
         let mut world = LightWorld::new();
         let lights = lamps(&mut rng, 200);
-        let key = world.add_placeholder(lights.clone()).expect("valid");
+        let key = world.add_tree(LightTree::new_placeholder(lights.clone()).expect("valid"));
         if let Some(policy) = policy {
             world.add_instance(key, Placement::IDENTITY, policy).expect("valid");
         }
@@ -124,7 +124,7 @@ fn a_gpu_that_got_a_placeholder_and_then_the_built_tree_samples_as_the_cpu_does(
     let (device, queue) = gpu();
     let mut rng = Rng(413);
     let mut world = LightWorld::new();
-    let key = world.add_placeholder(lamps(&mut rng, 600)).expect("valid");
+    let key = world.add_tree(LightTree::new_placeholder(lamps(&mut rng, 600)).expect("valid"));
     world.add_instance(key, Placement::IDENTITY, Policy::Static).expect("valid");
     let requests = requests(&mut rng, 2048, 15.0);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
@@ -150,13 +150,13 @@ fn a_tree_of_one_node_is_never_a_placeholder() {
     let mut world = LightWorld::new();
     for count in [0, 1, 8] {
         let lights = lamps(&mut rng, count);
-        let key = world.add_placeholder(lights.clone()).expect("valid");
+        let key = world.add_tree(LightTree::new_placeholder(lights.clone()).expect("valid"));
         assert!(is_built_as(&world, key, &built(&lights)));
     }
-    let key = world.add_placeholder(lamps(&mut rng, 9)).expect("valid");
+    let key = world.add_tree(LightTree::new_placeholder(lamps(&mut rng, 9)).expect("valid"));
     assert!(world.tree(key).expect("it lives").is_placeholder());
     assert_eq!(placeholders(&mut world), 1);
-    let refused = world.add_placeholder(vec![Light::point(Vec3::NAN, Vec3::ONE); 30]);
+    let refused = LightTree::new_placeholder(vec![Light::point(Vec3::NAN, Vec3::ONE); 30]);
     assert!(matches!(refused, Err(WorldError::Light { index: 0, .. })));
     assert_eq!(world.tree_count(), 4);
 }
@@ -168,7 +168,7 @@ fn a_large_placeholder_is_built_in_slices_or_in_the_background() {
         test.calibrate();
         test.world.set_background_builds(is_background);
         let lights = lamps(&mut test.rng, LARGE);
-        let key = test.world.add_placeholder(lights.clone()).expect("valid");
+        let key = test.world.add_tree(LightTree::new_placeholder(lights.clone()).expect("valid"));
         test.world.add_instance(key, Placement::IDENTITY, Policy::Static).expect("valid");
         let mut frames = 0;
         loop {
@@ -194,7 +194,10 @@ fn a_thousand_small_placeholders_are_built_in_batches_that_use_the_budgets() {
     let mut test = TestWorld::new(404);
     test.calibrate();
     let lights: Vec<_> = (0..1000).map(|_| lamps(&mut test.rng, 30)).collect();
-    let keys: Vec<_> = lights.iter().map(|lights| test.world.add_placeholder(lights.clone()).expect("valid")).collect();
+    let keys: Vec<_> = lights
+        .iter()
+        .map(|lights| test.world.add_tree(LightTree::new_placeholder(lights.clone()).expect("valid")))
+        .collect();
     for key in &keys {
         let place = test.rng.position(500.0).as_dvec3();
         test.world.add_instance(*key, Placement::at(place), Policy::Static).expect("valid");
@@ -218,7 +221,7 @@ fn a_placeholder_waits_no_longer_than_trees_that_always_ask() {
     test.calibrate();
     let busy: Vec<_> = (0..20).map(|_| test.add_tree(300, Policy::AlwaysRebuild)).collect();
     let lights = lamps(&mut test.rng, 300);
-    let key = test.world.add_placeholder(lights).expect("valid");
+    let key = test.world.add_tree(LightTree::new_placeholder(lights).expect("valid"));
     // Far away and without an instance, so its build gains little.
     let mut frames = 0;
     while test.world.tree(key).expect("it lives").is_placeholder() {
@@ -237,7 +240,7 @@ fn edits_before_and_during_the_build_are_in_the_built_tree() {
         test.calibrate();
         test.world.set_background_builds(frames_before % 2 == 0);
         let mut expected = lamps(&mut test.rng, LARGE);
-        let key = test.world.add_placeholder(expected.clone()).expect("valid");
+        let key = test.world.add_tree(LightTree::new_placeholder(expected.clone()).expect("valid"));
         test.world.add_instance(key, Placement::IDENTITY, Policy::RefitOnly).expect("valid");
         play(&mut test, frames_before);
         let new = lamps(&mut test.rng, 60);
@@ -275,7 +278,7 @@ fn edits_before_and_during_the_build_are_in_the_built_tree() {
 fn a_static_placeholder_refuses_edits_as_any_static_tree() {
     let mut rng = Rng(412);
     let mut world = LightWorld::new();
-    let key = world.add_placeholder(lamps(&mut rng, 50)).expect("valid");
+    let key = world.add_tree(LightTree::new_placeholder(lamps(&mut rng, 50)).expect("valid"));
     world.add_instance(key, Placement::IDENTITY, Policy::Static).expect("valid");
     assert_eq!(world.set_emission(key, 0, Vec3::ONE), Err(WorldError::StaticTree(key)));
     assert_eq!(world.add_lights(key, &[]), Err(WorldError::StaticTree(key)));
@@ -320,7 +323,7 @@ fn replacements_rebuilds_and_removals_end_the_wait_as_they_say() {
             test.world.set_background_builds(is_background);
             let former = lamps(&mut test.rng, LARGE);
             let lights = lamps(&mut test.rng, LARGE);
-            let key = test.world.add_placeholder(former).expect("valid");
+            let key = test.world.add_tree(LightTree::new_placeholder(former).expect("valid"));
             play(&mut test, frames);
             assert!(test.world.tree(key).expect("it lives").is_placeholder());
             change(&mut test.world, key, &lights);
@@ -344,7 +347,7 @@ fn a_copy_for_one_instance_is_a_placeholder_of_its_own() {
         test.calibrate();
         test.world.set_background_builds(is_background);
         let lights = lamps(&mut test.rng, LARGE);
-        let key = test.world.add_placeholder(lights.clone()).expect("valid");
+        let key = test.world.add_tree(LightTree::new_placeholder(lights.clone()).expect("valid"));
         let instances =
             [0.0, 1.0].map(|x| test.world.add_instance(key, Placement::at(DVec3::X * x), Policy::Static).unwrap());
         play(&mut test, frames);
@@ -370,7 +373,7 @@ fn a_placeholder_is_built_for_its_stretched_first_instance_and_adding_that_build
         let mut test = TestWorld::new(441);
         test.calibrate();
         test.world.set_background_builds(is_background);
-        let key = test.world.add_placeholder(lights.clone()).expect("valid");
+        let key = test.world.add_tree(LightTree::new_placeholder(lights.clone()).expect("valid"));
         play(&mut test, frames);
         assert!(test.world.tree(key).expect("it lives").is_placeholder());
         let address = test.world.tree(key).expect("it lives").nodes().as_ptr();
@@ -387,7 +390,7 @@ fn a_placeholder_at_rest_is_frozen_and_still_built() {
     let mut rng = Rng(450);
     let mut world = LightWorld::new();
     let lights = lamps(&mut rng, 500);
-    let key = world.add_placeholder(lights.clone()).expect("valid");
+    let key = world.add_tree(LightTree::new_placeholder(lights.clone()).expect("valid"));
     world.add_instance(key, Placement::IDENTITY, Policy::Static).expect("valid");
     for _ in 0..2 * EFFECT_HOLD_UPDATES {
         assert_eq!(placeholders(&mut world), 1);
@@ -403,7 +406,7 @@ fn a_placeholder_of_lights_that_face_several_ways_is_divided_once_it_is_built() 
     let lamp = |i: usize| Light::spot(Vec3::X * i as f32, [Vec3::X, Vec3::NEG_X][i % 2], 0.1, 0.3, Vec3::ONE);
     let lights: Vec<_> = (0..40).map(lamp).collect();
     let mut world = LightWorld::new();
-    let key = world.add_placeholder(lights.clone()).expect("valid");
+    let key = world.add_tree(LightTree::new_placeholder(lights.clone()).expect("valid"));
     for i in 0..6 {
         world.add_instance(key, Placement::at(DVec3::X * 0.1 * f64::from(i)), Policy::Static).expect("valid");
     }

@@ -3,7 +3,8 @@
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
 use girandole::{
-    Effects, FrameBudget, InstanceKey, Light, LightWorld, ORIGIN_GRID, OriginMode, Placement, Policy, TreeKey, wgpu,
+    Effects, FrameBudget, InstanceKey, Light, LightTree, LightWorld, ORIGIN_GRID, OriginMode, Placement, Policy,
+    TreeKey, wgpu,
 };
 use wgpu::util::DeviceExt;
 
@@ -136,7 +137,7 @@ fn tree(world: &mut LightWorld, rng: &mut Rng, round: u32) -> TreeKey {
         }
     };
     let count = 4 + 60 * (round as usize % 3);
-    world.add_tree((0..count).map(|_| light(rng)).collect()).expect("valid")
+    world.add_tree(LightTree::new((0..count).map(|_| light(rng)).collect()).expect("valid"))
 }
 
 #[test]
@@ -214,7 +215,7 @@ fn the_last_frames_probabilities_are_those_that_it_had() {
 #[test]
 fn before_the_first_frame_there_were_no_lights() {
     let (mut asker, mut world) = (Asker::new(), LightWorld::new());
-    let tree = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
+    let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid"));
     let key = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
     let query = Query { position: [0.0; 3], instance: world.slot(key).expect("it lives"), light: 0, padding: [0; 3] };
     let answers: Vec<_> = (0..3).map(|_| asker.frame(&mut world, &[query])[0]).collect();
@@ -224,7 +225,7 @@ fn before_the_first_frame_there_were_no_lights() {
 #[test]
 fn a_build_that_was_dropped_belongs_to_the_frame_in_which_it_is_made() {
     let (mut asker, mut world) = (Asker::new(), LightWorld::new());
-    let tree = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid");
+    let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid"));
     let mut add = |x| world.add_instance(tree, Placement::at(Vec3::new(x, 1.0, 0.0).as_dvec3()), Policy::Budgeted);
     let keys: Vec<_> = (0..40).map(|i| add(3.0 * i as f32 - 60.0).expect("valid")).collect();
     let query = |key: &InstanceKey| Query {

@@ -93,8 +93,8 @@ impl Run {
     fn add_tree(&mut self) {
         let lights = lamps(&mut self.rng, 60);
         let key = match self.rng.bits() % 3 {
-            0 => self.world.add_tree(lights.clone()).expect("valid"),
-            _ => self.world.add_placeholder(lights.clone()).expect("valid"),
+            0 => self.world.add_tree(LightTree::new(lights.clone()).expect("valid")),
+            _ => self.world.add_tree(LightTree::new_placeholder(lights.clone()).expect("valid")),
         };
         self.model.trees.insert(key, present(&lights));
     }
@@ -115,13 +115,13 @@ impl Run {
             let of_world = self.tree();
             trees.push(match (self.rng.bits() % 4, of_world) {
                 (0, _) => region.add_tree(built(&own)),
-                (1, _) => region.add_baked(&built(&own).bake()).expect("just written"),
+                (1, _) => region.add_tree(LightTree::from_baked(&built(&own).bake()).expect("just written")),
                 (2, Some(tree)) => {
                     lights.push(Err(tree));
                     trees.push(region.add_world_tree(tree));
                     continue;
                 }
-                _ => region.add_placeholder(own.clone()).expect("valid"),
+                _ => region.add_tree(LightTree::new_placeholder(own.clone()).expect("valid")),
             });
             lights.push(Ok(own));
         }

@@ -13,9 +13,11 @@ use testbed::testing::support::{Rng, all_pmfs, assert_frequencies};
 fn region(rng: &mut Rng, of_world: TreeKey) -> Region {
     let mut region = Region::new();
     let trees = [
-        region.add_placeholder(rng.lights(60, 5.0)).expect("valid"),
+        region.add_tree(LightTree::new_placeholder(rng.lights(60, 5.0)).expect("valid")),
         region.add_tree(LightTree::new(rng.lights(40, 5.0)).expect("valid")),
-        region.add_baked(&LightTree::new(rng.lights(300, 5.0)).expect("valid").bake()).expect("just written"),
+        region.add_tree(
+            LightTree::from_baked(&LightTree::new(rng.lights(300, 5.0)).expect("valid").bake()).expect("just written"),
+        ),
         region.add_world_tree(of_world),
     ];
     for tree in trees.iter().chain(&trees) {
@@ -31,7 +33,7 @@ fn region(rng: &mut Rng, of_world: TreeKey) -> Region {
 /// A world with one tree that has an instance.
 fn world(rng: &mut Rng) -> (LightWorld, TreeKey) {
     let mut world = LightWorld::new();
-    let tree = world.add_tree(rng.lights(20, 5.0)).expect("valid");
+    let tree = world.add_tree(LightTree::new(rng.lights(20, 5.0)).expect("valid"));
     world.add_instance(tree, rng.affine(30.0), Policy::Budgeted).expect("valid");
     (world, tree)
 }
@@ -92,9 +94,9 @@ fn a_region_adds_what_single_calls_add_in_its_order() {
     let (mut single, single_tree) = self::world(&mut Rng(502));
     let mut rng = Rng(503);
     let trees = [
-        single.add_placeholder(rng.lights(60, 5.0)).expect("valid"),
-        single.add_tree(rng.lights(40, 5.0)).expect("valid"),
-        single.add_tree(rng.lights(300, 5.0)).expect("valid"),
+        single.add_tree(LightTree::new_placeholder(rng.lights(60, 5.0)).expect("valid")),
+        single.add_tree(LightTree::new(rng.lights(40, 5.0)).expect("valid")),
+        single.add_tree(LightTree::new(rng.lights(300, 5.0)).expect("valid")),
         single_tree,
     ];
     for tree in trees.iter().chain(&trees) {
@@ -172,7 +174,7 @@ fn an_empty_region_and_one_without_instances_are_ordinary() {
     assert!(region.is_empty());
     let empty = world.add_region(region).expect("nothing is wrong");
     region = Region::new();
-    region.add_placeholder(Rng(1).lights(30, 5.0)).expect("valid");
+    region.add_tree(LightTree::new_placeholder(Rng(1).lights(30, 5.0)).expect("valid"));
     assert!(!region.is_empty() && region.tree_count() == 1 && region.instance_count() == 0);
     let alone = world.add_region(region).expect("valid");
     assert_eq!((world.region_count(), world.tree_count(), world.light_count()), (2, 1, 0));
@@ -188,17 +190,17 @@ fn an_empty_region_and_one_without_instances_are_ordinary() {
 fn what_is_wrong_in_itself_is_refused_as_the_region_is_filled_and_leaves_it_as_it_was() {
     let mut rng = Rng(506);
     let mut region = Region::new();
-    let tree = region.add_placeholder(rng.lights(30, 5.0)).expect("valid");
+    let tree = region.add_tree(LightTree::new_placeholder(rng.lights(30, 5.0)).expect("valid"));
     let instance = RegionInstance::new(tree, Placement::IDENTITY, Policy::Budgeted);
     region.add_instance(instance).expect("valid");
     let before = format!("{region:?}");
 
     let mut bad = rng.lights(30, 5.0);
     bad[17].emission.y = -1.0;
-    assert!(matches!(region.add_placeholder(bad), Err(WorldError::Light { index: 17, .. })));
+    assert!(matches!(LightTree::new_placeholder(bad), Err(WorldError::Light { index: 17, .. })));
     let mut damaged = LightTree::new(rng.lights(30, 5.0)).expect("valid").bake();
     damaged[900] ^= 4;
-    assert_eq!(region.add_baked(&damaged).map_err(|error| error.code()), Err(1105));
+    assert_eq!(LightTree::from_baked(&damaged).err().map(|error| error.code()), Some(1105));
 
     let mut other = Region::new();
     let trees = [(); 4].map(|()| other.add_tree(LightTree::default()));
@@ -224,7 +226,7 @@ fn what_is_wrong_in_itself_is_refused_as_the_region_is_filled_and_leaves_it_as_i
 fn a_world_that_refuses_a_region_is_unchanged_names_the_culprit_and_returns_the_region() {
     let mut rng = Rng(507);
     let (mut world, tree) = world(&mut rng);
-    let gone = world.add_tree(Vec::new()).expect("valid");
+    let gone = world.add_tree(LightTree::new(Vec::new()).expect("valid"));
     world.remove_tree(gone).expect("unused");
     world.set_origin(DVec3::X * 100.0).expect("valid");
     world.update(FrameBudget::NONE);
@@ -283,7 +285,7 @@ fn instances_and_trees_that_were_removed_one_by_one_are_skipped() {
     world.remove_tree(trees[1]).expect("unused");
     assert_eq!(world.region(key).expect("it lives").trees(), trees);
     // New trees and instances take the slots.
-    let other = world.add_tree(vec![Light::point(Vec3::ONE, Vec3::ONE)]).expect("valid");
+    let other = world.add_tree(LightTree::new(vec![Light::point(Vec3::ONE, Vec3::ONE)]).expect("valid"));
     let others: Vec<_> =
         (0..4).map(|_| world.add_instance(other, Placement::IDENTITY, Policy::Budgeted).expect("valid")).collect();
     let removed = world.remove_region(key).expect("it lives");
@@ -366,10 +368,10 @@ fn trees_of_stretched_first_instances_are_divided_for_them_but_never_in_the_call
     let plain = LightTree::new(lights.clone()).expect("valid");
     assert_ne!(expected.nodes(), plain.nodes());
     let mut world = LightWorld::new();
-    let of_world = world.add_tree(lights.clone()).expect("valid");
+    let of_world = world.add_tree(LightTree::new(lights.clone()).expect("valid"));
     let mut region = Region::new();
     let trees = [
-        region.add_placeholder(lights.clone()).expect("valid"),
+        region.add_tree(LightTree::new_placeholder(lights.clone()).expect("valid")),
         region.add_tree(plain.clone()),
         region.add_world_tree(of_world),
         region.add_tree(plain.clone()),
@@ -395,7 +397,7 @@ fn a_region_that_comes_and_goes_leaves_no_effect_and_no_memory() {
     let mut world = LightWorld::new();
     let mut rng = Rng(515);
     for round in 0..20 {
-        let of_world = world.add_tree(rng.lights(12, 5.0)).expect("valid");
+        let of_world = world.add_tree(LightTree::new(rng.lights(12, 5.0)).expect("valid"));
         let key = world.add_region(region(&mut rng, of_world)).expect("valid");
         let instances = world.region(key).expect("it lives").instances().to_vec();
         for step in 0..round {

@@ -4,8 +4,8 @@ use girandole::glam::Vec3;
 use girandole::gpu::{GpuLights, ReservoirRecord, SampleRequest, TargetHook};
 use girandole::light::luminance;
 use girandole::{
-    CandidateCount, Effects, Light, LightId, LightSample, LightSampler, LightWorld, MAX_CANDIDATES, Placement, Policy,
-    Reservoir, ShadingPoint, Shape,
+    CandidateCount, Effects, Light, LightId, LightSample, LightSampler, LightTree, LightWorld, MAX_CANDIDATES,
+    Placement, Policy, Reservoir, ShadingPoint, Shape,
 };
 
 use crate::gpu::{OTHER_PICKS, ask, buffer, close, gpu, read, shading_point};
@@ -45,7 +45,7 @@ fn one_candidate_is_a_plain_sample() {
         // The target of a single candidate cancels.
         let target = rng.unit() + 0.01;
         assert_eq!(sampler.resample_by(&shading_point, u, CandidateCount::ONE, |_| target), one);
-        if let Some(Reservoir { chosen: sample, weight }) = one {
+        if let Some(Reservoir { chosen: sample, weight, .. }) = one {
             assert_eq!(weight, 1.0 / (sample.pmf * sample.incident.pdf));
             lit += 1;
         }
@@ -74,7 +74,7 @@ fn without_size(rng: &mut Rng) -> Vec<Light> {
 fn world_without_size(rng: &mut Rng) -> LightWorld {
     let mut world = rng.world(0, 0, 0, 1.0);
     for _ in 0..4 {
-        let tree = world.add_tree(without_size(rng)).expect("valid");
+        let tree = world.add_tree(LightTree::new(without_size(rng)).expect("valid"));
         for _ in 0..4 {
             world.add_instance(tree, rng.affine(10.0), Policy::Static).expect("valid");
         }
@@ -235,7 +235,7 @@ fn variance(
     let (mut sum, mut squares) = (0.0, 0.0);
     for _ in 0..draws {
         let kept = sampler.resample(shading_point, random_numbers(rng), candidates);
-        let value = kept.map_or(0.0, |Reservoir { chosen: sample, weight }| {
+        let value = kept.map_or(0.0, |Reservoir { chosen: sample, weight, .. }| {
             let lux = luminance(sample.incident.radiance) * cosine(shading_point, sample.incident.direction);
             f64::from(lux) * f64::from(weight)
         });
@@ -267,7 +267,8 @@ fn extreme_lights_and_empty_worlds_give_finite_weights_or_none() {
     let ground = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
     assert_eq!(world.sampler().resample(&ground, [0.5; 5], CandidateCount::of::<8>()), None);
     let mut add = |height: f32, candela: f32| {
-        let tree = world.add_tree(vec![Light::point(Vec3::Y * height, Vec3::splat(candela))]).expect("valid");
+        let tree =
+            world.add_tree(LightTree::new(vec![Light::point(Vec3::Y * height, Vec3::splat(candela))]).expect("valid"));
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid")
     };
     add(-3.0, 1.0);
@@ -295,7 +296,7 @@ fn others(
     resample: impl Fn(&LightSampler<'_>, &SampleRequest) -> Option<Reservoir>,
 ) -> usize {
     let sampler = world.sampler();
-    let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+    let directionals: Vec<_> = world.directionals().collect();
     let differs = |(request, record): (&SampleRequest, &ReservoirRecord)| {
         let twin = resample(&sampler, request);
         let (Some(twin), true) = (twin, record.weight > 0.0) else { return twin.is_some() != (record.weight > 0.0) };
@@ -325,7 +326,7 @@ fn the_gpu_keeps_the_same_candidates_with_the_same_weights() {
     for (trees, per_tree, instances) in [(5, 50, 5), (0, 0, 0)] {
         let mut world = rng.world(trees, per_tree, instances, 20.0);
         if trees == 0 {
-            let keys: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+            let keys: Vec<_> = world.directionals().collect();
             keys.into_iter().for_each(|key| world.remove_directional(key).expect("a live key"));
         }
         let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 
 use girandole::glam::{DVec3, Mat3, Vec3};
-use girandole::{DirectionalLight, Light, LightId, LightWorld, Placement, Policy, ShadingPoint};
+use girandole::{DirectionalLight, Light, LightId, LightTree, LightWorld, Placement, Policy, ShadingPoint};
 
 use testbed::testing::support::{Rng, SPLITS, all_pmfs};
 
@@ -80,7 +80,7 @@ fn frequencies_agree_with_the_probabilities() {
 #[test]
 fn each_of_several_suns_is_drawn_as_often_as_its_probability_says() {
     let mut world = LightWorld::new();
-    let lamp = world.add_tree(vec![Light::point(Vec3::Y, Vec3::splat(2.0))]).expect("a valid light");
+    let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::splat(2.0))]).expect("a valid light"));
     world.add_instance(lamp, Placement::at(DVec3::ZERO), Policy::Static).expect("a valid placement");
     for lux in [1.0, 4.0, 2.0] {
         let sun = DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::splat(lux) };
@@ -154,7 +154,7 @@ fn area_lights_integrate_to_their_irradiance() {
     };
     let expected = 4.0 * corner(0.25, 0.25);
     let mut world = LightWorld::new();
-    let key = world.add_tree(tree).expect("valid");
+    let key = world.add_tree(LightTree::new(tree).expect("valid"));
     world.add_instance(key, Placement::IDENTITY, Policy::Static).expect("valid");
     let estimate = irradiance(&world, &ShadingPoint::surface(Vec3::ZERO, Vec3::Y), 20_000);
     assert!((estimate / expected - 1.0).abs() < 0.01, "{estimate} {expected}");
@@ -164,7 +164,7 @@ fn area_lights_integrate_to_their_irradiance() {
 fn a_sphere_and_its_stretched_instance_integrate_to_their_irradiance() {
     // A sphere of radius r lies at the distance d straight above: E = pi L (r / d)^2.
     let mut world = LightWorld::new();
-    let key = world.add_tree(vec![Light::sphere(Vec3::ZERO, 0.5, Vec3::ONE)]).expect("valid");
+    let key = world.add_tree(LightTree::new(vec![Light::sphere(Vec3::ZERO, 0.5, Vec3::ONE)]).expect("valid"));
     let at = DVec3::new(0.0, 2.0, 0.0);
     let instance = world.add_instance(key, Placement::at(at), Policy::Static).expect("valid");
     let shading_point = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);

@@ -33,7 +33,7 @@ struct Town {
 fn town(rng: &mut Rng) -> Town {
     let mut world = rng.varied_world(3, 20, 3, 15.0);
     let houses: Vec<InstanceKey> = world.instances().collect();
-    let lamps = [3000, 400].map(|count| world.add_tree(lamps(rng, count)).expect("valid"));
+    let lamps = [3000, 400].map(|count| world.add_tree(LightTree::new(lamps(rng, count)).expect("valid")));
     let placements = [Mat3::IDENTITY, Mat3::from_rotation_y(0.4) * Mat3::from_diagonal(Vec3::new(0.8, 1.1, 1.2))]
         .map(|linear| Placement { linear, translation: DVec3::Y * 2.0 });
     let large = [0, 1].map(|i| world.add_instance(lamps[i], placements[i], Policy::Budgeted).expect("valid"));

@@ -8,8 +8,13 @@ use testbed::testing::effect_sets::effect_sets;
 /// The text of variants that have any four effects in every combination. Whether lights move
 /// changes no text.
 fn variants() -> impl Iterator<Item = (Effects, String)> {
-    let sets = effect_sets(Effects::all().bits(), Effects::MOVING.bits());
-    sets.into_iter().map(Effects::from_bits_truncate).map(|effects| (effects, wgsl(0, effects)))
+    let all: Vec<Effects> = Effects::all().iter().collect();
+    let moving = all.iter().position(|effect| *effect == Effects::MOVING).expect("an effect");
+    let sets = effect_sets(all.len(), moving);
+    sets.into_iter().map(move |set| {
+        let effects = set.into_iter().map(|number| all[number]).collect();
+        (effects, wgsl(0, effects))
+    })
 }
 
 fn parsed(text: &str) -> Module {

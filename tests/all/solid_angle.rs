@@ -6,8 +6,8 @@ use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::{GpuLights, SampleRequest};
 use girandole::light::luminance;
 use girandole::{
-    Effects, FrameBudget, Incident, Light, LightId, LightSampler, LightWorld, Placement, Policy, ShadingPoint, Shape,
-    SplitCount,
+    Effects, FrameBudget, Incident, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy,
+    ShadingPoint, Shape, SplitCount,
 };
 
 use crate::gpu::{OTHER_PICKS, compare, gpu, sample, sample_by};
@@ -28,7 +28,7 @@ const HORIZON: f64 = 1.0e-7;
 fn world_of(light: Light, linear: Mat3) -> (LightWorld, LightId) {
     let mut world = LightWorld::new();
     world.set_solid_angle_sampling(true);
-    let tree = world.add_tree(vec![light]).expect("valid");
+    let tree = world.add_tree(LightTree::new(vec![light]).expect("valid"));
     let placement = Placement { linear, ..Placement::IDENTITY };
     let instance = world.add_instance(tree, placement, Policy::Static).expect("valid");
     (world, LightId::Local { instance, light: 0 })
@@ -346,7 +346,7 @@ fn panels(rng: &mut Rng) -> LightWorld {
                 _ => Light::triangle([place, place + u, place + v], Vec3::ONE).two_sided(),
             }
         };
-        let tree = world.add_tree((0..8).map(|_| panel(rng)).collect()).expect("valid");
+        let tree = world.add_tree(LightTree::new((0..8).map(|_| panel(rng)).collect()).expect("valid"));
         for _ in 0..2 {
             world.add_instance(tree, rng.affine(4.0), Policy::Static).expect("valid");
         }

@@ -7,6 +7,7 @@ use girandole::gpu::{GpuLights, wgsl};
 use girandole::{Effects, FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint};
 
 use crate::gpu::{ask, gpu, question_at};
+use girandole::LightTree;
 use testbed::testing::support::Rng;
 
 /// The index of the first stand-in of a tree.
@@ -60,7 +61,7 @@ fn stand_ins_are_sampled_with_their_true_probabilities_and_are_as_bright_as_thei
     for i in 0..3 {
         // The third has too few lights to have stand-ins.
         let tree = (0..[400, 100, 5][i]).map(|_| lamp(&mut rng)).collect();
-        let tree = world.add_tree(tree).expect("valid");
+        let tree = world.add_tree(LightTree::new(tree).expect("valid"));
         let place = Placement::at(DVec3::new(20.0 * i as f64, 0.0, 0.0));
         world.add_instance(tree, place, Policy::Static).expect("valid");
     }

@@ -1,7 +1,7 @@
 //! The scenes that are hard for a choice of lights, and the exact light by which they are judged.
 
 use girandole::glam::Vec3;
-use girandole::{Gloss, Light, LightId, LightWorld, Placement, Policy, ShadingPoint, Shape};
+use girandole::{Gloss, Light, LightId, LightTree, LightWorld, Placement, Policy, ShadingPoint, Shape};
 use testbed::measuring::irradiance::irradiance;
 use testbed::measuring::lights::{carried, reflections};
 use testbed::measuring::reflection::{brdf, reflection};
@@ -78,9 +78,9 @@ const DRAWS: u32 = 4_000;
 fn illuminances_are_the_means_of_sampled_points() {
     let mut rng = Rng(91);
     let mut compared = 0;
-    for light in rng.lights(60, 4.0).into_iter().map(|light| Light { range: f32::INFINITY, ..light }) {
+    for light in rng.lights(60, 4.0).into_iter().map(|light| light.with_range(f32::INFINITY)) {
         let mut world = LightWorld::new();
-        let tree = world.add_tree(vec![light]).expect("a valid light");
+        let tree = world.add_tree(LightTree::new(vec![light]).expect("a valid light"));
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("a valid placement");
         let sampler = world.sampler();
         let Some(id) = sampler.all_lights().next() else { continue };
@@ -112,9 +112,9 @@ fn reflections_are_the_means_of_sampled_points() {
     let mut compared = 0;
     let is_flat = |light: &Light| !matches!(light.shape, Shape::Sphere { .. });
     for light in rng.lights(60, 4.0).into_iter().filter(is_flat) {
-        let light = Light { range: f32::INFINITY, ..light };
+        let light = light.with_range(f32::INFINITY);
         let mut world = LightWorld::new();
-        let tree = world.add_tree(vec![light]).expect("a valid light");
+        let tree = world.add_tree(LightTree::new(vec![light]).expect("a valid light"));
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("a valid placement");
         let sampler = world.sampler();
         let Some(id) = sampler.all_lights().next() else { continue };

@@ -55,8 +55,8 @@ fn a_tree_from_another_thread_is_sampled_refitted_and_rebuilt_as_one_of_the_worl
         let built = std::thread::spawn(move || LightTree::new(other).expect("valid")).join().expect("the thread ends");
         let baked = loaded(&built);
         let add = |world: &mut LightWorld, tree: Option<LightTree>| match tree {
-            Some(tree) => world.insert_tree(tree),
-            None => world.add_tree(lights.clone()).expect("valid"),
+            Some(tree) => world.add_tree(tree),
+            None => world.add_tree(LightTree::new(lights.clone()).expect("valid")),
         };
         let mut worlds = [None, Some(built), Some(baked)].map(|tree| {
             let mut world = LightWorld::new();
@@ -93,7 +93,7 @@ fn neither_inserting_nor_replacing_a_tree_does_work_that_a_clock_sees() {
     let mut rng = Rng(301);
     let mut world = LightWorld::with_clock(Arc::new(clock));
     let mut made = || LightTree::new(rng.lights(500, 5.0)).expect("valid");
-    let key = world.insert_tree(made());
+    let key = world.add_tree(made());
     world.add_instance(key, Placement::IDENTITY, Policy::Budgeted).expect("valid");
     drop(world.replace_tree(key, made()).expect("it lives"));
     let report = world.update(FrameBudget::UNLIMITED);
@@ -107,7 +107,7 @@ fn a_tree_that_is_inserted_twice_becomes_two_trees_that_know_nothing_of_each_oth
     let mut rng = Rng(302);
     let tree = LightTree::new(rng.lights(40, 5.0)).expect("valid");
     let mut world = LightWorld::new();
-    let keys = [tree.clone(), tree.clone()].map(|tree| world.insert_tree(tree));
+    let keys = [tree.clone(), tree.clone()].map(|tree| world.add_tree(tree));
     assert_ne!(keys[0], keys[1]);
     for key in keys {
         world.add_instance(key, Placement::IDENTITY, Policy::Budgeted).expect("valid");
@@ -138,8 +138,8 @@ fn a_tree_with_changes_that_wait_for_a_refit_is_refitted_as_it_is_taken_in() {
         let mut refitted = changed();
         refitted.refit();
         let mut world = LightWorld::new();
-        let inserted = world.insert_tree(changed());
-        let replaced = world.add_tree(Vec::new()).expect("valid");
+        let inserted = world.add_tree(changed());
+        let replaced = world.add_tree(LightTree::new(Vec::new()).expect("valid"));
         drop(world.replace_tree(replaced, changed()).expect("it lives"));
         for key in [inserted, replaced] {
             let tree = world.tree(key).expect("it lives");
@@ -156,7 +156,7 @@ fn a_tree_takes_the_place_of_another_with_its_instances_and_effects() {
         let (former, next) = (rng.lights(80, 5.0), rng.lights(count, 5.0));
         let placements = placements(&mut rng);
         let mut world = LightWorld::new();
-        let key = world.add_tree(former.clone()).expect("valid");
+        let key = world.add_tree(LightTree::new(former.clone()).expect("valid"));
         place(&mut world, key, &placements, Policy::Budgeted);
         // A change that waits for the update is dropped.
         world.set_lights(key, &[(79, Light::point(Vec3::ONE, Vec3::ONE))]).expect("valid");
@@ -166,7 +166,7 @@ fn a_tree_takes_the_place_of_another_with_its_instances_and_effects() {
         let report = world.update(FrameBudget::NONE);
         assert_eq!((report.refit_trees, world.light_count()), (0, 6 * count));
         let mut other = LightWorld::new();
-        let key = other.add_tree(former).expect("valid");
+        let key = other.add_tree(LightTree::new(former).expect("valid"));
         place(&mut other, key, &placements, Policy::Budgeted);
         other.replace_lights(key, next).expect("valid");
         other.update(FrameBudget::NONE);
@@ -180,7 +180,7 @@ fn a_tree_takes_the_place_of_another_with_its_instances_and_effects() {
 fn a_static_tree_and_one_that_is_gone_are_not_replaced() {
     let mut rng = Rng(305);
     let mut world = LightWorld::new();
-    let key = world.add_tree(rng.lights(20, 5.0)).expect("valid");
+    let key = world.add_tree(LightTree::new(rng.lights(20, 5.0)).expect("valid"));
     let instance = world.add_instance(key, Placement::IDENTITY, Policy::Static).expect("valid");
     let before = samples(&world, 2);
     let other = LightTree::new(rng.lights(30, 5.0)).expect("valid");
@@ -196,7 +196,7 @@ fn a_build_that_is_under_way_does_not_replace_the_tree_that_came_in_between() {
     let mut rng = Rng(306);
     let clock = Arc::new(VirtualClock::new(|work| Duration::from_nanos(100 * work.lights as u64)));
     let mut world = LightWorld::with_clock(clock.clone());
-    let key = world.add_tree(rng.lights(3000, 5.0)).expect("valid");
+    let key = world.add_tree(LightTree::new(rng.lights(3000, 5.0)).expect("valid"));
     world.add_instance(key, Placement::IDENTITY, Policy::AlwaysRebuild).expect("valid");
     let all: Vec<_> = (0..3000).map(|index| (index, rng.light(5.0))).collect();
     world.set_lights(key, &all).expect("valid");
@@ -222,7 +222,7 @@ fn a_tree_that_was_loaded_may_be_edited_frozen_again_and_removed() {
     let tree = loaded(&LightTree::new(rng.lights(200, 5.0)).expect("valid"));
     assert!(tree.is_frozen());
     let mut world = LightWorld::new();
-    let key = world.insert_tree(tree);
+    let key = world.add_tree(tree);
     let instance = world.add_instance(key, Placement::IDENTITY, Policy::Budgeted).expect("valid");
     for _ in 0..2 {
         world.set_lights(key, &[(0, rng.light(5.0))]).expect("valid");
@@ -245,7 +245,7 @@ fn a_tree_for_a_stretched_instance_keeps_its_division_through_a_file() {
     let light = |i: usize| Light::point(Vec3::new((i / 2) as f32, 0.0, 40.0 * (i % 2) as f32), Vec3::ONE);
     let lights: Vec<_> = (0..80).map(light).collect();
     let mut world = LightWorld::new();
-    let expected = world.add_tree(lights.clone()).expect("valid");
+    let expected = world.add_tree(LightTree::new(lights.clone()).expect("valid"));
     world.add_instance(expected, squashed(), Policy::Budgeted).expect("valid");
     let expected = world.tree(expected).expect("it lives").clone();
     let plain = LightTree::new(lights.clone()).expect("valid");
@@ -255,14 +255,14 @@ fn a_tree_for_a_stretched_instance_keeps_its_division_through_a_file() {
     let made = LightTree::new_for(lights.clone(), Placement { translation: DVec3::X, ..squashed() }).expect("valid");
     for tree in [made.clone(), loaded(&made), loaded(&expected)] {
         let address = tree.nodes().as_ptr();
-        let key = world.insert_tree(tree);
+        let key = world.add_tree(tree);
         world.add_instance(key, squashed(), Policy::Budgeted).expect("valid");
         let tree = world.tree(key).expect("it lives");
         assert_eq!((tree.nodes(), tree.nodes().as_ptr()), (expected.nodes(), address));
     }
     // In the place of a tree that was made for an instance, a plain tree stays as it is until it is
     // built again.
-    let key = world.insert_tree(made);
+    let key = world.add_tree(made);
     world.add_instance(key, squashed(), Policy::Budgeted).expect("valid");
     drop(world.replace_tree(key, plain.clone()).expect("it lives"));
     assert_eq!(world.tree(key).expect("it lives").nodes(), plain.nodes());

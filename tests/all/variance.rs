@@ -1,6 +1,6 @@
 //! The measure of the variance example, and the published samplers that it compares with.
 
-use girandole::{Light, LightId, LightWorld, Placement, Policy, ShadingPoint, Shape};
+use girandole::{Light, LightId, LightTree, LightWorld, Placement, Policy, ShadingPoint, Shape};
 use testbed::measuring::baselines::{BinaryTree, Cycles, Formula, Pbrt};
 use testbed::measuring::lights::{carried, contributions};
 use testbed::measuring::sigma::{Noise, Summary};
@@ -47,7 +47,7 @@ fn published_samplers_reach_every_light_that_contributes_and_pick_by_their_pmfs(
 /// A world with one instance, placed where its lights are.
 fn in_place(lights: Vec<Light>) -> LightWorld {
     let mut world = LightWorld::new();
-    let tree = world.add_tree(lights).expect("valid lights");
+    let tree = world.add_tree(LightTree::new(lights).expect("valid lights"));
     world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("a valid placement");
     world
 }
@@ -56,7 +56,7 @@ fn in_place(lights: Vec<Light>) -> LightWorld {
 fn lights_transformed_out_of_their_instances_contribute_as_before() {
     let mut rng = Rng(43);
     let mut world = rng.world(3, 20, 6, 10.0);
-    let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+    let directionals: Vec<_> = world.directionals().collect();
     directionals.into_iter().for_each(|key| world.remove_directional(key).expect("a live key"));
     let flat = carried(&world);
     let flat_world = in_place(flat.clone());

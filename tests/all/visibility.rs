@@ -4,8 +4,8 @@ use std::collections::HashMap;
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::{
-    CandidateCount, Light, LightId, LightSampler, LightWorld, Placement, Policy, ShadingPoint, VisibilityOptions,
-    VisibilityTable,
+    CandidateCount, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy, ShadingPoint,
+    VisibilityOptions, VisibilityTable,
 };
 use rayon::prelude::*;
 
@@ -260,7 +260,7 @@ fn what_is_learnt_does_not_depend_on_the_threads() {
 /// Two lamps, a table, and what it makes of the second one at a point of the world between them.
 fn pmf_of_hidden_lamp(at: DVec3, origins: &[DVec3]) -> Vec<f32> {
     let mut world = LightWorld::new();
-    let lamp = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid");
+    let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid"));
     world.set_origin(origins[0]).expect("finite");
     for x in [-3.0, 3.0] {
         let placement = Placement::at(at + DVec3::new(x, 2.0, 0.0));
@@ -302,7 +302,7 @@ fn directional_lights_stale_lights_and_samplers_without_a_table_record_nothing()
     let instance = world.instances().next().expect("an instance");
     let mut table = VisibilityTable::default();
     let at = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
-    let directional = world.directionals().next().map(|(key, _)| LightId::Directional(key)).expect("a sun");
+    let directional = world.directionals().next().map(LightId::Directional).expect("a sun");
     let lost = LightId::Local { instance, light: 5 };
     world.sampler().record_visibility(&at, LightId::Local { instance, light: 0 }, true);
     let sampler = world.sampler().with_visibility(&table);

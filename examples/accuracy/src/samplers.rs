@@ -3,7 +3,8 @@
 use super::settings::{STREAMED, Sampler};
 use girandole::tree::Node;
 use girandole::{
-    CandidateCount, FrameBudget, Light, LightId, LightSampler, LightWorld, Placement, Policy, ShadingPoint, SplitCount,
+    CandidateCount, FrameBudget, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy, ShadingPoint,
+    SplitCount,
 };
 use testbed::direct_light::draw::{Draw, Resampled, ResampledByBrdf, ResampledWithGloss, Single, Streaming};
 use testbed::measuring::lights::carried;
@@ -30,7 +31,7 @@ impl Prepared {
         let lights = carried(world);
         let ids = world.sampler().all_lights().collect();
         let mut one_level = LightWorld::new();
-        let tree = one_level.add_tree(lights.clone())?;
+        let tree = one_level.add_tree(LightTree::new(lights.clone())?);
         one_level.add_instance(tree, Placement::IDENTITY, Policy::Static)?;
         one_level.update(FrameBudget::UNLIMITED);
         Ok(Self { lights, ids, one_level })

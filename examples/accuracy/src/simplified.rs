@@ -4,7 +4,7 @@
 //! A light without the effect has the flux of the light with it.
 
 use girandole::glam::Vec3;
-use girandole::{Effects, FrameBudget, Light, LightWorld, Policy, Shape};
+use girandole::{Effects, FrameBudget, Light, LightTree, LightWorld, Policy, Shape};
 use std::collections::HashMap;
 use std::f32::consts::FRAC_PI_2;
 use testbed::scene::SceneError;
@@ -23,7 +23,7 @@ pub fn without(world: &LightWorld, effect: Effects) -> Result<LightWorld, SceneE
     let mut trees = HashMap::new();
     for key in world.trees() {
         let lights = world.tree(key).map(|tree| tree.lights()).unwrap_or_default();
-        trees.insert(key, copy.add_tree(lights.iter().map(|light| simplify(light, effect)).collect())?);
+        trees.insert(key, copy.add_tree(LightTree::new(lights.iter().map(|light| simplify(light, effect)).collect())?));
     }
     for instance in world.instances() {
         if let (Some(tree), Some(placement)) = (world.instance_tree(instance), world.placement(instance)) {
@@ -53,9 +53,9 @@ fn simplify(light: &Light, effect: Effects) -> Light {
         (Effects::TWO_SIDED, _) => one_sided_to(false),
         (_, shape) => without_extent(shape),
     };
-    let simple = Light { shape, ..*light };
+    let simple = light.with_shape(shape);
     let factor = if simple.flux() > 0.0 { light.flux() / simple.flux() } else { 0.0 };
-    Light { emission: light.emission * factor, ..simple }
+    simple.with_emission(light.emission * factor)
 }
 
 /// A light at the middle of a shape. One-sided surfaces become spots of a half space.

@@ -44,7 +44,7 @@ pub fn load(folder: &Path) -> Result<Loaded, SceneError> {
             let (tree, took, copy) = tree?;
             (loading, copying) = (loading + took, copying + copy);
             let start = Instant::now();
-            keys.push(world.insert_tree(tree));
+            keys.push(world.add_tree(tree));
             inserting += start.elapsed();
         }
         Ok::<(), SceneError>(())

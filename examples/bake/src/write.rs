@@ -47,7 +47,7 @@ pub fn write(scene: &Path, out: &Path) -> Result<Baked, SceneError> {
         let tree = trees.iter().position(|key| *key == node.tree);
         manifest.instances.extend(tree.zip(world.placement(node.instance)));
     }
-    manifest.directionals.extend(world.directionals().map(|(_, light)| *light));
+    manifest.directionals.extend(world.directionals().filter_map(|key| world.directional(key)));
     let path = out.join(FILE);
     fs::write(&path, manifest.to_text()).map_err(|error| refusal(&path, &error))?;
     Ok(Baked { world, building, baking, bytes })

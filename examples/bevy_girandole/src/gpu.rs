@@ -121,7 +121,7 @@ pub fn prepare(
     gpu.frames += 1;
     let counts = lights.take_counts();
     gpu.has_changed = counts.any() || frame.rebuilt_trees > 0 || frame.refit_trees > 0;
-    gpu.counts = [lights.slot_count, lights.world.directionals().count() as u32];
+    gpu.counts = [lights.slot_count, lights.world.directional_count() as u32];
     stats.set(GirandoleReport {
         frames: gpu.frames,
         passes: 0,

@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 use bevy::ecs::resource::Resource;
 use bevy::log::warn_once;
 use girandole::{
-    DirectionalKey, DirectionalLight, FrameBudget, FrameReport, InstanceKey, Light, LightWorld, Placement, Policy,
-    TreeKey, WorldError,
+    DirectionalKey, DirectionalLight, FrameBudget, FrameReport, InstanceKey, Light, LightTree, LightWorld, Placement,
+    Policy, TreeKey, WorldError,
 };
 
 use crate::edits::{Edit, Edits, State};
@@ -175,7 +175,7 @@ impl Lights {
             self.trees.resize(kind as usize + 1, None);
         }
         self.trees[kind as usize] = None;
-        self.trees[kind as usize] = Some(self.world.add_tree(lights)?);
+        self.trees[kind as usize] = Some(self.world.add_tree(LightTree::new(lights)?));
         Ok(())
     }
 

@@ -2,10 +2,11 @@
 //! A run on the same costs repeats bit for bit.
 
 use girandole::glam::{Vec3, vec3};
-use girandole::scheduler::{Clock, Work, WorkKind};
+use girandole::scheduler::{VirtualClock, Work, WorkKind};
 use girandole::{Light, LightTree};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use testbed::common::table::Table;
@@ -163,75 +164,43 @@ impl Costs {
 /// A clock on which time passes only by drawn costs and by [`PlayedClock::advance`], the same in
 /// every run.
 pub struct PlayedClock {
-    costs: Arc<Costs>,
-    state: Mutex<Played>,
-}
-
-#[derive(Default)]
-struct Played {
-    now: Duration,
-    /// The number of pieces of work so far.
-    count: u64,
-    /// When the last background build began, and the time that it takes.
-    build: Option<(Duration, Duration)>,
+    /// For the world.
+    pub clock: Arc<VirtualClock>,
     /// The time of all background builds.
-    background: Duration,
+    background: Arc<Mutex<Duration>>,
 }
 
 impl PlayedClock {
     /// Starts at zero. The draws depend only on how much work came before.
     pub fn new(costs: &Arc<Costs>) -> Self {
-        Self { costs: Arc::clone(costs), state: Mutex::default() }
+        let (costs, background) = (Arc::clone(costs), Arc::<Mutex<Duration>>::default());
+        let (count, sum) = (AtomicU64::new(0), Arc::clone(&background));
+        let draw = move |work: Work| {
+            let mut rng = Rng::new(SEED, count.fetch_add(1, Ordering::Relaxed) + 1);
+            // 48 bits: draws should not repeat, although there are only a few hundred measurements.
+            let u = f64::from(rng.unit()) + f64::from(rng.unit()) / f64::from(1 << 24);
+            let took = costs.at(work, u);
+            if work.kind == WorkKind::Background {
+                *lock(&sum) += took;
+            }
+            took
+        };
+        Self { clock: Arc::new(VirtualClock::new(draw)), background }
     }
 
     /// Lets time pass.
     pub fn advance(&self, time: Duration) {
-        self.lock().now += time;
+        self.clock.advance(time);
     }
 
     /// The time of all background builds that have begun so far, until their end.
     pub fn background_time(&self) -> Duration {
-        self.lock().background
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Played> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Draws the time of the next piece of work.
-    fn draw(&self, state: &mut Played, work: Work) -> Duration {
-        state.count += 1;
-        let mut rng = Rng::new(SEED, state.count);
-        // 48 bits: draws should not repeat, although there are only a few hundred measurements.
-        let u = f64::from(rng.unit()) + f64::from(rng.unit()) / f64::from(1 << 24);
-        self.costs.at(work, u)
+        *lock(&self.background)
     }
 }
 
-impl Clock for PlayedClock {
-    fn now(&self) -> Duration {
-        self.lock().now
-    }
-
-    fn worked(&self, work: Work) {
-        let mut state = self.lock();
-        let took = self.draw(&mut state, work);
-        state.now += took;
-    }
-
-    fn background(&self, started: Duration, work: Work, _: Option<Duration>) -> Option<Duration> {
-        let mut state = self.lock();
-        let took = match state.build {
-            Some((start, took)) if start == started => took,
-            _ => {
-                let took = self.draw(&mut state, work);
-                state.build = Some((started, took));
-                state.background += took;
-                took
-            }
-        };
-        (state.now >= started + took).then_some(took)
-    }
+fn lock(time: &Mutex<Duration>) -> MutexGuard<'_, Duration> {
+    time.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn timed<T>(work: impl FnOnce() -> T) -> (T, u64) {

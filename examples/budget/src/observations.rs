@@ -134,7 +134,7 @@ fn observe(tree: usize, kind: Kind, motion: Motion, seed: u64) -> Result<Vec<Obs
 /// lights.
 fn noise(trees: [&LightTree; 2], rng: &mut Rng) -> Result<[[f64; SPLITS.len()]; 2], WorldError> {
     let mut world = LightWorld::new();
-    let key = world.add_tree(trees[1].lights().to_vec())?;
+    let key = world.add_tree(LightTree::new(trees[1].lights().to_vec())?);
     let instance = world.add_instance(key, Placement::IDENTITY, Policy::Static)?;
     let sampler = world.sampler();
     let mut sums = [[0.0; SPLITS.len()]; 2];

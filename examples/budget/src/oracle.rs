@@ -176,7 +176,7 @@ impl Gains {
         }
         let mut world = LightWorld::new();
         world.set_origin(self.origin)?;
-        let tree = world.add_tree(snapshot.lights.to_vec())?;
+        let tree = world.add_tree(LightTree::new(snapshot.lights.to_vec())?);
         let place = |placement: &Placement| world.add_instance(tree, *placement, Policy::Static);
         let instances: Vec<InstanceKey> = history.placements.iter().map(place).collect::<Result<_, _>>()?;
         let sampler = world.sampler();

@@ -28,7 +28,7 @@ pub struct Player<'a> {
     pub stage: Stage,
     strategy: Strategy,
     budget: FrameBudget,
-    clock: Arc<PlayedClock>,
+    clock: PlayedClock,
     costs: &'a Costs,
     /// What this player shares with the other players of its stage.
     pub reference: &'a Reference,
@@ -58,8 +58,8 @@ impl<'a> Player<'a> {
         costs: &'a Arc<Costs>,
         reference: &'a Reference,
     ) -> Result<Self, SceneError> {
-        let clock = Arc::new(PlayedClock::new(costs));
-        let mut stage = Stage::new(options, Arc::<PlayedClock>::clone(&clock))?;
+        let clock = PlayedClock::new(costs);
+        let mut stage = Stage::new(options, clock.clock.clone())?;
         stage.world.set_background_builds(strategy != Strategy::GirandoleInFrames);
         let instances = instances(&stage);
         set_policies(&mut stage.world, &instances, |tree| strategy.policy(&reference.deviations[tree]))?;

@@ -5,7 +5,7 @@ use super::motion::Motion;
 use super::rays::{Rays, through};
 use girandole::glam::{DVec3, Mat3, Quat, Vec2, Vec3, vec2, vec3};
 use girandole::scheduler::Clock;
-use girandole::{InstanceKey, Light, LightWorld, Placement, Policy, ShadingPoint, Shape, TreeKey};
+use girandole::{InstanceKey, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint, Shape, TreeKey};
 use rayon::prelude::*;
 use std::sync::Arc;
 use testbed::scene::procedural::roads::PITCH;
@@ -135,7 +135,7 @@ impl Stage {
         let mut rng = Rng::new(seed, 0x517e);
         let (mut trees, mut placed) = (Vec::new(), Vec::new());
         for troupe in &troupes {
-            let tree = world.add_tree(troupe.lights().to_vec())?;
+            let tree = world.add_tree(LightTree::new(troupe.lights().to_vec())?);
             trees.push(tree);
             // Some trees have two or three instances.
             let shown = if rng.chance(0.12) { 2 + rng.below(2) } else { 1 };
@@ -228,6 +228,7 @@ fn position(light: &Light) -> Vec3 {
         Shape::Point { position } | Shape::Spot { position, .. } => position,
         Shape::Rectangle { center, .. } | Shape::Sphere { center, .. } => center,
         Shape::Triangle { vertices, .. } => vertices[0],
+        _ => unreachable!("this version has no others"),
     }
 }
 

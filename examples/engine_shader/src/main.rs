@@ -10,7 +10,7 @@ use std::error::Error;
 use girandole::glam::{DVec3, Vec3};
 use pollster::block_on;
 
-use girandole::{Effects, Light, LightWorld, Placement, Policy, ShadingPoint, gpu::GpuLights, wgpu::*};
+use girandole::{Effects, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint, gpu::GpuLights, wgpu::*};
 
 const SIZE: u32 = 64; // Pixels along an edge of the ground. A pixel is half a metre wide.
 /// The engine's own shader. The library's text is joined before it.
@@ -37,7 +37,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 fn world() -> Result<LightWorld, Box<dyn Error>> {
     let mut world = LightWorld::new();
     let light = |i: f32| Light::point(Vec3::new(i.cos(), 0.05 * i, i.sin()) * 0.4, Vec3::new(2.0, 1.5, 0.5));
-    let chandelier = world.add_tree((0..40).map(|i| light(i as f32)).collect())?;
+    let chandelier = world.add_tree(LightTree::new((0..40).map(|i| light(i as f32)).collect())?);
     for i in 0..100 {
         let at = 3.0 * DVec3::new(f64::from(i % 10) - 4.5, 0.35, f64::from(i / 10) - 4.5);
         world.add_instance(chandelier, Placement::at(at), Policy::Static)?;

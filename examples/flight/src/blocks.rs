@@ -73,7 +73,7 @@ impl Builder {
         let mut rng = Rng::new(settings.seed, u64::MAX);
         for _ in 0..KINDS {
             let windows = builder.windows(&mut rng, HOUSE_LIGHTS, 8.0, 6.0);
-            builder.houses.push(world.add_tree(windows)?);
+            builder.houses.push(world.add_tree(LightTree::new(windows)?));
         }
         Ok(builder)
     }
@@ -117,8 +117,8 @@ impl Builder {
         let mut rng = Rng::new(self.seed, self.stream(block));
         let counts = self.counts(block);
         let mut region = Region::new();
-        let street = region.add_placeholder(self.street(&mut rng, counts.street))?;
-        let market = region.add_placeholder(self.market(block))?;
+        let street = region.add_tree(LightTree::new_placeholder(self.street(&mut rng, counts.street))?);
+        let market = region.add_tree(LightTree::new_placeholder(self.market(block))?);
         let middle = block.middle(self.size);
         let add = |region: &mut Region, tree, offset: Vec3, policy| {
             let placement = Placement::at(middle + offset.as_dvec3());

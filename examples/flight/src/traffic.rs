@@ -4,7 +4,7 @@
 use super::blocks::{Block, Builder, MARKET};
 use super::settings::Settings;
 use girandole::glam::{DVec3, Mat3, Vec3};
-use girandole::{InstanceKey, Light, LightWorld, Placement, Policy, RegionKey, TreeKey, WorldError};
+use girandole::{InstanceKey, Light, LightTree, LightWorld, Placement, Policy, RegionKey, TreeKey, WorldError};
 use std::collections::HashMap;
 use testbed::common::pcg::Rng;
 
@@ -49,7 +49,7 @@ impl Traffic {
             }
         };
         let tail = |side: f32| Light::point(Vec3::new(side, 0.8, -2.0), Vec3::X * 20.0);
-        let car = world.add_tree(vec![head(-0.7), head(0.7), tail(-0.7), tail(0.7)])?;
+        let car = world.add_tree(LightTree::new(vec![head(-0.7), head(0.7), tail(-0.7), tail(0.7)])?);
         let mut drives = Vec::new();
         for _ in 0..settings.vehicles {
             let key = world.add_instance(car, Placement::IDENTITY, Policy::Static)?;
@@ -92,7 +92,7 @@ impl Traffic {
             let flicker = |i: usize| {
                 let index = (frame as usize * FLICKERING + i) % lights.len();
                 let light = lights[index];
-                (index as u32, Light { emission: light.emission * rng.range(0.5, 1.5), ..light })
+                (index as u32, light.with_emission(light.emission * rng.range(0.5, 1.5)))
             };
             let count = FLICKERING.min(lights.len());
             self.edits.push((tree, (0..count).map(flicker).collect()));

@@ -140,7 +140,7 @@ fn light(light: &GirandoleLight) -> Result<Light, Failure> {
             other => return Err(Failure::bad_value("kind of light", other)),
         }
     };
-    Ok(Light { shape, emission: light.emission.into(), range: light.range })
+    Ok(Light::new(shape, light.emission.into()).with_range(light.range))
 }
 
 /// The lights of a list; the message of a refusal names the index.

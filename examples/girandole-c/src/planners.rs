@@ -1,11 +1,12 @@
 //! The calls that create planners, set them up and ask them.
 
 use girandole::SplitCount;
-use girandole::plan::{BufferId, FramePlan, LightPlanner, PlanLimits};
+use girandole::plan::{FramePlan, LightPlanner, PlanLimits, ShaderBuffers};
 
 use crate::memory::{destroy, object, object_mut, result};
 use crate::plan::GirandolePlan;
 use crate::planner::{GirandoleLimits, GirandolePlanner, limit};
+use crate::shader_text::effect_bits;
 use crate::status::{Failure, GirandoleStatus, call};
 use crate::vectors::flag;
 
@@ -152,13 +153,13 @@ pub const GIRANDOLE_SHADER_BUFFERS: usize = 5;
 unsafe fn bindings(
     planner: *mut GirandolePlanner,
     buffers: *mut u32,
-    get: impl FnOnce(&LightPlanner) -> Option<[BufferId; GIRANDOLE_SHADER_BUFFERS]>,
+    get: impl FnOnce(&LightPlanner) -> Option<ShaderBuffers>,
 ) -> Result<(), Failure> {
     // SAFETY: see the crate's documentation.
     let out = unsafe { result(buffers.cast::<[u32; GIRANDOLE_SHADER_BUFFERS]>(), "buffers")? };
     // SAFETY: see the crate's documentation.
     let ids = unsafe { change(planner, |planner| Ok(get(planner)))? };
-    out.set(ids.map_or([u32::MAX; GIRANDOLE_SHADER_BUFFERS], |ids| ids.map(BufferId::get)));
+    out.set(ids.map_or([u32::MAX; GIRANDOLE_SHADER_BUFFERS], |ids| std::array::from_fn(|i| ids[i].get())));
     Ok(())
 }
 
@@ -195,7 +196,7 @@ pub unsafe extern "C" fn girandole_planner_effects(
         // SAFETY: see the crate's documentation.
         let out = unsafe { result(effects, "effects")? };
         // SAFETY: see the crate's documentation.
-        out.set(unsafe { change(planner, |planner| Ok(planner.effects().bits().into()))? });
+        out.set(unsafe { change(planner, |planner| Ok(effect_bits(planner.effects())))? });
         Ok(())
     })
 }

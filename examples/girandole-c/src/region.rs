@@ -86,7 +86,7 @@ pub unsafe extern "C" fn girandole_region_add_placeholder(
         let (region, given) = unsafe { (object_mut(region, "region")?, array(light_list, count, "light_list")?) };
         // SAFETY: see the crate's documentation.
         let index = unsafe { result(tree, "tree")? };
-        let tree = region.region.add_placeholder(lights(given)?)?;
+        let tree = region.region.add_tree(LightTree::new_placeholder(lights(given)?)?);
         index.set(region.keep(tree));
         Ok(())
     })
@@ -124,7 +124,7 @@ pub unsafe extern "C" fn girandole_region_add_baked(
         let (region, bytes) = unsafe { (object_mut(region, "region")?, array(bytes, size, "bytes")?) };
         // SAFETY: see the crate's documentation.
         let index = unsafe { result(tree, "tree")? };
-        let tree = region.region.add_baked(bytes)?;
+        let tree = region.region.add_tree(LightTree::from_baked(bytes)?);
         index.set(region.keep(tree));
         Ok(())
     })

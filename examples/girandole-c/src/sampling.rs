@@ -39,6 +39,7 @@ impl From<LightId> for GirandoleLightId {
         match id {
             LightId::Local { instance, light } => Self { key: instance.into(), kind: GIRANDOLE_ID_INSTANCE, light },
             LightId::Directional(key) => Self { key: key.into(), kind: GIRANDOLE_ID_DIRECTIONAL, light: 0 },
+            _ => unreachable!("this version has no others"),
         }
     }
 }
@@ -86,7 +87,7 @@ pub struct GirandoleSample {
 }
 
 fn of_incident(light: LightId, pmf: f32, incident: &Incident) -> GirandoleSample {
-    let Incident { direction, dist, radiance, pdf, is_delta, along } = *incident;
+    let Incident { direction, dist, radiance, pdf, is_delta, along, .. } = *incident;
     GirandoleSample {
         light: light.into(),
         direction: direction.into(),
@@ -103,7 +104,7 @@ fn of_incident(light: LightId, pmf: f32, incident: &Incident) -> GirandoleSample
 
 impl From<LightSample> for GirandoleSample {
     fn from(sample: LightSample) -> Self {
-        let LightSample { light, pmf, incident, user_data } = sample;
+        let LightSample { light, pmf, incident, user_data, .. } = sample;
         Self { user_data, ..of_incident(light, pmf, &incident) }
     }
 }

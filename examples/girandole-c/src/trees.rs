@@ -28,7 +28,7 @@ pub unsafe extern "C" fn girandole_world_add_tree(
         // SAFETY: see the crate's documentation.
         let key = unsafe { result(tree, "tree")? };
         let given = lights(given)?;
-        key.set(world.edit(|world| Ok(world.add_tree(given)?))?.into());
+        key.set(world.edit(|world| Ok(world.add_tree(LightTree::new(given)?)))?.into());
         Ok(())
     })
 }
@@ -48,7 +48,7 @@ pub unsafe extern "C" fn girandole_world_add_placeholder(
         // SAFETY: see the crate's documentation.
         let key = unsafe { result(tree, "tree")? };
         let given = lights(given)?;
-        key.set(world.edit(|world| Ok(world.add_placeholder(given)?))?.into());
+        key.set(world.edit(|world| Ok(world.add_tree(LightTree::new_placeholder(given)?)))?.into());
         Ok(())
     })
 }
@@ -68,7 +68,7 @@ pub unsafe extern "C" fn girandole_world_add_baked(
         // SAFETY: see the crate's documentation.
         let key = unsafe { result(tree, "tree")? };
         let baked = LightTree::from_baked(bytes)?;
-        key.set(world.edit(|world| Ok(world.insert_tree(baked)))?.into());
+        key.set(world.edit(|world| Ok(world.add_tree(baked)))?.into());
         Ok(())
     })
 }

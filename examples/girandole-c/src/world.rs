@@ -8,6 +8,7 @@ use std::time::Duration;
 use girandole::{FrameBudget, LightWorld};
 
 use crate::memory::{object, result, wanted};
+use crate::shader_text::effect_bits;
 use crate::status::{
     Failure, GIRANDOLE_ERROR_BAD_VALUE, GIRANDOLE_ERROR_BROKEN, GIRANDOLE_ERROR_RESERVED, GirandoleStatus, call,
 };
@@ -166,8 +167,8 @@ pub unsafe extern "C" fn girandole_world_counts(
             trees: world.tree_count(),
             instances: world.instance_count(),
             lights: world.light_count(),
-            directionals: world.directionals().count(),
-            effects: world.effects().bits().into(),
+            directionals: world.directional_count(),
+            effects: effect_bits(world.effects()),
             memory: world.memory().total(),
         });
         Ok(())

@@ -34,10 +34,11 @@ impl LightList {
     /// The present lights of a world. The list is out of date once instances are added or removed, or
     /// trees get other numbers of lights.
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, world: &LightWorld) -> Self {
-        let directional = |key| world.directionals().position(|(other, _)| other == key).map_or(0, |i| i as u32);
+        let directional = |key| world.directionals().position(|other| other == key).map_or(0, |i| i as u32);
         let names = world.sampler().all_lights().map(|light| match light {
             LightId::Local { instance, light } => [world.slot(instance).unwrap_or_default(), light],
             LightId::Directional(key) => [DIRECTIONAL, directional(key)],
+            _ => unreachable!("this version has no others"),
         });
         let mut texels: Vec<[u32; 2]> = std::iter::once([0, 0]).chain(names).collect();
         let count = texels.len() as u32 - 1;

@@ -7,7 +7,7 @@ use super::timer::{Timer, Times};
 use girandole::glam::{DVec3, Vec3};
 use girandole::gpu::measure::{KeySort, build_top_timed};
 use girandole::gpu::{GpuError, GpuLights};
-use girandole::{InstanceKey, Light, LightWorld, Placement, Policy};
+use girandole::{InstanceKey, Light, LightTree, LightWorld, Placement, Policy};
 use serde_json::{Value, json};
 use testbed::scene::SceneError;
 use testbed::scene::rng::Rng;
@@ -77,7 +77,7 @@ pub fn world(instances: u32) -> Result<(LightWorld, Vec<InstanceKey>), SceneErro
     let mut trees = Vec::new();
     for lights in TREES {
         let lamp = |_| Light::point(vec3(&mut rng, 2.0) + 4.0 * Vec3::Y, Vec3::splat(rng.range(10.0, 1000.0)));
-        trees.push(world.add_tree((0..lights).map(lamp).collect())?);
+        trees.push(world.add_tree(LightTree::new((0..lights).map(lamp).collect())?));
     }
     let side = DISTANCE * (instances as f32).sqrt();
     let mut keys = Vec::new();

@@ -69,7 +69,7 @@ impl Contender {
     /// A world with one tree over all lights.
     pub fn one_tree(strategy: Strategy, times: Times, lights: &[Light]) -> Result<Self, SceneError> {
         let mut contender = Self::new(TreeKind::Library, strategy, Some(times))?;
-        let tree = contender.world.add_tree(lights.to_vec())?;
+        let tree = contender.world.add_tree(LightTree::new(lights.to_vec())?);
         contender.world.add_instance(tree, Affine3A::IDENTITY, policy(strategy).0)?;
         contender.one_tree = Some(tree);
         contender.world.update(FrameBudget::UNLIMITED);
@@ -84,7 +84,7 @@ impl Contender {
         let mut copies = HashMap::new();
         for key in film.trees() {
             let lights = film.tree(key).map_or(Vec::new(), |tree| tree.lights().to_vec());
-            let copy = world.add_tree(lights)?;
+            let copy = world.add_tree(LightTree::new(lights)?);
             copies.insert(key, copy);
             trees.push((key, copy));
         }

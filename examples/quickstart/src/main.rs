@@ -11,7 +11,7 @@ use std::error::Error;
 use std::time::Duration;
 
 use girandole::glam::{DVec3, Vec3};
-use girandole::{FrameBudget, Incident, Light, LightWorld, Placement, Policy, ShadingPoint};
+use girandole::{FrameBudget, Incident, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint};
 
 const SAMPLES: u32 = 100_000;
 
@@ -21,12 +21,12 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     // Each kind of object has one tree, in its own space. A thousand instances share the tree of
     // the lamp.
-    let lamp = world.add_tree(vec![Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(800.0))])?;
+    let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(800.0))])?);
     for i in 0..1000 {
         world.add_instance(lamp, Placement::at(DVec3::new(30.0 * f64::from(i), 0.0, 5.0)), Policy::Static)?;
     }
     let headlight = |z| Light::spot(Vec3::new(2.0, 0.7, z), Vec3::X, 0.2, 0.5, Vec3::splat(5000.0));
-    let car = world.add_tree(vec![headlight(-0.6), headlight(0.6)])?;
+    let car = world.add_tree(LightTree::new(vec![headlight(-0.6), headlight(0.6)])?);
     let car = world.add_instance(car, Placement::IDENTITY, Policy::RefitOnly)?;
 
     // In every frame, move the objects that have moved and update the world once.

@@ -102,7 +102,7 @@ fn world(rng: &mut Rng) -> LightWorld {
             let emission = size(rng, -3.0, 3.0);
             light(rng, 2.0, emission)
         });
-        let tree = world.add_tree(lights.collect()).expect("valid");
+        let tree = world.add_tree(LightTree::new(lights.collect()).expect("valid"));
         for i in 0..6 {
             let stretch = Vec3::new(size(rng, -0.5, 0.5), size(rng, -0.5, 0.5), size(rng, -0.5, 0.5));
             let linear = match i % 4 {
@@ -148,7 +148,7 @@ fn compare_worlds(seed: u64, shading_point: impl Fn(&mut Rng, f32) -> ShadingPoi
                 Some((Tree { nodes: bytemuck::cast_slice(tree.nodes()), view, instance: Some(part.slot) }, target))
             };
             let directional: f64 = world
-                .directionals()
+                .directional_lights()
                 .map(|(_, light)| {
                     let toward = -exact(light.direction).normalize();
                     let cosine = if at.normal == Vec3::ZERO { 1.0 } else { exact(at.normal).dot(toward).max(0.0) };

@@ -9,13 +9,14 @@ use crate::light::Light;
 use crate::policy::Policy;
 use crate::sampling::counts::{CandidateCount, SplitCount};
 use crate::sampling::resample::candidate_numbers;
+use crate::tree::LightTree;
 use crate::world::LightWorld;
 
 /// A world of one tree of point lights with some instances.
 fn lamps(instances: u32, lights: u32) -> LightWorld {
     let mut world = LightWorld::new();
     let lamp = |i: u32| Light::point(Vec3::new(i as f32, 3.0, 0.0), Vec3::ONE);
-    let tree = world.add_tree((0..lights).map(lamp).collect()).expect("valid");
+    let tree = world.add_tree(LightTree::new((0..lights).map(lamp).collect()).expect("valid"));
     for i in 0..instances {
         let place = DVec3::new(f64::from(i * i % 97), 0.0, f64::from(i % 31));
         world.add_instance(tree, Placement::at(place), Policy::Static).expect("valid");

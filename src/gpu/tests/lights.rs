@@ -11,6 +11,7 @@ use crate::instance::placement::Placement;
 use crate::light::Light;
 use crate::policy::Policy;
 use crate::scheduler::FrameBudget;
+use crate::tree::LightTree;
 
 #[test]
 fn every_public_type_has_a_debug_form_and_may_be_shared_by_threads() {
@@ -34,7 +35,7 @@ fn every_public_type_has_a_debug_form_and_may_be_shared_by_threads() {
 fn two_builds_of_one_upload_give_the_same_top_level() {
     let (device, queue) = gpu();
     let mut world = LightWorld::new();
-    let tree = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
+    let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid"));
     for i in 0..700_u32 {
         let place = DVec3::new(f64::from(i * i % 97), 0.0, f64::from(i % 31));
         world.add_instance(tree, Placement::at(place), Policy::Static).expect("valid");
@@ -60,7 +61,7 @@ fn two_builds_of_one_upload_give_the_same_top_level() {
 fn a_frame_without_changes_writes_nothing_into_the_top_level() {
     let (device, queue) = gpu();
     let mut world = LightWorld::new();
-    let tree = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
+    let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid"));
     for i in 0..300_u32 {
         world.add_instance(tree, Placement::at(DVec3::X * f64::from(i)), Policy::Static).expect("valid");
     }
@@ -88,7 +89,7 @@ fn a_frame_without_changes_writes_nothing_into_the_top_level() {
 fn the_report_of_a_frame_covers_frames_that_were_refused() {
     let (device, queue) = noop();
     let mut world = LightWorld::new();
-    let tree = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
+    let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid"));
     let add = |world: &mut LightWorld| world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     let keys = [0; 3].map(|_| add(&mut world));
     let slots = keys.map(|key| world.slot(key).expect("it lives"));

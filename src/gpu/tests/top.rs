@@ -21,6 +21,7 @@ use crate::plan::node_record::NodeRecord;
 use crate::plan::pool::Growth;
 use crate::plan::stored::Missing;
 use crate::plan::top::TopBuild;
+use crate::tree::LightTree;
 use crate::tree::{ChildRef, Node, WIDTH};
 use crate::{InstanceKey, Light, LightWorld, Placement, Policy, TreeKey};
 
@@ -92,7 +93,11 @@ fn trees(world: &mut LightWorld) -> Vec<TreeKey> {
     let of_all_kinds = (1..=20).map(|n| (100 * n..101 * n).map(light).collect());
     let beams = (0..6).map(|n| (0..=n).map(|i| light(5 * (i + 7 * n) + 1)).collect());
     let dark = vec![Light::point(Vec3::ZERO, Vec3::ZERO)];
-    of_all_kinds.chain(beams).chain([dark]).map(|lights: Vec<Light>| world.add_tree(lights).unwrap()).collect()
+    of_all_kinds
+        .chain(beams)
+        .chain([dark])
+        .map(|lights: Vec<Light>| world.add_tree(LightTree::new(lights).unwrap()))
+        .collect()
 }
 
 /// Rotations, mirrors, uniform and non-uniform scales, spread over a flat city.

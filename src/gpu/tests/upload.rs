@@ -8,11 +8,12 @@ use crate::gpu::*;
 use crate::instance::placement::Placement;
 use crate::light::{DirectionalLight, Light};
 use crate::policy::Policy;
+use crate::tree::LightTree;
 
 /// Fewer than the first buffers hold.
 fn small_world() -> LightWorld {
     let mut world = LightWorld::new();
-    let tree = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
+    let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid"));
     world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     world
 }
@@ -23,7 +24,7 @@ fn grow(world: &mut LightWorld) {
     let spot = |i: u32| Light::spot(Vec3::new(i as f32, 1.0, 0.0), Vec3::NEG_Y, 0.1, 1.4, Vec3::ONE).with_range(99.0);
     let scale = Mat3::from_diagonal(Vec3::new(1.0, 2.0, 3.0));
     for i in 0..40 {
-        let tree = world.add_tree((0..20).map(spot).collect()).expect("valid");
+        let tree = world.add_tree(LightTree::new((0..20).map(spot).collect()).expect("valid"));
         for j in 0..10 {
             let translation = DVec3::new(f64::from(i), 0.0, f64::from(j));
             world.add_instance(tree, Placement { linear: scale, translation }, Policy::Static).expect("valid");

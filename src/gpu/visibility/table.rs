@@ -8,7 +8,7 @@ use super::super::bindings::{bind, bind_lights, storage_entry, visibility_layout
 use super::super::error::GpuError;
 use super::super::memory;
 use super::super::player;
-use crate::plan::BufferId;
+use crate::plan::ShaderBuffers;
 use crate::plan::text;
 use crate::visibility::{BINS, CellGrid, TABLE_HEAD, VisibilityOptions};
 
@@ -20,7 +20,7 @@ pub(in crate::gpu) struct LearntTable {
     pub layout: wgpu::BindGroupLayout,
     pub bind_group: wgpu::BindGroup,
     /// The light buffers that the bind group was made for; `None` if the table was replaced.
-    bound: Option<[BufferId; 5]>,
+    bound: Option<ShaderBuffers>,
     /// What samples read: zeros without a table.
     pub learnt: wgpu::Buffer,
     /// What shaders write in a frame.
@@ -94,7 +94,7 @@ impl LearntTable {
 
     /// Replaces the bind group if a buffer of it was replaced. `identity` identifies the light
     /// buffers.
-    pub fn rebind(&mut self, device: &wgpu::Device, lights: &[&wgpu::Buffer], identity: Option<[BufferId; 5]>) {
+    pub fn rebind(&mut self, device: &wgpu::Device, lights: &[&wgpu::Buffer], identity: Option<ShaderBuffers>) {
         if self.bound.is_none() || self.bound != identity {
             self.bind_group = bind_group(device, &self.layout, lights, &self.learnt, &self.records);
             self.bound = identity;

@@ -13,6 +13,7 @@ use crate::math::dice::hash;
 use crate::policy::Policy;
 use crate::sampling::sample::{LightId, LightSampler};
 use crate::shading::shading_point::ShadingPoint;
+use crate::tree::LightTree;
 use crate::visibility::{TABLE_HEAD, VisibilityTable};
 use crate::world::LightWorld;
 
@@ -76,7 +77,7 @@ fn world() -> LightWorld {
                 _ => Light::rectangle(place, Vec3::X * 0.2, Vec3::Z * 0.2, Vec3::splat(9.0)),
             }
         };
-        let key = world.add_tree((0..30).map(light).collect()).expect("valid");
+        let key = world.add_tree(LightTree::new((0..30).map(light).collect()).expect("valid"));
         for i in 0..6_u32 {
             let seed = 50_000 + 100 * tree + 10 * i;
             let linear = Mat3::from_rotation_y(unit(seed)) * if i == 3 { 1.5 } else { 1.0 };

@@ -118,7 +118,7 @@ impl LightTree {
     /// let tree = LightTree::from_baked(&bytes)?;
     /// // On the thread of the world.
     /// let mut world = LightWorld::new();
-    /// let key = world.insert_tree(tree);
+    /// let key = world.add_tree(tree);
     /// assert_eq!(world.tree(key).map(|tree| tree.lights().len()), Some(100));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```

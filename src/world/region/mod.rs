@@ -16,10 +16,7 @@ use crate::error::WorldError;
 use crate::instance::appearance::{Appearance, check_factor};
 use crate::instance::placement::{Anchor, Placed, Placement};
 use crate::keys::TreeKey;
-use crate::light::Light;
 use crate::policy::Policy;
-#[cfg(feature = "bake")]
-use crate::tree::BakeError;
 use crate::tree::LightTree;
 
 /// Trees, and instances of them, that [`LightWorld::add_region`](crate::LightWorld::add_region)
@@ -30,18 +27,16 @@ use crate::tree::LightTree;
 ///
 /// | a tree | by | cost on the thread that fills the region |
 /// |---|---|---|
-/// | whose lights shine at once, and which the world builds later, within its budgets | [`Region::add_placeholder`] | about half of a build |
-/// | that is built, or was removed from a world | [`Region::add_tree`] | none |
-/// | that was baked | [`Region::add_baked`] (feature `bake`) | that of [`LightTree::from_baked`] |
+/// | of the region, which any constructor of [`LightTree`] makes | [`Region::add_tree`] | that of the constructor |
 /// | of the world, which the region does not own | [`Region::add_world_tree`] | none |
 ///
 /// ```
 /// use girandole::glam::{DVec3, Vec3};
-/// use girandole::{FrameBudget, Light, LightWorld, Placement, Policy, Region, RegionInstance};
+/// use girandole::{FrameBudget, Light, LightTree, LightWorld, Placement, Policy, Region, RegionInstance};
 /// // On a loader thread.
 /// let mut region = Region::new();
 /// let lamps = (0..100).map(|i| Light::point(Vec3::X * i as f32, Vec3::ONE)).collect();
-/// let street = region.add_placeholder(lamps)?;
+/// let street = region.add_tree(LightTree::new_placeholder(lamps)?);
 /// for i in 0..10 {
 ///     let placement = Placement::at(DVec3::Z * 20.0 * f64::from(i));
 ///     region.add_instance(RegionInstance::new(street, placement, Policy::Static))?;
@@ -144,33 +139,14 @@ impl Region {
         self.trees.is_empty() && self.instances.is_empty()
     }
 
-    /// Adds a tree whose lights shine as soon as the region is added, and which the world builds
-    /// within its budgets: see [`LightTree::new_placeholder`]. O(lights).
-    ///
-    /// # Errors
-    /// As [`LightTree::new`].
-    pub fn add_placeholder(&mut self, lights: Vec<Light>) -> Result<RegionTree, WorldError> {
-        let tree = LightTree::new_placeholder(lights)?;
-        Ok(self.add_tree(tree))
-    }
-
     /// Adds a tree without a copy or a build, as
-    /// [`LightWorld::insert_tree`](crate::LightWorld::insert_tree). If its lights have changed
-    /// since its last refit, it is refitted now. O(1), but for that refit.
+    /// [`LightWorld::add_tree`](crate::LightWorld::add_tree). A
+    /// [placeholder](LightTree::new_placeholder) shines as soon as the region is added, and the world
+    /// builds it within its budgets. If the tree's lights have changed since its last refit, it is
+    /// refitted now. O(1), but for that refit.
     pub fn add_tree(&mut self, mut tree: LightTree) -> RegionTree {
         tree.refit_changes();
         self.add(RegionSource::Own { tree: Box::new(tree), has_instance: false })
-    }
-
-    /// Adds a tree that [`LightTree::bake`] has written. Costs as much as
-    /// [`LightTree::from_baked`].
-    ///
-    /// # Errors
-    /// As [`LightTree::from_baked`].
-    #[cfg(feature = "bake")]
-    pub fn add_baked(&mut self, bytes: &[u8]) -> Result<RegionTree, BakeError> {
-        let tree = LightTree::from_baked(bytes)?;
-        Ok(self.add_tree(tree))
     }
 
     /// Lets the region use a tree of the world, which stays when the region is removed. Whether the

@@ -48,6 +48,7 @@ fn area(light: &Light) -> Option<f64> {
         }
         Shape::Triangle { vertices, two_sided } => Some(heron(vertices.map(exact)) * sides(two_sided)),
         Shape::Sphere { radius, .. } => Some(4.0 * PI * f64::from(radius).powi(2)),
+        _ => unreachable!("this version has no others"),
     }
 }
 
@@ -145,6 +146,7 @@ fn moments(light: &Light) -> (DVec3, f64) {
                 (center + (around + DVec3::Z * z) * radius, 1.0)
             })
         }
+        _ => unreachable!("this version has no others"),
     }
 }
 

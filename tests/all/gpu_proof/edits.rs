@@ -1,7 +1,9 @@
 //! Random edits of every kind to a world of any size, so that frames send all kinds of deltas.
 
 use girandole::glam::{DVec3, Vec3};
-use girandole::{DirectionalLight, FrameBudget, InstanceKey, Light, LightWorld, Policy, Region, RegionKey, TreeKey};
+use girandole::{
+    DirectionalLight, FrameBudget, InstanceKey, Light, LightTree, LightWorld, Policy, Region, RegionKey, TreeKey,
+};
 
 use testbed::testing::support::Rng;
 
@@ -25,7 +27,9 @@ impl Edited {
     pub fn new(seed: u64) -> Self {
         let mut rng = Rng(seed);
         let mut world = LightWorld::new();
-        let trees = (0..TREES).map(|i| world.add_tree(rng.lights(1 + i % 6, 1.0)).expect("valid lights")).collect();
+        let trees = (0..TREES)
+            .map(|i| world.add_tree(LightTree::new(rng.lights(1 + i % 6, 1.0)).expect("valid lights")))
+            .collect();
         Self { world, rng, trees, instances: Vec::new(), region: None }
     }
 
@@ -118,12 +122,12 @@ impl Edited {
         }
         self.world.remove_tree(tree).expect("nothing uses it any more");
         let count = 1 + self.rng.bits() as usize % 6;
-        self.trees[index] = self.world.add_tree(self.rng.lights(count, 1.0)).expect("valid lights");
+        self.trees[index] = self.world.add_tree(LightTree::new(self.rng.lights(count, 1.0)).expect("valid lights"));
     }
 
     /// Adds a directional light, or removes one of two.
     fn change_directionals(&mut self) {
-        let keys: Vec<_> = self.world.directionals().map(|(key, _)| key).collect();
+        let keys: Vec<_> = self.world.directionals().collect();
         if keys.len() < 2 {
             let light = DirectionalLight { direction: self.rng.direction(), illuminance: Vec3::splat(0.1) };
             self.world.add_directional(light).expect("a valid light");
@@ -140,7 +144,7 @@ impl Edited {
         }
         let mut region = Region::new();
         let lights: Vec<Light> = self.rng.lights(5, 1.0);
-        let tree = region.add_placeholder(lights).expect("valid lights");
+        let tree = region.add_tree(LightTree::new_placeholder(lights).expect("valid lights"));
         for _ in 0..3 {
             let instance = girandole::RegionInstance::new(tree, self.rng.affine(SIZE), Policy::Budgeted);
             region.add_instance(instance).expect("a valid placement");

@@ -6,6 +6,7 @@ use girandole::{DirectionalLight, FrameBudget, Light, LightWorld, Placement, Pol
 
 use super::{Question, Sampled, Text, named_lights};
 use crate::gpu::gpu;
+use girandole::LightTree;
 use testbed::testing::support::Rng;
 
 /// Coordinates that no caller should pass, and some that are at the limits.
@@ -66,7 +67,7 @@ fn upload(world: &mut LightWorld) -> GpuLights {
 /// A world with all shapes, scales from 1e-9 to 1e9 with ranges, factors and directional lights.
 fn varied(rng: &mut Rng) -> LightWorld {
     let mut world = rng.varied_world(5, 30, 3, 15.0);
-    let tree = world.add_tree(shapes(rng)).expect("valid lights");
+    let tree = world.add_tree(LightTree::new(shapes(rng)).expect("valid lights"));
     for scale in [1.1e-9, 1.0e-3, 1.0, 1.0e3, 0.9e9] {
         let placement =
             Placement { linear: Mat3::from_diagonal(Vec3::new(scale, -scale, scale)), ..rng.affine(9.0).into() };
@@ -160,7 +161,7 @@ fn numbers_outside_the_unit_interval_give_the_samples_of_clamped_ones_on_the_gpu
     let mut rng = Rng(901);
     let shapes = shapes(&mut rng);
     let mut world = LightWorld::new();
-    let tree = world.add_tree(vec![shapes[0]]).expect("a valid light");
+    let tree = world.add_tree(LightTree::new(vec![shapes[0]]).expect("a valid light"));
     world.add_instance(tree, rng.affine(0.0), Policy::Budgeted).expect("a valid placement");
     let mut lights = upload(&mut world);
     let mut seen = 0;

@@ -275,12 +275,13 @@ fn ask<A: Pod>(lights: &mut GpuLights, text: Text, entry: &'static str, question
 /// Every light of a world with the numbers by which shaders name it: the slot of its instance and
 /// its index, `u32::MAX` and its place for a directional light.
 fn named_lights(world: &LightWorld) -> Vec<(LightId, [u32; 2])> {
-    let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+    let directionals: Vec<_> = world.directionals().collect();
     let name = |light: &LightId| match *light {
         LightId::Local { instance, light } => [world.slot(instance).expect("a live instance"), light],
         LightId::Directional(key) => {
             [u32::MAX, directionals.iter().position(|other| *other == key).expect("a live light") as u32]
         }
+        _ => unreachable!("this version has no others"),
     };
     world.sampler().all_lights().map(|light| (light, name(&light))).collect()
 }

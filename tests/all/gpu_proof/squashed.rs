@@ -7,6 +7,7 @@ use girandole::{FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint,
 
 use super::{Question, Text, named_lights};
 use crate::gpu::{close, gpu};
+use girandole::LightTree;
 use testbed::testing::support::{Rng, SPLITS};
 
 pub(super) fn upload(world: &mut LightWorld) -> GpuLights {
@@ -34,7 +35,7 @@ fn squashed(rng: &mut Rng, thin: f32) -> LightWorld {
             _ => Light::spot(at, direction, 0.2, 1.0 + 0.1 * i as f32, Vec3::splat(30.0)),
         }
     });
-    let tree = world.add_tree(lights.collect()).expect("valid lights");
+    let tree = world.add_tree(LightTree::new(lights.collect()).expect("valid lights"));
     for scale in [Vec3::new(1.0, 1.0, thin), Vec3::new(1.0, thin, thin)] {
         for _ in 0..4 {
             let linear = turn(rng) * Mat3::from_diagonal(scale) * turn(rng);
@@ -100,7 +101,8 @@ fn lamps_on_the_horizon_far_from_the_origin_are_covered_on_the_gpu() {
     // Two lamps at one point have a box without extent, which is not rounded outward.
     let places: Vec<Vec3> = (0..9).map(|_| rng.position(30.0)).collect();
     let lamps = |at: &Vec3| vec![Light::point(*at, Vec3::splat(1.0e4)); 2];
-    let trees: Vec<_> = places.iter().map(|at| world.add_tree(lamps(at)).expect("valid lights")).collect();
+    let trees: Vec<_> =
+        places.iter().map(|at| world.add_tree(LightTree::new(lamps(at)).expect("valid lights"))).collect();
     let mut placed = Vec::new();
     for distance in [0.0, 1.0e4, 1.0e6] {
         for (tree, place) in trees.iter().zip(&places) {

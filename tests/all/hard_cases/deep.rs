@@ -21,6 +21,7 @@ fn below(tree: &LightTree, child: ChildRef, pmfs: &[f32]) -> f64 {
             let record = &tree.nodes()[node as usize];
             (0..WIDTH).filter_map(|slot| record.child(slot)).map(|child| below(tree, child, pmfs)).sum()
         }
+        _ => unreachable!("this version has no others"),
     }
 }
 
@@ -31,6 +32,7 @@ fn lights_below(tree: &LightTree, child: ChildRef) -> Vec<u32> {
             let record = &tree.nodes()[node as usize];
             (0..WIDTH).filter_map(|slot| record.child(slot)).flat_map(|child| lights_below(tree, child)).collect()
         }
+        _ => unreachable!("this version has no others"),
     }
 }
 

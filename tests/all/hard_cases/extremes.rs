@@ -102,7 +102,7 @@ fn centimetres_count_ten_thousand_kilometres_from_the_origin() {
     let mut rng = Rng(108);
     let origin = DVec3::new(1.0e7, -3.0, 1.0e7);
     let mut world = LightWorld::new();
-    let tree = world.add_tree(rng.lights(40, 0.05)).expect("allowed");
+    let tree = world.add_tree(LightTree::new(rng.lights(40, 0.05)).expect("allowed"));
     for i in 0..100 {
         let at = origin + DVec3::new(f64::from(i) * 0.01, 0.0, f64::from(i % 7) * 0.01);
         world.add_instance(tree, Placement::at(at), Policy::Static).expect("allowed");
@@ -207,7 +207,7 @@ fn ill_conditioned_placements_are_covered_or_refused() {
         let ranged: Vec<_> = lights.iter().map(|l| l.with_range(1.0)).collect();
         lights.extend(ranged);
         let mut world = LightWorld::new();
-        let tree = world.add_tree(lights).expect("allowed");
+        let tree = world.add_tree(LightTree::new(lights).expect("allowed"));
         let placement = Placement { linear: shape, translation: rng.position(100.0).as_dvec3() };
         if world.add_instance(tree, placement, Policy::Static).is_err() {
             continue;
@@ -258,6 +258,7 @@ fn moved(light: &Light, step: Vec3) -> Light {
         Shape::Point { position } | Shape::Spot { position, .. } => *position += step,
         Shape::Rectangle { center, .. } | Shape::Sphere { center, .. } => *center += step,
         Shape::Triangle { vertices, .. } => *vertices = vertices.map(|v| v + step),
+        &mut _ => unreachable!("this version has no others"),
     }
     light
 }
@@ -271,7 +272,7 @@ fn a_world_that_is_switched_off_and_on_again_has_the_same_probabilities() {
     let before: Vec<_> = all.iter().map(|r| all_pmfs(&world.sampler(), r)).collect();
     for tree in &trees {
         let lights = world.tree(*tree).expect("a live tree").lights().to_vec();
-        let off: Vec<_> = (0..).zip(&lights).map(|(i, l)| (i, Light { emission: Vec3::ZERO, ..*l })).collect();
+        let off: Vec<_> = (0..).zip(&lights).map(|(i, l)| (i, l.with_emission(Vec3::ZERO))).collect();
         world.set_lights(*tree, &off).expect("dark is allowed");
         world.update(FrameBudget::NONE);
         prove(&world, &all, 15);
@@ -366,7 +367,7 @@ fn random_allowed_scenes_are_covered() {
             })
             .collect();
         let mut world = LightWorld::new();
-        let tree = world.add_tree(lights.clone()).expect("allowed lights");
+        let tree = world.add_tree(LightTree::new(lights.clone()).expect("allowed lights"));
         world.tree(tree).expect("just added").check().expect("a sound tree");
         let mut targets = Vec::new();
         for _ in 0..3 {

@@ -33,7 +33,7 @@ fn sigma(near: Near, far: Far, distance: f32, lux: f32) -> f64 {
     let at = Vec3::new(0.6, 0.64, 0.48) * distance;
     let mut world = LightWorld::new();
     let mut add = |lights: Vec<Light>, at: Vec3| {
-        let tree = world.add_tree(lights).expect("valid lights");
+        let tree = world.add_tree(LightTree::new(lights).expect("valid lights"));
         world.add_instance(tree, Placement::at(at.as_dvec3()), Policy::Static).expect("a valid placement");
     };
     let flat = |rng: &mut Rng, size: f32| rng.position(size) * Vec3::new(1.0, 0.05, 1.0);

@@ -36,7 +36,7 @@ const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;
 /// A world with instances of one tree.
 fn placed(lights: Vec<Light>, placements: impl IntoIterator<Item = Placement>) -> LightWorld {
     let mut world = LightWorld::new();
-    let tree = world.add_tree(lights).expect("allowed lights");
+    let tree = world.add_tree(LightTree::new(lights).expect("allowed lights"));
     world.tree(tree).expect("just added").check().expect("a sound tree");
     for placement in placements {
         world.add_instance(tree, placement, Policy::Budgeted).expect("an allowed placement");

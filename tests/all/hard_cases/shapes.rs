@@ -121,6 +121,7 @@ fn scale_light(light: &Light, s: f32) -> Light {
         }
         Shape::Triangle { vertices, .. } => *vertices = vertices.map(|v| v * s),
         Shape::Sphere { center, radius } => (*center, *radius) = (*center * s, *radius * s),
+        &mut _ => unreachable!("this version has no others"),
     }
     scaled
 }

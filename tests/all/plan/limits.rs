@@ -6,6 +6,7 @@ use girandole::plan::{FramePlan, LightPlanner, PlanLimits};
 use girandole::{Light, LightWorld, Placement, Policy, TreeKey};
 
 use super::update;
+use girandole::LightTree;
 use testbed::testing::plan_device::{Device, Played};
 use testbed::testing::plan_records::{Found, check};
 use testbed::testing::support::Rng;
@@ -25,7 +26,7 @@ pub fn lamps(rng: &mut Rng, count: usize) -> Vec<Light> {
 pub fn row(rng: &mut Rng, trees: usize, lights: usize) -> (LightWorld, Vec<TreeKey>) {
     let mut world = LightWorld::new();
     let mut add = |i: usize| {
-        let tree = world.add_tree(lamps(rng, lights)).expect("valid");
+        let tree = world.add_tree(LightTree::new(lamps(rng, lights)).expect("valid"));
         let place = Placement::at(DVec3::X * 100.0 * i as f64);
         world.add_instance(tree, place, Policy::Budgeted).expect("valid");
         tree
@@ -189,7 +190,7 @@ fn limits_of_zero_have_an_outcome() {
     }
     assert!(none.planner.memory().trees <= 128 << 10);
     for _ in 0..400 {
-        let tree = world.add_tree(lamps(&mut rng, 16)).expect("valid");
+        let tree = world.add_tree(LightTree::new(lamps(&mut rng, 16)).expect("valid"));
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     }
     update(&mut world);
@@ -265,7 +266,7 @@ fn what_shaders_see_is_sound_after_any_sequence_of_edits_and_limits() {
                 match rng.bits() % 16 {
                     0..4 => {
                         let count = [3, 16, 17, 60, 300, 2000][rng.bits() as usize % 6];
-                        let tree = world.add_tree(lamps(&mut rng, count)).expect("valid");
+                        let tree = world.add_tree(LightTree::new(lamps(&mut rng, count)).expect("valid"));
                         for _ in 0..rng.bits() % 4 {
                             let place = Placement::at(rng.position(1000.0).as_dvec3());
                             world.add_instance(tree, place, Policy::Budgeted).expect("valid");

@@ -20,7 +20,7 @@ fn place(rng: &mut Rng) -> Placement {
 /// Instances of one lamp each.
 fn lamps(count: usize) -> (LightWorld, TreeKey, Vec<InstanceKey>) {
     let (mut world, mut rng) = (LightWorld::new(), Rng(5));
-    let tree = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
+    let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid"));
     let mut add = |_| world.add_instance(tree, place(&mut rng), Policy::Static).expect("valid");
     let keys = (0..count).map(&mut add).collect();
     (world, tree, keys)
@@ -73,7 +73,7 @@ fn many_flickering_trees_go_up_in_one_write() {
     let lamp = |rng: &mut Rng| Light::point(rng.position(1.0), Vec3::splat(rng.between(1.0, 2.0)));
     let mut trees = Vec::new();
     for _ in 0..1000 {
-        let tree = world.add_tree((0..4).map(|_| lamp(&mut rng)).collect()).expect("valid");
+        let tree = world.add_tree(LightTree::new((0..4).map(|_| lamp(&mut rng)).collect()).expect("valid"));
         world.add_instance(tree, place(&mut rng), Policy::Budgeted).expect("valid");
         trees.push(tree);
     }
@@ -94,7 +94,7 @@ fn many_flickering_trees_go_up_in_one_write() {
         let mut fresh = Played::new();
         fresh.frame(&world);
         let content = |played: &Played| {
-            let [_, _, nodes, _, lights] = played.planner.bindings().expect("a plan was made");
+            let [_, _, nodes, _, lights] = played.bound();
             (played.device.content(nodes)[..1000 * 160].to_vec(), played.device.content(lights)[..4000 * 32].to_vec())
         };
         assert!(content(&played) == content(&fresh));
@@ -106,7 +106,7 @@ fn changed_lights_of_trees_in_sections_and_open_trees_go_up_alone_beside_many_sm
     let (mut world, mut rng) = (LightWorld::new(), Rng(8));
     let lamp = |rng: &mut Rng| Light::point(rng.position(50.0), Vec3::splat(rng.between(1.0, 2.0)));
     let mut add = |world: &mut LightWorld, lights: usize| {
-        let tree = world.add_tree((0..lights).map(|_| lamp(&mut rng)).collect()).expect("valid");
+        let tree = world.add_tree(LightTree::new((0..lights).map(|_| lamp(&mut rng)).collect()).expect("valid"));
         world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
         tree
     };
@@ -186,7 +186,7 @@ fn a_dropped_reservation_changes_nothing_and_its_changes_come_with_the_next() {
     for round in 0..4 {
         // More of everything than the buffers hold, also in another layout.
         let lights = (0..300).map(|_| Light::sphere(rng.position(5.0), 0.1, Vec3::ONE)).collect();
-        let tree = world.add_tree(lights).expect("valid");
+        let tree = world.add_tree(LightTree::new(lights).expect("valid"));
         for _ in 0..200 << round {
             world.add_instance(tree, place(&mut rng), Policy::Static).expect("valid");
         }
@@ -323,17 +323,18 @@ fn after_a_loss_the_last_frame_has_no_lights_until_the_second_plan() {
     played.frame(&world);
     played.planner.lose();
     let zeros = |played: &Played| {
-        let [params, buffers @ ..] = played.planner.previous_bindings().expect("they are kept");
+        let bound = played.planner.previous_bindings().expect("they are kept");
+        let (params, buffers) = bound.split_first().expect("five buffers");
         let is_zero = |bytes: &[u8]| bytes.iter().all(|byte| *byte == 0);
         // The numbers of slots and of directional lights, and all buffers.
-        is_zero(&played.device.content(params)[..12]) && buffers.iter().all(|id| is_zero(played.device.content(*id)))
+        is_zero(&played.device.content(*params)[..12]) && buffers.iter().all(|id| is_zero(played.device.content(*id)))
     };
     played.frame(&world);
     assert!(zeros(&played));
     played.frame(&world);
     assert!(!zeros(&played));
-    let [[.., present, _], [.., previous, _]] =
-        [played.planner.bindings(), played.planner.previous_bindings()].map(|ids| ids.expect("a plan was made"));
+    let [present, previous] =
+        [played.planner.bindings(), played.planner.previous_bindings()].map(|ids| ids.expect("a plan was made")[3]);
     let used = slots(&world) * INSTANCE_BYTES;
     assert!(played.device.content(present)[..used] == played.device.content(previous)[..used]);
 }
@@ -342,7 +343,7 @@ fn after_a_loss_the_last_frame_has_no_lights_until_the_second_plan() {
 fn indices_of_lights_that_never_were_are_sent_as_removed_lights() {
     let mut world = LightWorld::new();
     let lamp = |i: u32| Light::point(Vec3::splat(i as f32), Vec3::ONE);
-    let tree = world.add_tree((0..100).map(lamp).collect()).expect("valid");
+    let tree = world.add_tree(LightTree::new((0..100).map(lamp).collect()).expect("valid"));
     world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
     let mut played = Played::new();
     update(&mut world);
@@ -358,7 +359,7 @@ fn indices_of_lights_that_never_were_are_sent_as_removed_lights() {
     let mut fresh = Played::new();
     fresh.frame(&world);
     let lights = |played: &Played| {
-        let [_, _, _, _, lights] = played.planner.bindings().expect("a plan was made");
+        let [_, _, _, _, lights] = played.bound();
         let base = u32::from_le_bytes(played.instances(&world, INSTANCE_BYTES)[60..64].try_into().expect("a word"));
         played.device.content(lights)[base as usize * 32..][..105 * 32].to_vec()
     };
@@ -393,7 +394,8 @@ fn a_world_that_does_not_fit_is_refused_and_fits_once_it_holds_less() {
     played.frame(&world);
     // Trees of so few lights have no stand-ins.
     let lamp = |i: u32| Light::point(Vec3::splat(i as f32), Vec3::ONE);
-    let trees: Vec<_> = (0..300).map(|_| world.add_tree((0..16).map(lamp).collect()).expect("valid")).collect();
+    let trees: Vec<_> =
+        (0..300).map(|_| world.add_tree(LightTree::new((0..16).map(lamp).collect()).expect("valid"))).collect();
     world.move_instance(keys[0], Placement::at(DVec3::X)).expect("valid");
     update(&mut world);
     for _ in 0..2 {
@@ -418,12 +420,12 @@ fn a_loaded_tree_is_sent_as_the_tree_that_was_baked() {
     let loaded = LightTree::from_baked(&baked).expect("it was just baked");
     let sent = [tree, loaded].map(|tree| {
         let mut world = LightWorld::new();
-        let key = world.insert_tree(tree);
+        let key = world.add_tree(tree);
         world.add_instance(key, Placement::IDENTITY, Policy::Budgeted).expect("valid");
         let mut played = Played::new();
         update(&mut world);
         let report = played.frame(&world).report;
-        let [_, _, nodes, instances, lights] = played.planner.bindings().expect("a plan was made");
+        let [_, _, nodes, instances, lights] = played.bound();
         (report, [nodes, instances, lights].map(|id| played.device.content(id).to_vec()))
     });
     assert_eq!(sent[0].0.lights, 500);

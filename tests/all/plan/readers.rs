@@ -2,7 +2,9 @@
 //! same records.
 
 use girandole::glam::{DVec3, Vec3};
-use girandole::{DirectionalLight, InstanceKey, LightWorld, OriginMode, Placement, Policy, Revision, TreeKey};
+use girandole::{
+    DirectionalLight, InstanceKey, LightTree, LightWorld, OriginMode, Placement, Policy, Revision, TreeKey,
+};
 
 use super::limits::{lamp, lamps};
 use super::update;
@@ -16,7 +18,7 @@ const PLACES: std::ops::Range<usize> = 13..17;
 /// What the buffers say of a world, wherever they hold it: the settings, each instance with the
 /// nodes and lights of its tree, and the directional lights.
 fn records(played: &Played, world: &LightWorld) -> Vec<Vec<u32>> {
-    let [params, _, nodes, instances, lights] = played.planner.bindings().expect("a plan was made");
+    let [params, _, nodes, instances, lights] = played.bound();
     let words = |id| bytemuck::pod_collect_to_vec::<u8, u32>(played.device.content(id));
     let (mut params, nodes, instances, lights) = (words(params), words(nodes), words(instances), words(lights));
     let [node_stride, light_stride, instance_stride] = [4, 6, 7].map(|word| 4 * params[word] as usize);
@@ -46,14 +48,14 @@ fn edit(world: &mut LightWorld, rng: &mut Rng) {
     let pick = |count: usize, rng: &mut Rng| rng.bits() as usize % count.max(1);
     let trees: Vec<TreeKey> = world.trees().collect();
     let keys: Vec<InstanceKey> = world.instances().collect();
-    let suns: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+    let suns: Vec<_> = world.directionals().collect();
     let is_yes = rng.bits().is_multiple_of(2);
     let sun = DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::splat(rng.between(0.1, 1.0)) };
     let place = |rng: &mut Rng| Placement::at(rng.position(200.0).as_dvec3());
     match rng.bits() % 20 {
         0 | 1 => {
             let count = [1, 5, 17, 60, 300][pick(5, rng)];
-            let tree = world.add_tree(lamps(rng, count)).expect("valid");
+            let tree = world.add_tree(LightTree::new(lamps(rng, count)).expect("valid"));
             world.add_instance(tree, place(rng), Policy::Budgeted).expect("valid");
         }
         2 if !suns.is_empty() => world.remove_directional(suns[pick(suns.len(), rng)]).expect("it lives"),

@@ -3,7 +3,7 @@
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::plan::PlanLimits;
-use girandole::{InstanceKey, Light, LightWorld, Placement, Policy, TreeKey};
+use girandole::{InstanceKey, Light, LightTree, LightWorld, Placement, Policy, TreeKey};
 
 use super::limits::{bytes, idle, lamp, lamps, played, row};
 use super::update;
@@ -33,7 +33,7 @@ fn with_gaps(rng: &mut Rng, lights: usize) -> (LightWorld, Played, Vec<TreeKey>,
         world.remove_tree(*tree).expect("no instances");
     }
     keys = keys.into_iter().skip(1).step_by(2).collect();
-    let large = world.add_tree(lamps(rng, 3300)).expect("valid");
+    let large = world.add_tree(LightTree::new(lamps(rng, 3300)).expect("valid"));
     world.add_instance(large, Placement::IDENTITY, Policy::Static).expect("valid");
     update(&mut world);
     played.frame(&world);
@@ -150,7 +150,7 @@ fn trees_that_do_not_fit_do_not_keep_others_coming_and_going() {
         let mut total = 0;
         for i in 0..40 {
             let count = [20, 60, 130, 300, 900, 2500][rng.bits() as usize % 6];
-            let tree = world.add_tree(lamps(&mut rng, count)).expect("valid");
+            let tree = world.add_tree(LightTree::new(lamps(&mut rng, count)).expect("valid"));
             let place = Placement::at(DVec3::X * 100.0 * f64::from(i));
             world.add_instance(tree, place, Policy::Budgeted).expect("valid");
             total += bytes(&world, tree);
@@ -175,7 +175,7 @@ fn a_large_tree_with_sections_flickers_together_with_many_small_trees() {
     let mut rng = Rng(46);
     let mut world = LightWorld::new();
     let add = |world: &mut LightWorld, lights: Vec<Light>, at: DVec3| -> (TreeKey, InstanceKey) {
-        let tree = world.add_tree(lights).expect("valid");
+        let tree = world.add_tree(LightTree::new(lights).expect("valid"));
         (tree, world.add_instance(tree, Placement::at(at), Policy::Budgeted).expect("valid"))
     };
     // Each of the small trees lies within the large one, which thus has sections.

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use girandole::scheduler::WorkKind;
-use girandole::{FrameBudget, FrameReport, Light, LightWorld, Placement, Policy, Shape, TreeKey};
+use girandole::{FrameBudget, FrameReport, Light, LightTree, LightWorld, Placement, Policy, Shape, TreeKey};
 
 use super::{TestWorld, random_light};
 use testbed::testing::support::Rng;
@@ -35,7 +35,7 @@ fn run_until(test: &mut TestWorld, is_last: impl Fn(&FrameReport) -> bool) -> Fr
 /// The light 0.1 m further along each axis.
 fn moved(light: &Light) -> Light {
     match light.shape {
-        Shape::Point { position } => Light { shape: Shape::Point { position: position + 0.1 }, ..*light },
+        Shape::Point { position } => light.with_shape(Shape::Point { position: position + 0.1 }),
         _ => *light,
     }
 }
@@ -161,7 +161,7 @@ fn frames_go_on_during_a_build_on_the_machine_clock() {
     let mut world = LightWorld::new();
     let mut rng = Rng(23);
     let mut lights = || (0..100_000).map(|_| random_light(&mut rng, 10.0)).collect::<Vec<_>>();
-    let tree = world.add_tree(lights()).expect("valid lights");
+    let tree = world.add_tree(LightTree::new(lights()).expect("valid lights"));
     world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("a valid instance");
     let changes: Vec<_> = (0..).zip(lights()).collect();
     world.set_lights(tree, &changes).expect("valid lights");

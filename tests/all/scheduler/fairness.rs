@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use girandole::glam::DVec3;
-use girandole::{FrameBudget, Light, Placement, Policy, Shape, TreeKey};
+use girandole::{FrameBudget, Light, LightTree, Placement, Policy, Shape, TreeKey};
 
 use super::{TestWorld, check_trees, far_placement, rebuild_jobs};
 
@@ -61,7 +61,7 @@ fn a_frame_rebuilds_what_fits_its_budget_and_reports_it() {
     test.world.rebuild_tree(trees[0]).expect("a live tree");
     let rebuilt = test.world.rebuild_state(trees[0]).map(|state| (state.age, state.waited));
     assert_eq!(rebuilt, Some((0, None)));
-    let removed = test.world.add_tree(Vec::new()).expect("no lights");
+    let removed = test.world.add_tree(LightTree::new(Vec::new()).expect("no lights"));
     test.world.remove_tree(removed).expect("a tree without instances");
     assert_eq!(test.world.rebuild_state(removed), None);
 }
@@ -155,7 +155,7 @@ fn a_tree_that_gains_nothing_is_rebuilt_after_sixteen_rounds_and_once() {
 /// A point light at half of its distance from the origin.
 fn at_half_distance(light: &Light) -> Light {
     match light.shape {
-        Shape::Point { position } => Light { shape: Shape::Point { position: 0.5 * position }, ..*light },
+        Shape::Point { position } => light.with_shape(Shape::Point { position: 0.5 * position }),
         _ => *light,
     }
 }

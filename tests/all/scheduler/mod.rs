@@ -56,7 +56,7 @@ impl TestWorld {
     /// Adds a tree of random lights within ten metres, with one instance.
     pub fn add_tree(&mut self, lights: usize, policy: Policy) -> TreeKey {
         let lights = (0..lights).map(|_| random_light(&mut self.rng, 10.0)).collect();
-        let tree = self.world.add_tree(lights).expect("valid lights");
+        let tree = self.world.add_tree(LightTree::new(lights).expect("valid lights"));
         let translation = self.rng.position(100.0).as_dvec3();
         self.world.add_instance(tree, Placement::at(translation), policy).expect("a valid instance");
         tree

@@ -55,9 +55,9 @@ fn a_refit_keeps_the_attributes_of_lights_that_are_all_moved_rotated_mirrored_sc
         let is_area = light.area().is_some();
         let emission = light.emission * if is_area { 1.0 } else { factor * factor };
         let grown = mapped(light, |p| p * factor, |v| v * factor);
-        Light { emission, ..grown }
+        grown.with_emission(emission)
     };
-    let dimmed = |light: &Light| Light { emission: light.emission * 1.0e-6, ..*light };
+    let dimmed = |light: &Light| light.with_emission(light.emission * 1.0e-6);
     let all = |change: &dyn Fn(&Light) -> Light| -> Vec<_> { (0..).zip(lights.iter().map(change)).collect() };
     for (name, changes) in [
         ("moved", all(&|light| mapped(light, |p| p + shift, |v| v))),

@@ -21,7 +21,7 @@ fn edited(light: &Light, first: &Light, rng: &mut Rng) -> Light {
     let here = place + step;
     let middle = first.aabb().center();
     let light = mapped(first, |p| here + turn * (p - middle), |v| turn * v);
-    Light { emission, ..light }
+    light.with_emission(emission)
 }
 
 #[test]

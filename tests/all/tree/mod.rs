@@ -44,6 +44,7 @@ fn mapped(light: &Light, position: impl Fn(Vec3) -> Vec3, vector: impl Fn(Vec3) 
         Shape::Sphere { center, radius } => {
             (*center, *radius) = (position(*center), vector(Vec3::X * *radius).length());
         }
+        &mut _ => unreachable!("this version has no others"),
     }
     light
 }

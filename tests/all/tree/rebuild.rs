@@ -66,7 +66,7 @@ fn tiny_and_dark_trees_can_be_rebuilt() {
     }
     let mut tree = points(&mut rng, 1000);
     let lit = changed(&tree, |light| *light);
-    tree.set_lights(&changed(&tree, |light| Light { emission: Vec3::ZERO, ..*light })).expect("the lights are valid");
+    tree.set_lights(&changed(&tree, |light| light.with_emission(Vec3::ZERO))).expect("the lights are valid");
     tree.refit();
     tree.check().expect("the dark tree is sound");
     // A tree that is built while it is dark has no cost to compare with.

@@ -19,7 +19,7 @@ fn lamps_that_are_switched_off_and_on_again_leave_the_tree_as_it_was() {
             .iter()
             .zip(0..)
             .filter(|(_, i)| i % 3 == round)
-            .map(|(l, i)| (i, Light { emission: Vec3::ZERO, ..*l }))
+            .map(|(l, i)| (i, l.with_emission(Vec3::ZERO)))
             .collect();
         tree.set_lights(&off).expect("dark lights are valid");
         tree.refit();
@@ -137,7 +137,7 @@ fn builds_refits_and_rebuilds_do_not_depend_on_the_number_of_threads() {
 fn any_light(rng: &mut Rng) -> Light {
     let light = rng.light(60.0);
     match rng.bits() % 4 {
-        0 => Light { emission: Vec3::ZERO, ..light },
+        0 => light.with_emission(Vec3::ZERO),
         1 => Light::point(Vec3::splat(7.0), light.emission),
         _ => light,
     }

@@ -71,7 +71,7 @@ fn measure_tree(now: &LightTree, refitted: Option<&LightTree>) -> Result<TreeNoi
     let new = LightTree::new(now.lights().to_vec())?;
     // A light of a tree emits the same in any world.
     let mut world = LightWorld::new();
-    let key = world.add_tree(now.lights().to_vec())?;
+    let key = world.add_tree(LightTree::new(now.lights().to_vec())?);
     let instance = world.add_instance(key, Placement::default(), Policy::Static)?;
     let lights: Vec<LightId> = (0..now.lights().len() as u32).map(|light| LightId::Local { instance, light }).collect();
     let sampler = world.sampler();

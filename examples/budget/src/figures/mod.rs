@@ -207,5 +207,6 @@ fn move_to(light: &mut Light, place: Vec3) {
             let shift = place - vertices[0];
             vertices.iter_mut().for_each(|vertex| *vertex += shift);
         }
+        &mut _ => unreachable!("this version has no others"),
     }
 }

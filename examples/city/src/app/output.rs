@@ -120,7 +120,7 @@ fn frame_number(name: &str) -> Option<u32> {
 
 /// The names of effects in lower case, separated by spaces; `none` if there are none.
 pub fn effect_names(effects: Effects) -> String {
-    let names: Vec<_> = effects.iter_names().map(|(name, _)| name.to_lowercase().replace('_', "-")).collect();
+    let names: Vec<_> = effects.names().map(|name| name.to_lowercase().replace('_', "-")).collect();
     if names.is_empty() { "none".into() } else { names.join(" ") }
 }
 

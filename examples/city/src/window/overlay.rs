@@ -2,7 +2,7 @@
 
 use super::colors::{Rgb, WAITING, viridis};
 use girandole::glam::{Vec2, Vec3};
-use girandole::{InstanceKey, LightWorld};
+use girandole::{InstanceKey, LightTree, LightWorld};
 use testbed::render::shading::View;
 
 /// Instances that are drawn at most, those nearest to the camera.
@@ -106,7 +106,7 @@ mod tests {
     fn world(places: &[DVec3]) -> (LightWorld, Vec<InstanceKey>) {
         let mut world = LightWorld::new();
         let lights = [-1.0, 1.0].map(|x| Light::point(Vec3::splat(x), Vec3::ONE));
-        let tree = world.add_tree(lights.to_vec()).expect("valid lights");
+        let tree = world.add_tree(LightTree::new(lights.to_vec()).expect("valid lights"));
         let add = |place: &DVec3| world.add_instance(tree, Placement::at(*place), Policy::Budgeted);
         let instances = places.iter().map(add).collect::<Result<_, _>>().expect("valid placements");
         world.update(FrameBudget::UNLIMITED);

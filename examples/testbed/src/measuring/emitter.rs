@@ -162,7 +162,7 @@ impl Emitter<f64> {
             Form::Triangle { vertices, two_sided } => Shape::Triangle { vertices: vertices.map(near), two_sided },
             Form::Sphere { center, radius } => Shape::Sphere { center: near(center), radius: radius as f32 },
         };
-        Light { shape, emission: Vec3::splat(self.emission as f32), range: self.range as f32 }
+        Light::new(shape, Vec3::splat(self.emission as f32)).with_range(self.range as f32)
     }
 }
 
@@ -183,6 +183,7 @@ impl<R: Real> From<&Light> for Emitter<R> {
             }
             Shape::Triangle { vertices, two_sided } => Form::Triangle { vertices: vertices.map(exact), two_sided },
             Shape::Sphere { center, radius } => Form::Sphere { center: exact(center), radius: real(radius) },
+            _ => unreachable!("this version has no others"),
         };
         Self { form, emission: real(luminance(light.emission)), range: real(light.range) }
     }

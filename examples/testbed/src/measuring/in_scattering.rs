@@ -52,6 +52,7 @@ pub fn in_scattered(light: &Light, ray: &Ray, panels: usize) -> f64 {
         Shape::Point { position } | Shape::Spot { position, .. } => position.as_dvec3(),
         Shape::Rectangle { center, .. } | Shape::Sphere { center, .. } => center.as_dvec3(),
         Shape::Triangle { vertices: [p, q, r], .. } => (p + q + r).as_dvec3() / 3.0,
+        _ => unreachable!("this version has no others"),
     };
     let from_origin = center - ray.origin;
     let foot = from_origin.dot(ray.direction);

@@ -78,6 +78,7 @@ fn carry(light: &Light, placement: &Placement) -> Light {
         Shape::Sphere { center, radius } => {
             Shape::Sphere { center: point(center), radius: radius * linear.determinant().abs().cbrt() }
         }
+        _ => unreachable!("this version has no others"),
     };
-    Light { shape, ..*light }
+    light.with_shape(shape)
 }

@@ -47,8 +47,10 @@ impl TwoLevel {
         let mut world = LightWorld::new();
         world.set_origin_mode(OriginMode::Following)?;
         world.set_viewpoint(shift)?;
-        let add = |lights: &Vec<Emitter<f64>>| world.add_tree(lights.iter().map(Emitter::rounded).collect());
-        let trees = street.objects.iter().map(add).collect::<Result<Vec<_>, _>>()?;
+        let add = |lights: &Vec<Emitter<f64>>| {
+            Ok(world.add_tree(LightTree::new(lights.iter().map(Emitter::rounded).collect())?))
+        };
+        let trees = street.objects.iter().map(add).collect::<Result<Vec<_>, WorldError>>()?;
         let (mut shown, mut start) = (BTreeMap::new(), 0);
         for instance in &street.instances {
             let placement = Placement { linear: instance.turn.as_mat3(), translation: instance.position + shift };

@@ -48,7 +48,7 @@ impl Baseline {
         let ids: Arc<[LightId]> = world.sampler().all_lights().filter(is_local).collect();
         // Uniform choices need no light but its name.
         let lights = if choice == LightChoice::Uniform { Vec::new() } else { carried(world) };
-        let (count, local_count) = (world.directionals().count() as f64, ids.len() as f64);
+        let (count, local_count) = (world.directional_count() as f64, ids.len() as f64);
         let area = PI * f64::from(scene_radius).powi(2);
         let flux = |light: &DirectionalLight| f64::from(luminance(light.illuminance)) * area;
         let (local, local_weight) = match choice {
@@ -60,12 +60,12 @@ impl Baseline {
             _ => (samplers::pbrt(&lights, ids), local_count.min(1.0)),
         };
         let weigh = |light| if choice == LightChoice::Flux { flux(light) } else { 1.0 };
+        let directionals = || world.directionals().filter_map(|key| Some((key, world.directional(key)?)));
         let distant_weight =
-            if choice == LightChoice::Flux { world.directionals().map(|(_, light)| flux(light)).sum() } else { count };
+            if choice == LightChoice::Flux { directionals().map(|(_, light)| flux(light)).sum() } else { count };
         let total = distant_weight + local_weight;
         let mut end = 0.0;
-        let distant = world
-            .directionals()
+        let distant = directionals()
             .filter(|(_, light)| weigh(light) > 0.0)
             .map(|(key, light)| {
                 end += weigh(light) / distant_weight;

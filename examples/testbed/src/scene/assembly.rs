@@ -2,7 +2,7 @@
 //! any number of placements.
 
 use girandole::glam::{Affine3A, Vec3, vec3};
-use girandole::{DirectionalLight, InstanceKey, LightWorld, Policy, TreeKey};
+use girandole::{DirectionalLight, InstanceKey, LightTree, LightWorld, Policy, TreeKey};
 
 use super::part::Part;
 use super::{Camera, Mesh, Object, Scene, SceneError, Sky};
@@ -88,7 +88,7 @@ impl Assembly {
 
     /// Adds a part: its mesh, and a light tree if it has lights.
     pub fn design(&mut self, part: Part) -> Result<Design, SceneError> {
-        let tree = if part.lights.is_empty() { None } else { Some(self.world.add_tree(part.lights)?) };
+        let tree = if part.lights.is_empty() { None } else { Some(self.world.add_tree(LightTree::new(part.lights)?)) };
         Ok(Design { mesh: self.mesh(part.mesh), tree })
     }
 

@@ -181,7 +181,7 @@ impl Stage {
     /// Removes the lights at infinity, which belong to no tree.
     #[allow(dead_code, reason = "only measuring programs compare samplers that lack such lights")]
     pub fn remove_directionals(&mut self) -> Result<(), SceneError> {
-        let keys: Vec<_> = self.world.directionals().map(|(key, _)| key).collect();
+        let keys: Vec<_> = self.world.directionals().collect();
         keys.into_iter().try_for_each(|key| Ok(self.world.remove_directional(key)?))
     }
 }

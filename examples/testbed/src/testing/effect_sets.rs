@@ -1,6 +1,6 @@
 //! A choice of sets of effects that stands for all of them.
 //!
-//! Joined to the library's own tests by path, so it knows sets as bits alone.
+//! The library's own tests use it too, so it knows effects by their numbers alone.
 
 /// The effects whose subsets are all chosen.
 const FREE: u16 = 0xff;
@@ -16,9 +16,15 @@ const LATER: [(u16, u16); 4] =
 const LAST: (u16, u16) = (1 << 12, 0x9e37);
 
 /// All subsets of the first eight effects, each with one choice of the later ones, and the set of
-/// all effects. `all` are the bits of all effects, and `unused` those of effects that are never
-/// chosen.
-pub fn effect_sets(all: u16, unused: u16) -> Vec<u16> {
+/// all effects, as the numbers of their effects. There are `count` effects, and the one with the number
+/// `unused` is never chosen.
+pub fn effect_sets(count: usize, unused: usize) -> Vec<Vec<usize>> {
+    let numbers = |set: u16| (0..count).filter(|number| set >> number & 1 != 0).collect();
+    sets((1 << count) - 1, 1 << unused).into_iter().map(numbers).collect()
+}
+
+/// The same as bits.
+fn sets(all: u16, unused: u16) -> Vec<u16> {
     let free = (0..=FREE).filter(|set| set & unused == 0);
     let with_later = free.map(|set| {
         let is_on = |mask: u16| (set & mask).count_ones() % 2 == 1;
@@ -31,7 +37,7 @@ pub fn effect_sets(all: u16, unused: u16) -> Vec<u16> {
 #[test]
 fn any_four_effects_occur_in_every_combination() {
     let (all, unused) = (FREE | LATER.iter().fold(LAST.0, |all, (effect, _)| all | effect), 1 << 6);
-    let sets = effect_sets(all, unused);
+    let sets = sets(all, unused);
     let used: Vec<u16> = (0..16).map(|bit| 1 << bit).filter(|effect| all & !unused & effect != 0).collect();
     for four in 0..used.len().pow(4) {
         let pick = |i: u32| used[four / used.len().pow(i) % used.len()];

@@ -164,9 +164,15 @@ impl Played {
         plan
     }
 
+    /// The buffers that shaders bind: parameters, nodes of the top level, nodes, instances, lights.
+    pub fn bound(&self) -> [BufferId; 5] {
+        let bound = self.planner.bindings().expect("a plan was made");
+        bound.as_ref().try_into().expect("five buffers")
+    }
+
     /// The records of instances, which have the same place on every device that follows the world.
     pub fn instances(&self, world: &LightWorld, stride: usize) -> Vec<u8> {
-        let [_, _, _, instances, _] = self.planner.bindings().expect("a plan was made");
+        let [_, _, _, instances, _] = self.bound();
         // Slots begin at 1.
         self.device.content(instances)[stride..stride * slots(world)].to_vec()
     }

@@ -44,7 +44,7 @@ pub struct Found {
 /// Checks that shaders find for each shown instance either its lights or stand-ins of about the same
 /// flux, and never anything else. Returns how many of each.
 pub fn check(played: &Played, world: &LightWorld) -> Found {
-    let [params, _, nodes, instances, lights] = played.planner.bindings().expect("a plan was made");
+    let [params, _, nodes, instances, lights] = played.bound();
     let params = Records { bytes: played.device.content(params), stride: 0 };
     let records = |id, word| Records { bytes: played.device.content(id), stride: 4 * params.word(0, word) as usize };
     let (nodes, lights, instances) = (records(nodes, 4), records(lights, 6), records(instances, 7));
@@ -123,7 +123,7 @@ pub fn check_parts(played: &Played, world: &LightWorld) {
     let mut fresh = Played::new();
     fresh.frame(world);
     let instances = |played: &Played| {
-        let [params, _, _, instances, _] = played.planner.bindings().expect("a plan was made");
+        let [params, _, _, instances, _] = played.bound();
         let params = Records { bytes: played.device.content(params), stride: 0 };
         (instances, 4 * params.word(0, 7) as usize)
     };

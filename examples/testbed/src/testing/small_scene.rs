@@ -5,7 +5,7 @@
 
 use crate::scene::{Animation, Camera, Material, Mesh, Object, Scene, SceneError, Sky, Stage, Triangle};
 use girandole::glam::{Affine3A, Mat3, Quat, Vec3};
-use girandole::{DirectionalLight, InstanceKey, Light, LightWorld, Policy, TreeKey};
+use girandole::{DirectionalLight, InstanceKey, Light, LightTree, LightWorld, Policy, TreeKey};
 use std::f32::consts::TAU;
 
 /// Number of lights on the string.
@@ -86,7 +86,7 @@ fn build(is_still: bool) -> Result<Stage, Box<dyn std::error::Error>> {
         illuminance: Vec3::new(0.3, 0.35, 0.5),
     })?;
 
-    let string = world.add_tree(string_lights(0.0))?;
+    let string = world.add_tree(LightTree::new(string_lights(0.0))?);
     world.add_instance(string, Affine3A::from_translation(Vec3::new(-4.0, 4.0, -3.0)), Policy::default())?;
     let (car_object, car_lights) = car(&mut scene, &mut world, paint)?;
     let mut animation = Motion { is_still, car_object, car_lights, string };
@@ -97,10 +97,10 @@ fn build(is_still: bool) -> Result<Stage, Box<dyn std::error::Error>> {
 /// Eight lamps, instances of one tree with a spot light and a point light.
 fn lamps(scene: &mut Scene, world: &mut LightWorld, steel: u32) -> Result<(), Box<dyn std::error::Error>> {
     let warm = Vec3::new(1.0, 0.75, 0.45);
-    let tree = world.add_tree(vec![
+    let tree = world.add_tree(LightTree::new(vec![
         Light::spot(Vec3::new(0.0, 4.0, 0.0), Vec3::NEG_Y, 0.5, 1.1, warm * 120.0).with_range(25.0),
         Light::point(Vec3::new(0.0, 4.2, 0.0), warm * 15.0),
-    ])?;
+    ])?);
     let post = mesh(scene, cube(steel));
     for i in 0..8 {
         let at = Vec3::new(-10.5 + 3.0 * i as f32, 0.0, if i % 2 == 0 { -5.0 } else { 4.5 });
@@ -129,7 +129,7 @@ fn signs(scene: &mut Scene, world: &mut LightWorld) -> Result<(), Box<dyn std::e
         .chain([Light::rectangle(Vec3::Z * 1.2, half_u * 0.5, half_v, blue).two_sided()])
         .collect();
     let shape = mesh(scene, Mesh { triangles: [front.triangles, side.triangles].concat(), ..Default::default() });
-    let tree = world.add_tree(lights)?;
+    let tree = world.add_tree(LightTree::new(lights)?);
     for (x, mirror) in [(-5.0, 1.0), (0.5, -1.0), (5.5, 1.0)] {
         let placement = Affine3A {
             matrix3: (Mat3::from_rotation_y(0.2 * x) * Mat3::from_diagonal(Vec3::new(mirror, 1.0, 1.3))).into(),
@@ -146,7 +146,7 @@ fn bulbs(scene: &mut Scene, world: &mut LightWorld) -> Result<(), Box<dyn std::e
     let white = Vec3::new(90.0, 85.0, 70.0);
     let paint = emitter(scene, white, false);
     let shape = mesh(scene, octahedron(paint, 2));
-    let tree = world.add_tree(vec![Light::sphere(Vec3::ZERO, 1.0, white)])?;
+    let tree = world.add_tree(LightTree::new(vec![Light::sphere(Vec3::ZERO, 1.0, white)])?);
     for i in 0..6 {
         let angle = i as f32 / 6.0 * TAU;
         let at = Vec3::new(3.0 * angle.cos() - 1.0, 0.5 + 0.2 * i as f32, 3.0 * angle.sin() + 1.0);
@@ -187,7 +187,7 @@ fn car(
     }
     let shape = mesh(scene, body);
     let object = object(scene, shape, Affine3A::IDENTITY);
-    let tree = world.add_tree(lights)?;
+    let tree = world.add_tree(LightTree::new(lights)?);
     Ok((object, world.add_instance(tree, Affine3A::IDENTITY, Policy::default())?))
 }
 

@@ -3,7 +3,8 @@
 pub use crate::common::split_mix::Rng;
 use girandole::glam::{Affine3A, Mat3, Quat, Vec3};
 use girandole::{
-    DirectionalLight, InstanceKey, Light, LightId, LightSampler, LightWorld, Policy, ShadingPoint, SplitCount,
+    DirectionalLight, InstanceKey, Light, LightId, LightSampler, LightTree, LightWorld, Policy, ShadingPoint,
+    SplitCount,
 };
 
 impl Rng {
@@ -78,7 +79,8 @@ impl Rng {
     pub fn world(&mut self, trees: usize, lights: usize, instances: usize, size: f32) -> LightWorld {
         let mut world = LightWorld::new();
         for _ in 0..trees {
-            let tree = world.add_tree(self.lights(lights, 0.1 * size)).expect("random lights are valid");
+            let tree =
+                world.add_tree(LightTree::new(self.lights(lights, 0.1 * size)).expect("random lights are valid"));
             for _ in 0..instances {
                 world.add_instance(tree, self.affine(size), Policy::Budgeted).expect("random placements are valid");
             }

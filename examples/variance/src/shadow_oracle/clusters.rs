@@ -43,6 +43,7 @@ impl Clusters {
                     LightId::Local { instance, .. } => *numbers.entry(*instance).or_insert(next),
                     // Scenes are measured without directional lights.
                     LightId::Directional(_) => 0,
+                    &_ => unreachable!("this version has no others"),
                 }
             })
             .collect();
@@ -106,6 +107,7 @@ fn middle(light: &Light) -> Vec3 {
         Shape::Point { position } | Shape::Spot { position, .. } => position,
         Shape::Rectangle { center, .. } | Shape::Sphere { center, .. } => center,
         Shape::Triangle { vertices: [a, b, c], .. } => (a + b + c) / 3.0,
+        _ => unreachable!("this version has no others"),
     }
 }
 

@@ -110,7 +110,7 @@ fn boxes_far_from_the_origin_hold_the_exact_images_of_their_corners() {
         let trees: Vec<_> = (0..16)
             .map(|i| {
                 let (at, u, v) = (20.0 * random_vec(i, 40), 30.0 * random_vec(i, 43), 30.0 * random_vec(i, 46));
-                world.add_tree(vec![Light::triangle([at, at + u, at + v], Vec3::ONE)]).unwrap()
+                world.add_tree(LightTree::new(vec![Light::triangle([at, at + u, at + v], Vec3::ONE)]).unwrap())
             })
             .collect();
         for i in 0..200 {
@@ -142,7 +142,7 @@ fn nodes_of_tiny_extents_hold_what_is_below_them() {
     for extent in [1.0e-30_f32, 1.0e-36, 1.0e-38, 1.0e-40, 1.0e-44] {
         for axes in [Vec3::ONE, Vec3::X, Vec3::new(0.0, 1.0, 1.0)] {
             let mut world = LightWorld::new();
-            let tree = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).unwrap();
+            let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).unwrap());
             for i in 0..100 {
                 let at = (random_vec(i, 50) * axes).as_dvec3() * f64::from(extent);
                 world.add_instance(tree, Affine3A::from_translation(at.as_vec3()), Policy::Static).unwrap();
@@ -158,7 +158,7 @@ fn caps_of_beams_with_similar_directions_stay_narrow_up_to_the_root() {
     for widest in [0.0, 1.0e-4, 0.05, 0.9, 1.4] {
         let mut world = LightWorld::new();
         let beam = Light::spot(Vec3::ZERO, Vec3::NEG_Y, 0.0, 0.5 * widest + 1.0e-3, Vec3::ONE);
-        let tree = world.add_tree(vec![beam]).unwrap();
+        let tree = world.add_tree(LightTree::new(vec![beam]).unwrap());
         for i in 0..520 {
             let rotation = Quat::from_scaled_axis(2.0 * widest * random_vec(i, 30));
             let at = Affine3A::from_rotation_translation(rotation, 100.0 * random_vec(i, 33));

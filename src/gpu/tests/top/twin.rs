@@ -9,6 +9,7 @@ use crate::effects::Effects;
 use crate::light::UNLIMITED_RANGE;
 use crate::plan::layout::LeafRecord;
 use crate::top::TopLevel;
+use crate::tree::LightTree;
 use crate::tree::{ChildRef, EMPTY_SLOT, NO_PARENT, Node, WIDTH};
 use crate::{Light, LightWorld, Placement, Policy};
 
@@ -87,7 +88,7 @@ fn assert_same_tree(built: &Built, twin: &TopLevel) {
 /// A world of equal lamps.
 fn world_of_lamps(count: u32, place: impl Fn(u32) -> Placement) -> LightWorld {
     let mut world = LightWorld::new();
-    let lamp = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).unwrap();
+    let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).unwrap());
     for i in 0..count {
         world.add_instance(lamp, place(i), Policy::default()).unwrap();
     }
@@ -185,7 +186,7 @@ fn chains_of_single_units_make_the_same_tree_as_on_the_cpu() {
 fn a_world_without_light_has_a_root_of_empty_slots() {
     let mut top = TopRig::new();
     let mut world = LightWorld::new();
-    let dark = world.add_tree(vec![Light::point(Vec3::ONE, Vec3::ZERO)]).unwrap();
+    let dark = world.add_tree(LightTree::new(vec![Light::point(Vec3::ONE, Vec3::ZERO)]).unwrap());
     for i in 0..20 {
         world.add_instance(dark, placement(i), Policy::default()).unwrap();
     }

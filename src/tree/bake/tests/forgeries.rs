@@ -18,7 +18,7 @@ const PMF_TOLERANCE: f32 = 1.0e-5;
 /// Samples the tree in a world, and uses it in all other ways.
 fn use_tree(tree: LightTree, rng: &mut Rng) -> Result<(), TestCaseError> {
     let mut world = LightWorld::new();
-    let key = world.insert_tree(tree.clone());
+    let key = world.add_tree(tree.clone());
     world.add_instance(key, Placement::IDENTITY, Policy::Budgeted).expect("valid");
     let sampler = world.sampler();
     for _ in 0..8 {

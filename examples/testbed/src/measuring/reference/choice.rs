@@ -62,6 +62,7 @@ impl<'a> Chooser<'a, '_> {
             ChildRef::Node(_) => false,
             ChildRef::Leaf(_) if tree.instance.is_some() => true,
             ChildRef::Leaf(leaf) => matches!((self.below)(leaf), Some((_, ChildRef::Leaf(_)))),
+            _ => unreachable!("this version has no others"),
         }
     }
 
@@ -96,8 +97,9 @@ impl<'a> Chooser<'a, '_> {
             ChildRef::Leaf(_) if member.tree.instance.is_some() => None,
             ChildRef::Leaf(leaf) => match (self.below)(leaf)? {
                 (tree, ChildRef::Node(node)) => Some((tree, node)),
-                (_, ChildRef::Leaf(_)) => None,
+                _ => None,
             },
+            _ => unreachable!("this version has no others"),
         }
     }
 
@@ -133,6 +135,7 @@ impl<'a> Chooser<'a, '_> {
                 },
                 ChildRef::Leaf(light) => (member.tree.instance, light),
                 ChildRef::Node(_) => return,
+                _ => unreachable!("this version has no others"),
             };
             found.lights.push(((instance, light), pmf));
             found.conditions.push(condition);

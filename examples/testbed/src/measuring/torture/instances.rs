@@ -3,7 +3,7 @@
 use super::scene::{Make, Parts, direction, in_box, lamp, panel, rotation};
 use crate::common::pcg::Rng;
 use girandole::glam::{Mat3, Vec3, vec3};
-use girandole::{Light, WorldError};
+use girandole::{Light, LightTree, WorldError};
 use std::f32::consts::PI;
 
 pub const SCENES: &[(&str, Make)] = &[
@@ -120,7 +120,7 @@ fn cars(parts: &mut Parts, rng: &mut Rng) -> Result<(), WorldError> {
         ]
     };
     let car: Vec<Light> = [-0.7, 0.7].into_iter().flat_map(side).collect();
-    let tree = parts.world.add_tree(car)?;
+    let tree = parts.world.add_tree(LightTree::new(car)?);
     for _ in 0..2000 {
         let street = (rng.below(12) as f32 - 5.5) * 60.0 + if rng.chance(0.5) { 2.0 } else { -2.0 };
         let along = rng.range(-300.0, 300.0);

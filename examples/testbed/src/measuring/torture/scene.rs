@@ -2,7 +2,7 @@
 
 use crate::common::pcg::Rng;
 use girandole::glam::{Mat3, Quat, Vec3, vec3};
-use girandole::{FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint, WorldError};
+use girandole::{FrameBudget, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint, WorldError};
 use std::f32::consts::PI;
 
 /// Shading points of each scene.
@@ -39,7 +39,7 @@ impl TortureScene {
 impl Parts {
     /// Adds lights as one instance.
     pub fn add(&mut self, lights: Vec<Light>, linear: Mat3, translation: Vec3) -> Result<(), WorldError> {
-        let tree = self.world.add_tree(lights)?;
+        let tree = self.world.add_tree(LightTree::new(lights)?);
         let placement = Placement { linear, translation: translation.as_dvec3() };
         self.world.add_instance(tree, placement, Policy::Budgeted).map(drop)
     }

@@ -206,6 +206,7 @@ impl Animation for Player {
             let placement = match lights.source {
                 LightSource::Surfaces => Some(surface_placement(&(transform * lights.local))),
                 LightSource::Punctual => punctual_placement(&transform),
+                _ => unreachable!("this version has no others"),
             };
             if let Some(placement) = placement {
                 world.move_instance(lights.instance, placement)?;

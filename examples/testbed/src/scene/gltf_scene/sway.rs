@@ -146,6 +146,7 @@ impl Animation for Sway {
                             world.move_instance(lights.instance, placement)?;
                         }
                     }
+                    _ => unreachable!("this version has no others"),
                 }
             }
         }

@@ -33,6 +33,7 @@ fn bright_lights(world: &LightWorld) -> Vec<(Vec3, f32)> {
                 Shape::Point { position } | Shape::Spot { position, .. } => position,
                 Shape::Rectangle { center, .. } | Shape::Sphere { center, .. } => center,
                 Shape::Triangle { vertices, .. } => (vertices[0] + vertices[1] + vertices[2]) / 3.0,
+                _ => unreachable!("this version has no others"),
             };
             lights.push((placement.linear * middle + placement.translation.as_vec3(), light.flux()));
         }

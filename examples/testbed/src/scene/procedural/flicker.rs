@@ -49,8 +49,7 @@ impl FlickeringSigns {
                 continue;
             }
             sign.level = level;
-            let dim =
-                |(index, light): (usize, &Light)| (index as u32, Light { emission: light.emission * level, ..*light });
+            let dim = |(index, light): (usize, &Light)| (index as u32, light.with_emission(light.emission * level));
             let changes: Vec<(u32, Light)> = sign.lights.iter().enumerate().map(dim).collect();
             world.set_lights(sign.tree, &changes)?;
             sign.objects.iter().for_each(|&object| scene.objects[object].emission_scale = level);

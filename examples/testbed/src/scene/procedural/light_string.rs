@@ -2,7 +2,7 @@
 //! deforms.
 
 use girandole::glam::{Affine3A, Mat3, Vec3};
-use girandole::{Light, LightWorld, Policy, TreeKey};
+use girandole::{Light, LightTree, LightWorld, Policy, TreeKey};
 
 use super::assembly::Assembly;
 use super::palette::Glow;
@@ -85,7 +85,7 @@ impl LightString {
         });
         let glow = |i: usize| kit.bulbs[colors[i]].1.radiance;
         let lights = (0..bulbs).map(|i| Light::sphere(rest[i + 1] - middle, BULB_RADIUS, glow(i))).collect();
-        let tree = assembly.world.add_tree(lights)?;
+        let tree = assembly.world.add_tree(LightTree::new(lights)?);
         assembly.world.add_instance(tree, Affine3A::from_translation(middle), Policy::Budgeted)?;
         let phase = rng.range(0.0, std::f32::consts::TAU);
         let mut string = Self { tree, middle, rest, across, phase, colors, first_bulb, first_cable };

@@ -4,7 +4,7 @@
 use std::f32::consts::TAU;
 
 use girandole::glam::{Affine3A, Vec3, vec3};
-use girandole::{Light, LightWorld, Policy, TreeKey};
+use girandole::{Light, LightTree, LightWorld, Policy, TreeKey};
 
 use super::assembly::Assembly;
 use super::palette::{Glow, Palette};
@@ -70,7 +70,7 @@ impl Swarm {
         });
         let radiance: Vec<Vec3> = (0..count).map(|i| glows[color(i)].radiance).collect();
         let lights = radiance.iter().map(|&radiance| Light::sphere(Vec3::ZERO, drone_radius, radiance)).collect();
-        let tree = assembly.world.add_tree(lights)?;
+        let tree = assembly.world.add_tree(LightTree::new(lights)?);
         assembly.world.add_instance(tree, Affine3A::from_translation(center), Policy::Budgeted)?;
         let mut swarm = Self { tree, center, radius, drone_radius, radiance, first_object, count };
         swarm.fly(0.0, &mut assembly.scene, &mut assembly.world)?;

@@ -2,7 +2,7 @@
 //! lights share.
 
 use girandole::glam::{Affine3A, Quat, vec3};
-use girandole::{Light, LightWorld, Policy, TreeKey};
+use girandole::{Light, LightTree, LightWorld, Policy, TreeKey};
 
 use super::assembly::Assembly;
 use super::furniture;
@@ -33,7 +33,7 @@ impl TrafficLights {
         let meshes: Vec<u32> = lens.into_iter().map(|(part, _)| assembly.mesh(part.mesh)).collect();
         let mut trees = Vec::new();
         for _ in 0..4 {
-            trees.push(assembly.world.add_tree(lights.to_vec())?);
+            trees.push(assembly.world.add_tree(LightTree::new(lights.to_vec())?));
         }
         let mut lenses = vec![Vec::new(); 4];
         for (node, heading) in (0..roads.nodes()).flat_map(|node| (0..4).map(move |heading| (node, heading))) {
@@ -62,8 +62,7 @@ impl TrafficLights {
                 continue;
             }
             let lit = [Signal::Red, Signal::Amber, Signal::Green].map(|lens| f32::from(u8::from(lens == now)));
-            let light =
-                |index: usize| Light { emission: self.lights[index].emission * lit[index], ..self.lights[index] };
+            let light = |index: usize| self.lights[index].with_emission(self.lights[index].emission * lit[index]);
             world.set_lights(self.trees[group], &[(0, light(0)), (1, light(1)), (2, light(2))])?;
             for (object, lit) in self.lenses[group].iter().flat_map(|lenses| lenses.iter().zip(lit)) {
                 scene.objects[*object].emission_scale = lit;

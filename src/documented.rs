@@ -1,0 +1,20 @@
+//! For tests that documentation names the numbers that the code has.
+
+/// Asserts that the comments of a source file say something, however their lines are broken.
+#[track_caller]
+pub(crate) fn assert_says(source: &str, sentence: &str) {
+    let words =
+        source.lines().map(|line| line.trim_start().trim_start_matches(['/', '!'])).flat_map(str::split_whitespace);
+    let text = words.collect::<Vec<_>>().join(" ");
+    assert!(text.contains(sentence), "the documentation does not say: {sentence}");
+}
+
+/// A number up to twelve as a word.
+pub(crate) fn word(number: usize) -> &'static str {
+    ["no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"][number]
+}
+
+/// A number below a million, with a comma before its last three digits.
+pub(crate) fn grouped(number: usize) -> String {
+    if number < 1000 { number.to_string() } else { format!("{},{:03}", number / 1000, number % 1000) }
+}
