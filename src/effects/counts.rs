@@ -100,7 +100,7 @@ impl HeldEffects {
     /// without [`Effects::MOVING`]: sets that differ only in it have the same shaders.
     pub fn effects(&self) -> Effects {
         let is_held = |kind: &usize| self.updates_left[*kind] > 0;
-        let held = (0..KINDS).filter(is_held).map(|kind| Effects::of_number(kind));
+        let held = (0..KINDS).filter(is_held).map(Effects::of_number);
         held.fold(self.counts.effects(), |all, one| all | one) - Effects::MOVING
     }
 
