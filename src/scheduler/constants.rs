@@ -7,7 +7,7 @@ use std::time::Duration;
 /// so only frames with shorter budgets save up. It is enough for a slice.
 pub(super) const LEDGER_CAPACITY: Duration = Duration::from_micros(20);
 
-/// The length of a slice of a build that is cut, unless less time is left of the frame. The clock
+/// The length of a slice of the long build, unless less time is left of the frame. The clock
 /// is read after each slice, so this bounds how far a frame exceeds its budget.
 pub(super) const SLICE: Duration = Duration::from_micros(20);
 

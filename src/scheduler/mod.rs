@@ -154,12 +154,12 @@ impl Scheduler {
         self.frame
     }
 
-    /// The number of trees that wait, without the tree of an long build.
+    /// The number of trees that wait, without the tree of a long build.
     pub fn waiting_trees(&self) -> usize {
         self.queue.len()
     }
 
-    /// The longest wait in frames of the trees that wait, that of an long build included.
+    /// The longest wait in frames of the trees that wait, that of a long build included.
     pub fn longest_wait(&self) -> u64 {
         let oldest = self.queue.oldest().map(|tree| self.queue.entry(tree).since_frame);
         let build = self.long_build.as_ref().filter(|build| !build.is_built).map(|build| build.since_frame);

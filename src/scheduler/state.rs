@@ -1,4 +1,4 @@
-//! The time of a frame, the trees that are rebuilt next, and the build that is cut.
+//! The time of a frame, the trees that are rebuilt next, and the long build.
 
 use std::time::Duration;
 

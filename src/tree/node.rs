@@ -1,8 +1,8 @@
 //! The record of a wide node: eight children in 208 bytes, and the links between nodes.
 //!
-//! The CPU samples from these bytes, and the GPU receives the same bytes. `pack.rs` encodes
-//! clusters into a node and decodes them; `shaders/node.wgsl` decodes them on the GPU. A test in
-//! `plan/layout.rs` compares the record with its twin in `shaders/types.wgsl`.
+//! The CPU samples from these bytes. `pack.rs` encodes clusters into a node and decodes them. The GPU
+//! receives the same values in another order (`plan/node_record.rs`), and `shaders/node.wgsl` decodes
+//! them there.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -33,9 +33,9 @@ pub type Bytes = [u8; WIDTH];
 /// A node: up to eight children and a link to the parent. It has 208 bytes: 23 for each child and
 /// 24 of its own. Tools that look into trees need it; engines do not. Any release may change it.
 ///
-/// The fields that a GPU may leave out come last, in pieces of 16 bytes: `axis` and `cap` where no
-/// light has a cone, `range` where no light has a range (`plan/stored.rs`). A dark child has the
-/// values of a child without a cone and without a range.
+/// The fields from `shortness` on come last. A GPU does not store them in a world without cones and
+/// ranges (`plan/stored.rs`). A dark child has the values of a child without a cone and without a
+/// range.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Node {
