@@ -6,8 +6,8 @@
 //!
 //! A frame has these steps:
 //!
-//! 1. [`LightPlanner::reserve`] finds out which buffers the changes of a world need since the last
-//!    plan.
+//! 1. [`LightPlanner::reserve`] finds out which new buffers are needed for what changed in the world
+//!    since the last plan.
 //! 2. The engine makes [`Reservation::new_buffers`]. If it has no memory for one, it drops the
 //!    reservation, and nothing has changed.
 //! 3. [`Reservation::plan`] returns the [`FramePlan`] of the frame.

@@ -134,7 +134,8 @@ impl LightPlanner {
         room
     }
 
-    /// Reserves room for everything that grew. To be undone if it fails.
+    /// Reserves room for everything that grew: the first three steps of each
+    /// [`Pool`](super::pool::Pool). To be undone if it fails.
     fn make_room(
         &mut self,
         (world, effects): (&LightWorld, Effects),

@@ -5,6 +5,11 @@
 //! chosen among all candidates together, instead of one light for each; and the number of splits is
 //! bounded, and with it the time. Bottom-level trees and the top level are split alike, and a
 //! split continues from a leaf of the top level into the instance's tree.
+//!
+//! `docs/math.md`, "The cut", calls these candidates the members of the cut. Resampling has other
+//! candidates: the lights of several picks. A child is *unresolved* if its node cannot tell where it
+//! is, because the shading point is too near (`docs/math.md`, "Children that a node cannot resolve").
+//! Its importance has a negative sign until the last split.
 
 use crate::instance::part::SINGLE;
 use crate::sampling::counts::{MAX_SPLITS, SplitCount};
@@ -94,7 +99,8 @@ const MAX_NODES: usize = MAX_SPLITS + 1;
 /// The bits of a key that name a slot.
 const SLOT_BITS: u32 = WIDTH as u32 - 1;
 
-/// The bits of a key that are no bits of a doubt: a shader names one child of all candidates there.
+/// The low bits of a key, which do not belong to the doubt. They hold the slot of a child, and in a
+/// shader its number among the children of all split nodes. So both compare the same bits of doubts.
 const CHILD_BITS: u32 = (MAX_NODES * WIDTH) as u32 - 1;
 
 /// The candidates of a shading point: the children of the nodes that were split.
@@ -110,6 +116,7 @@ pub(crate) struct Cut<'a> {
     node_count: usize,
     /// For each split node the index of its tree in `trees`.
     tree_of: [usize; MAX_NODES],
+    /// The index of each split node in its tree.
     nodes: [u32; MAX_NODES],
     /// The importance of each child; 0 for a child that was split itself. After the last split the
     /// weights: no importance is negative then, and unresolved ones are limited.

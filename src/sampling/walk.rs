@@ -2,7 +2,7 @@
 //! probability of a light on the way up.
 //!
 //! Twin of `shaders/walk.wgsl`. No trail of the way down is recorded: the nodes know their parents,
-//! so the depth of trees has no cap.
+//! so the depth of trees has no limit.
 
 use crate::instance::part::Division;
 use crate::math::dice::{Dice, choice_pmf, joint_pmf};
@@ -126,8 +126,8 @@ pub(crate) struct TopPath<'a> {
 }
 
 impl<'a> LeafPath<'a> {
-    /// Enters the top level if the next node on the way is above the instance's parts. Returns
-    /// false if the way ends here.
+    /// Goes on in the top level if the way has come to a part of the instance: to its root, or to the
+    /// side, section or light that is a part. Returns false if the way ends here.
     #[inline(always)]
     pub fn enter_top(&mut self) -> bool {
         let part = match (self.place, &self.top) {

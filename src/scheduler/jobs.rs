@@ -38,12 +38,12 @@ impl Scheduler {
     /// 1. The tree or the long build with the greatest priority comes first.
     /// 2. A tree that fits into the rest of the frame is rebuilt. Small trees are rebuilt in
     ///    batches of at most a slice.
-    /// 3. A tree that exceeds even the whole budget of the frame gets a *long build*: from now on it is
-    ///    built in slices. It is passed over if it would fit into a whole frame, or if there is a
-    ///    long build of another tree.
-    /// 4. The time that is left at the end goes to the long build. If there is none, the one
-    ///    of the first tree that was passed over begins, unless the tree is so small that little
-    ///    time is left.
+    /// 3. A tree that exceeds even the whole budget of the frame gets a *long build*, if there is none:
+    ///    from now on it is built in slices. Any other tree that does not fit is passed over. The
+    ///    search ends after [`MAX_PASSED_OVER`] such trees, or once no rebuild fits any more.
+    /// 4. The time that is left at the end goes to the long build. If there is none, a long build of
+    ///    the first tree that was passed over begins, if the upper bound of its time exceeds 1 /
+    ///    [`MAX_UNSPENT_SHARE`] of the budget and there is time for a slice.
     pub fn next_job(&mut self, now: Duration) -> Option<Job> {
         if self.time.budget.is_zero() {
             return None;

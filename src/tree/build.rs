@@ -1,4 +1,7 @@
 //! Builds a tree over lights: first its shape, then its nodes.
+//!
+//! `tree/shape/` divides the lights by cost, from the root down (docs/math.md, "Building a tree").
+//! `layout.rs` links the nodes and writes the clusters of the lights, and a refit computes the rest.
 
 use std::collections::BTreeSet;
 

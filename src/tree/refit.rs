@@ -1,5 +1,7 @@
 //! Refits a tree: brings its nodes up to date with lights that moved, turned or dimmed, from the
 //! leaves to the root, and computes the attributes.
+//!
+//! Functions with the parameter `MEASURE` compute the sums for the attributes only if it is true.
 
 use std::ops::Range;
 

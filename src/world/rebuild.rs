@@ -93,7 +93,7 @@ impl LightWorld {
         self.rebuilds.scheduler.was_rebuilt(key, features);
         self.scene.trees[key].recount(&mut self.sums);
         if is_divided != was_divided {
-            // A placeholder is never divided.
+            // Some lights have turned, or the tree was a placeholder, which is never divided into sides.
             let (divisions, mut edit) = self.divisions();
             divisions.judge_all_later(key, &mut edit);
         }
