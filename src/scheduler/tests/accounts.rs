@@ -71,6 +71,36 @@ fn waits_are_counted_in_frames_in_the_queue_and_for_a_long_build() {
 }
 
 #[test]
+fn a_tree_that_requests_nothing_or_has_the_long_build_is_not_in_the_queue() {
+    let (mut scheduler, [tree]) = scheduler_of([100]);
+    ask(&mut scheduler, tree, 1.0);
+    scheduler.set_request(tree, RebuildRequest::None, 1.0);
+    assert!(!scheduler.has_jobs() && !scheduler.waits(tree));
+    assert_eq!(scheduler.waiting_nanos, 0);
+
+    let (mut scheduler, [tree]) = scheduler_of([LARGE]);
+    ask(&mut scheduler, tree, 1.0);
+    assert!(is_slice(first_job(&mut scheduler)));
+    let waiting = scheduler.waiting_nanos;
+    ask(&mut scheduler, tree, 1.0);
+    assert!(scheduler.is_long_build_of(tree));
+    assert_eq!((scheduler.waiting_trees(), scheduler.waiting_nanos), (0, waiting));
+}
+
+#[test]
+fn no_request_stands_but_a_required_one() {
+    let requests =
+        [RebuildRequest::Doubtful, RebuildRequest::Optional, RebuildRequest::Required, RebuildRequest::Urgent];
+    for request in requests {
+        let (mut scheduler, [tree]) = scheduler_of([100]);
+        scheduler.has_changed(tree, &TreeFeatures::of_cost(1.0));
+        scheduler.set_request(tree, request, 1.0);
+        let standing = if request == RebuildRequest::Required { request } else { RebuildRequest::None };
+        assert_eq!(scheduler.standing_request(tree, RebuildRequest::None), standing, "{request:?}");
+    }
+}
+
+#[test]
 fn a_slice_that_ends_a_build_closes_it() {
     let (mut scheduler, [tree]) = scheduler_of([LARGE]);
     ask(&mut scheduler, tree, 1.0);
