@@ -9,8 +9,8 @@ use bevy::render::render_resource::{
     BufferInitDescriptor, BufferUsages, ShaderStages,
 };
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue};
-use girandole::gpu::GpuLights;
 use girandole::Effects;
+use girandole::gpu::GpuLights;
 
 use crate::kinds::KindRecord;
 use crate::settings::{GirandoleReport, GirandoleSettings, GirandoleStats};

@@ -7,19 +7,19 @@ use wasm_bindgen_futures::future_to_promise;
 use web_sys::HtmlCanvasElement;
 
 use crate::device::{self, Gpu};
-use testbed::fly::{Flight, Motion};
 use crate::light_list::LightList;
 use crate::pipelines::{Listed, Pipelines};
 use crate::present::Presenter;
+use crate::resolve::{Resolver, Since};
+use crate::tour;
+use testbed::fly::{Flight, Motion};
 use testbed::render::geometry::{Geometry, GeometryChange};
 use testbed::render::gpu::pipeline::{LIGHT_GROUP, WORKGROUP};
 use testbed::render::gpu::records::{FrameUniform, PictureOptions};
 use testbed::render::gpu::scene_buffers::SceneBuffers;
 use testbed::render::sequence::frame_seed;
-use crate::resolve::{Resolver, Since};
 use testbed::scene::procedural::{CityOptions, Size, stage};
 use testbed::scene::{Camera, Stage};
-use crate::tour;
 
 /// Candidates of which each sample keeps one.
 const CANDIDATES: CandidateCount = CandidateCount::of::<4>();
