@@ -23,7 +23,7 @@ copy_library() {
     rm -rf "$1"
     mkdir -p "$1"
     cp -R src shaders README.md docs Cargo.lock "$1"
-    awk '/^\[/ { keep = !/^\[(workspace|dev-dependencies|\[(example|bench|test)\])/ } keep' Cargo.toml >"$1/Cargo.toml"
+    awk '/^\[/ { keep = !/^\[(workspace|profile|dev-dependencies|\[(example|bench|test)\])/ } keep' Cargo.toml >"$1/Cargo.toml"
     # It is no member of the workspace around it.
     echo '[workspace]' >>"$1/Cargo.toml"
 }
