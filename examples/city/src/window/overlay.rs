@@ -2,7 +2,7 @@
 
 use super::colors::{Rgb, WAITING, viridis};
 use girandole::glam::{Vec2, Vec3};
-use girandole::{InstanceKey, LightTree, LightWorld};
+use girandole::{InstanceKey, LightWorld};
 use testbed::render::shading::View;
 
 /// Instances that are drawn at most, those nearest to the camera.
@@ -95,7 +95,7 @@ pub fn tree_boxes(world: &LightWorld, view: &View) -> Overlay {
 mod tests {
     use super::*;
     use girandole::glam::DVec3;
-    use girandole::{FrameBudget, Light, Placement, Policy};
+    use girandole::{FrameBudget, Light, LightTree, Placement, Policy};
     use testbed::scene::Camera;
 
     fn view() -> View {
