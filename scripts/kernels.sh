@@ -11,13 +11,16 @@ need chromium chromium
 
 # The limits hold for one version of Mesa.
 mkdir -p target
-step cargo run --locked -p shader_stats -- --out target/shader_stats.csv --chip navi21 --check
+# As the tests build it, so that nothing is compiled again.
+step cargo test --locked --workspace --no-run
+stats=target/debug/shader_stats
+step $stats --out target/shader_stats.csv --chip navi21 --check
 rm -rf target/spirv
-step cargo run --locked -p shader_stats -- --spirv target/spirv
+step $stats --spirv target/spirv
 for kernel in target/spirv/*.spv; do
     spirv-val --target-env vulkan1.3 "$kernel"
 done
-step cargo run --locked -p shader_stats -- --page target/kernels.html
+step $stats --page target/kernels.html
 
 profile=$(mktemp -d)
 log=$profile/log

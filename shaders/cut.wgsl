@@ -331,7 +331,7 @@ fn light_split_next(cut: ptr<function, LightCut>) -> bool {
         + light_resolved_sum(LightLanes((*cut).pending.first_lux, (*cut).pending.last_lux));
     let key = (*cut).pending.first_keys.x;
     let is_worth = bitcast<f32>(key & ~LIGHT_CHILD_BITS) > LIGHT_MIN_DOUBT * total;
-    if is_worth && count <= min(light_params.splits, LIGHT_MAX_SPLITS) {
+    if is_worth && count <= min(light_splits, LIGHT_MAX_SPLITS) {
         let link = light_id_of_key(key) << (6u * ((count - 1u) & 3u));
         (*cut).links |= select(vec2(link, 0u), vec2(0u, link), count > 4u);
         light_shift_pending(cut);
@@ -345,7 +345,7 @@ fn light_split_next(cut: ptr<function, LightCut>) -> bool {
     return false;
 }
 
-// Splits the root of the top level and then, up to light_params.splits times, the candidate with the
+// Splits the root of the top level and then, up to light_splits times, the candidate with the
 // greatest doubt. Limits the weights of all unresolved candidates together, relative to the other
 // candidates and the directional lights. Twin of `Cut::new`.
 fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_point: LightShadingPoint) {

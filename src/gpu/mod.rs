@@ -78,7 +78,6 @@ use crate::plan::layout::ParamsRecord;
 use crate::plan::pool::Growth;
 use crate::plan::{Commands, KERNELS, LightPlanner, PlanLimits, ShaderBuffers};
 pub use crate::plan::{GpuMemory, TargetHook, TargetHookError, UploadReport, wgsl};
-use crate::sampling::counts::SplitCount;
 use crate::world::{LightWorld, Revision};
 
 /// The lights of one [`LightWorld`] on a GPU: the buffers and the bind group that shaders read, and
@@ -243,14 +242,6 @@ impl GpuLights {
         let mut recorder = Recorder::together(encoder, "girandole top level");
         self.player.record(&mut recorder, &self.top);
         self.planner.top_changed();
-    }
-
-    /// Sets how many clusters shaders split before they choose a light, as
-    /// [`LightSampler::with_splits`](crate::LightSampler::with_splits) does. It is
-    /// [`SplitCount::DEFAULT`] at first. Writes 64 bytes, ahead of the next submission.
-    pub fn set_splits(&mut self, splits: SplitCount) {
-        self.planner.set_splits(splits);
-        self.player.play(&self.planner.settings());
     }
 
     /// The layout of [`GpuLights::bind_group`], for the pipeline layouts of the engine's shaders:

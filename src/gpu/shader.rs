@@ -50,6 +50,10 @@ use crate::plan::text;
 /// fn light_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, point: vec3<f32>) -> f32
 /// // The 32 bits that the engine has given to an instance: see `LightWorld::set_user_data`.
 /// fn light_user_data(instance: u32) -> u32
+/// // How many clusters an invocation splits at most before it chooses a light, as in
+/// // `LightSampler::with_splits`. Set it at the start of a shader, for example from a uniform of the
+/// // view; greater numbers count as `MAX_SPLITS`. Resampling, densities and probabilities need the same.
+/// var<private> light_splits: u32; // SplitCount::DEFAULT at first
 /// // With Effects::SEGMENTS only: where on its segment the last sample was taken, in metres from the
 /// // start; after light_resample, the one that was kept.
 /// var<private> light_along: f32;
@@ -153,8 +157,8 @@ impl LightShader {
     /// ([`LightWorld::origin`](crate::LightWorld::origin)). A light is named as in the last frame.
     /// Instances keep their slots, and the function compares their generations. Indices of lights
     /// stay the same as long as no lights are replaced
-    /// ([`LightWorld::replace_lights`](crate::LightWorld::replace_lights)). Learnt visibility is left
-    /// out.
+    /// ([`LightWorld::replace_lights`](crate::LightWorld::replace_lights)). The number of splits is
+    /// `light_splits_previous`, which is the default at first. Learnt visibility is left out.
     #[must_use]
     pub fn with_previous(self, group: u32) -> Self {
         let effects = self.effects;

@@ -191,13 +191,13 @@ pub(crate) struct ParamsRecord {
     pub slots: u32,
     pub directional_base: u32,
     pub directional_count: u32,
-    pub splits: u32,
+    pub padding: u32,
     pub strides: Strides,
     /// 1 if large and near surfaces are sampled by solid angle.
     pub solid_angles: u32,
     /// The offset of the parts in the buffer of the top level, in units of 16 bytes.
     pub parts: u32,
-    pub padding: u32,
+    pub padding_after: u32,
     /// The sector whose centre the origin is.
     pub home: [i32; 3],
     /// The offset of the masks in the same buffer; 0 if they are not stored.
@@ -483,7 +483,7 @@ mod tests {
         );
         record!(structs, TreeRecord, "LightTree", [cluster, punctual_flux, area_flux, child_bits, padding]);
         record!(structs, LeafRecord, "LightPart", [slot, child_bits, place, mask]);
-        record!(structs, SampleRequest, "Request", [position, choice, normal, padding, u]);
+        record!(structs, SampleRequest, "Request", [position, choice, normal, splits, u]);
         record!(structs, SampleRecord, "LightSample", [direction, dist, radiance, pdf, pmf, instance, light, is_delta]);
         // WGSL pads the struct without naming the padding.
         assert_eq!(structs["LightReservoir"], (64, vec![("chosen".into(), 0), ("weight".into(), 48)]));
@@ -496,7 +496,7 @@ mod tests {
                 slots,
                 directional_base,
                 directional_count,
-                splits,
+                padding,
                 strides.node as "node_stride",
                 strides.lobes as "node_lobes",
                 strides.light as "light_stride",
@@ -504,7 +504,7 @@ mod tests {
                 strides.sector as "instance_sector",
                 solid_angles,
                 parts,
-                padding,
+                padding_after,
                 home,
                 masks
             ]

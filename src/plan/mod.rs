@@ -115,7 +115,6 @@ pub use text::{wgsl, wgsl_previous, wgsl_with_target};
 
 use crate::effects::Effects;
 use crate::instance::sector;
-use crate::sampling::counts::SplitCount;
 use crate::world::{LightWorld, Revision};
 use buffers::Buffers;
 use instance_store::InstanceStore;
@@ -267,26 +266,6 @@ impl LightPlanner {
         [self.trees.nodes.used() as u32, self.trees.lights.used() as u32]
     }
 
-    /// Sets how many clusters shaders split before they choose a light, as
-    /// [`LightSampler::with_splits`](crate::LightSampler::with_splits) does, from the next plan on.
-    /// It is [`SplitCount::DEFAULT`] at first.
-    pub fn set_splits(&mut self, splits: SplitCount) {
-        self.uniforms.wanted_splits = splits.get() as u32;
-    }
-
-    /// Returns the write that brings settings to the device before the next plan; empty if none has
-    /// changed. It has to be played before the next plan.
-    #[must_use]
-    pub fn settings(&mut self) -> Commands {
-        let mut commands = Commands::default();
-        let params = ParamsRecord { splits: self.uniforms.wanted_splits, ..self.uniforms.params };
-        if let Some(buffer) = self.uniforms.params_buffer.filter(|_| params != self.uniforms.params) {
-            commands.write(buffer, 0, bytemuck::bytes_of(&params));
-            self.uniforms.params = params;
-        }
-        commands
-    }
-
     /// Tells that the device may lack some of what was planned: a plan was not played, or not to its
     /// end. The next plan sends everything again, into the same buffers. Until then the buffers are
     /// not to be read.
@@ -327,11 +306,11 @@ impl LightPlanner {
             slots: world.slot_count() as u32,
             directional_base: self.trees.directionals.start,
             directional_count: self.trees.directionals.len() as u32,
-            splits: self.uniforms.wanted_splits,
+            padding: 0,
             strides: Strides::of(effects),
             solid_angles: u32::from(world.solid_angle_sampling()),
             parts: self.top.parts(),
-            padding: 0,
+            padding_after: 0,
             home: sector::number(world.home()),
             masks: if effects.contains(Effects::MASKS) { self.top.masks() } else { 0 },
         }
@@ -343,7 +322,6 @@ impl fmt::Debug for LightPlanner {
         f.debug_struct("LightPlanner")
             .field("plans", &self.number)
             .field("effects", &self.effects)
-            .field("splits", &self.uniforms.wanted_splits)
             .field("instance_slots", &self.instances.count)
             .field("tree_slots", &self.trees.residency.slots())
             .field("parts", &self.instances.parts.count())

@@ -14,7 +14,7 @@ use crate::instance::sector;
 use crate::light;
 use crate::math::dice;
 use crate::math::solid_angle;
-use crate::sampling::counts;
+use crate::sampling::counts::{self, SplitCount};
 use crate::sampling::cut;
 use crate::sampling::emit;
 use crate::sampling::equiangular;
@@ -59,9 +59,10 @@ pub fn wgsl_with_target(group: u32, effects: Effects, target: &TargetHook) -> St
 /// fn light_pmf_previous(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
 /// ```
 ///
-/// The shading point is in the space of the last frame's [`LightWorld::origin`]. Lights, placements
-/// and the number of splits are those of the last frame. Learnt visibility is left out. For a light
-/// that was added to a tree since then, the result is some number in [0, 1].
+/// The shading point is in the space of the last frame's [`LightWorld::origin`]. Lights
+/// and placements are those of the last frame, and the number of splits is that of the variable
+/// `light_splits_previous`. Learnt visibility is left out. For a light that was added to a tree since
+/// then, the result is some number in [0, 1].
 ///
 /// [`LightWorld::origin`]: crate::LightWorld::origin
 #[must_use]
@@ -220,6 +221,7 @@ pub(crate) fn constants() -> String {
         ("DIRECTIONAL", layout::DIRECTIONAL),
         ("NO_INSTANCE", cut::NO_INSTANCE),
         ("MAX_SPLITS", counts::MAX_SPLITS as u32),
+        ("DEFAULT_SPLITS", SplitCount::DEFAULT.get() as u32),
         ("MAX_CANDIDATES", counts::MAX_CANDIDATES),
         ("LATTICE_Y", resample::LATTICE[0]),
         ("LATTICE_Z", resample::LATTICE[1]),

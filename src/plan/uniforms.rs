@@ -3,15 +3,12 @@
 use super::buffers::BufferId;
 use super::layout::{ParamsRecord, Strides};
 use crate::effects::Effects;
-use crate::sampling::counts::SplitCount;
 
 /// The uniforms of shaders and kernels, and the buffer of staged records.
 pub(super) struct Uniforms {
     /// What the uniform of shaders holds.
     pub params: ParamsRecord,
     pub params_buffer: Option<BufferId>,
-    /// For the next plan.
-    pub wanted_splits: u32,
     /// The uniform of conversions. Made at first use.
     pub relayout: Option<BufferId>,
     /// The uniform of the pass that scatters staged records. Made at first use, like their buffer.
@@ -35,7 +32,6 @@ impl Uniforms {
         Self {
             params: ParamsRecord { strides: Strides::of(Effects::all()), ..ParamsRecord::default() },
             params_buffer: None,
-            wanted_splits: SplitCount::DEFAULT.get() as u32,
             relayout: None,
             scatter: None,
             staging: None,

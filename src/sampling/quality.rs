@@ -22,7 +22,7 @@ use crate::sampling::counts::{CandidateCount, SplitCount};
 /// # Ok::<(), girandole::WorldError>(())
 /// ```
 ///
-/// On the GPU, pass [`splits`](Self::splits) to `GpuLights::set_splits`, and
+/// On the GPU, set `light_splits` to [`splits`](Self::splits), and pass
 /// [`candidates`](Self::candidates) to `light_resample` in WGSL.
 ///
 /// The numbers below are those of one sample per pixel in city S, relative to plain sampling with

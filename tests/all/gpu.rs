@@ -83,6 +83,11 @@ pub(crate) fn shading_point(request: &SampleRequest) -> ShadingPoint {
     ShadingPoint::surface(request.position.into(), request.normal.into())
 }
 
+/// The same requests with another number of splits.
+pub(crate) fn with_splits(requests: &[SampleRequest], splits: SplitCount) -> Vec<SampleRequest> {
+    requests.iter().map(|request| SampleRequest { splits: splits.get() as u32, ..*request }).collect()
+}
+
 /// Uploads, builds the top level, and samples on the GPU.
 pub(crate) fn sample(
     lights: &mut GpuLights,
@@ -90,9 +95,8 @@ pub(crate) fn sample(
     splits: SplitCount,
     requests: &[SampleRequest],
 ) -> Vec<SampleRecord> {
-    lights.set_splits(splits);
     lights.upload(world).expect("room enough");
-    sample_again(&gpu(), lights, requests)
+    sample_again(&gpu(), lights, &with_splits(requests, splits))
 }
 
 /// Samples the lights of the last upload.
@@ -496,8 +500,6 @@ fn an_upload_that_does_not_fit_in_its_longer_layout_leaves_the_last_one_in_place
     let instance = world.add_instance(spots[0], Placement::IDENTITY, Policy::Static).expect("valid");
     let refused = lights.upload(&world).err();
     assert!(matches!(refused, Some(GpuError::Full { what: "lights", .. })), "{refused:?}");
-    lights.set_splits(SplitCount::of::<5>());
-    lights.set_splits(SplitCount::DEFAULT);
     assert_eq!(sample_again(&limited, &mut lights, &requests), before);
     world.remove_instance(instance).expect("it lives");
     spots.into_iter().for_each(|tree| world.remove_tree(tree).expect("unused"));
@@ -523,7 +525,6 @@ fn a_lost_device_is_reported_by_the_next_upload_and_by_new_lights() {
     assert_eq!(lights.upload(&world), Err(GpuError::DeviceLost));
     // The other calls of a frame do no harm.
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    lights.set_splits(SplitCount::of::<1>());
     lights.build_top(&mut encoder);
     drop(encoder);
     assert_eq!(GpuLights::new(&device, &queue).err(), Some(GpuError::DeviceLost));
@@ -575,11 +576,12 @@ fn the_shader_function_for_a_pmf_gives_the_probabilities_of_the_cpu() {
         @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
             if id.x >= arrayLength(&questions) { return; }
             let q = questions[id.x];
+            light_splits = SPLITS;
             answers[id.x] = light_pmf(light_surface_point(q.position, q.normal), q.instance, q.light);
         }";
     for (which, splits) in SPLITS.into_iter().enumerate() {
-        lights.set_splits(splits);
-        let answers: Vec<f32> = ask(&mut lights, text.clone(), &questions, expected.len());
+        let text = format!("{text} const SPLITS: u32 = {splits}u;");
+        let answers: Vec<f32> = ask(&mut lights, text, &questions, expected.len());
         for (cpu, gpu) in expected.iter().zip(&answers) {
             assert!(close(cpu[which], *gpu), "{splits} splits: {cpu:?} {gpu}");
         }

@@ -466,8 +466,7 @@ typedef struct GirandoleCommand {
 
 // What a plan holds. All arrays belong to the plan.
 typedef struct GirandolePlanView {
-    // Plans are numbered from 1, and must be played in this order, each exactly once. 0 for a plan of
-    // girandole_planner_settings.
+    // Plans are numbered from 1, and must be played in this order, each exactly once.
     uint64_t number;
     // The buffers of the reservation, which the engine has made.
     const struct GirandoleNewBuffer *new_buffers;
@@ -1215,12 +1214,11 @@ void girandole_plan_destroy(struct GirandolePlan *plan);
 GirandoleStatus girandole_cursor_create(struct GirandoleCursor **cursor);
 
 // Call it before each plan is played. Returns GIRANDOLE_ERROR_OUT_OF_ORDER if the plan was played before, or
-// if an earlier plan was skipped; do not play the plan then. Plans of girandole_planner_settings are refused
-// with GIRANDOLE_ERROR_BAD_VALUE: play them without a cursor.
+// if an earlier plan was skipped; do not play the plan then.
 GirandoleStatus girandole_cursor_advance(struct GirandoleCursor *cursor, const struct GirandolePlan *plan);
 
 // Lets the cursor expect this plan next, after girandole_planner_lose. Then call girandole_cursor_advance
-// for the plan. Plans of girandole_planner_settings are refused with GIRANDOLE_ERROR_BAD_VALUE.
+// for the plan.
 GirandoleStatus girandole_cursor_skip_to(struct GirandoleCursor *cursor, const struct GirandolePlan *plan);
 
 // Frees a cursor. NULL is allowed.
@@ -1239,17 +1237,9 @@ GirandoleStatus girandole_planner_set_limits(struct GirandolePlanner *planner,
                                              uint64_t tree_memory,
                                              uint64_t frame_bytes);
 
-// Sets the number of splits of shaders from the next plan on: 0 to 7.
-GirandoleStatus girandole_planner_set_splits(struct GirandolePlanner *planner, uint32_t splits);
-
 // Sets whether the buffers of the last frame are kept for light_pmf_previous (1) or dropped (0), from the
 // next plan on.
 GirandoleStatus girandole_planner_keep_previous(struct GirandolePlanner *planner, uint32_t is_kept);
-
-// Makes a plan that only sends the setting of girandole_planner_set_splits to the device, before the plan of
-// the next frame. It may be empty. Its number is 0. Play it before the next plan, and do not pass it to a
-// cursor, which refuses it.
-GirandoleStatus girandole_planner_settings(struct GirandolePlanner *planner, struct GirandolePlan **plan);
 
 // Reports that a plan was not played, or only in part, so that the device may lack some of what was planned.
 // The next plan sends everything again, into the same buffers; pass it to girandole_cursor_skip_to.

@@ -250,7 +250,6 @@ static void plans(GirandoleWorld *world)
     EXPECT(GIRANDOLE_ERROR_OTHER_WORLD, girandole_reader_read(reader, other_world, &changes));
     EXPECT(GIRANDOLE_OK, girandole_planner_bindings(planner, ids));
     REQUIRE(ids[0] == UINT32_MAX && ids[4] == UINT32_MAX);
-    EXPECT(500, girandole_planner_set_splits(planner, 8));
     EXPECT(GIRANDOLE_ERROR_NOT_RESERVED, girandole_planner_plan(planner, &plan));
     EXPECT(GIRANDOLE_ERROR_NOT_RESERVED, girandole_planner_cancel(planner));
     EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_planner_reserve(planner, world, 2, &buffers, &count));
@@ -288,16 +287,6 @@ static void plans(GirandoleWorld *world)
     EXPECT(GIRANDOLE_OK, girandole_plan_view(second, &view));
     REQUIRE(view.number == 2 && view.upload_count > 0 && view.top_count > 0);
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_plan_view(NULL, &view));
-
-    /* A plan of settings has one write, and no place in the order of plans. */
-    EXPECT(GIRANDOLE_OK, girandole_planner_set_splits(planner, 3));
-    EXPECT(GIRANDOLE_OK, girandole_planner_settings(planner, &plan));
-    EXPECT(GIRANDOLE_OK, girandole_plan_view(plan, &view));
-    REQUIRE(view.number == 0 && view.upload_count == 1 && view.bytes == 64 && view.upload[0].size == 64);
-    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_cursor_advance(cursor, plan));
-    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_cursor_skip_to(cursor, plan));
-    EXPECT(GIRANDOLE_ERROR_OUT_OF_ORDER, girandole_cursor_advance(cursor, first));
-    girandole_plan_destroy(plan);
 
     /* A planner that ends with its reservation frees the world. */
     EXPECT(GIRANDOLE_OK, girandole_planner_create(NULL, &reserved));

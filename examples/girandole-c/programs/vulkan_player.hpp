@@ -63,14 +63,6 @@ public:
         return play(plan.get());
     }
 
-    // Sends a number of splits to the device, before the next frame. Returns the commands played.
-    size_t set_splits(uint32_t splits) {
-        girandole::check(girandole_planner_set_splits(planner_.get(), splits));
-        const auto plan = girandole::make<GirandolePlan>(
-            [&](GirandolePlan **it) { return girandole_planner_settings(planner_.get(), it); });
-        return play(plan.get());
-    }
-
     // What shaders bind, at the group that their text was made for.
     std::vector<vulkan::Bound> bindings() {
         uint32_t ids[GIRANDOLE_SHADER_BUFFERS];

@@ -6,7 +6,7 @@ use girandole::plan::{BufferId, Command, Commands, FramePlan, KERNELS, PlanCurso
 
 use crate::buffers::{GirandoleNewBuffer, new_buffers};
 use crate::memory::{destroy, object, object_mut, result};
-use crate::status::{Failure, GIRANDOLE_ERROR_BAD_VALUE, GirandoleStatus, call};
+use crate::status::{Failure, GirandoleStatus, call};
 
 /// What a command does: one of GIRANDOLE_COMMAND_*.
 pub type GirandoleCommandKind = u32;
@@ -134,15 +134,6 @@ fn flat(command: Command<'_>, rest: &mut &[u32]) -> Result<GirandoleCommand, Fai
 }
 
 impl GirandolePlan {
-    /// The frame of a numbered plan, for cursors.
-    fn numbered(&self) -> Result<&FramePlan, Failure> {
-        if self.frame.number == 0 {
-            let message = "a plan of girandole_planner_settings has no number: cursors do not take it";
-            return Err(Failure::new(GIRANDOLE_ERROR_BAD_VALUE, message));
-        }
-        Ok(&self.frame)
-    }
-
     pub(crate) fn new(frame: FramePlan) -> Result<Self, Failure> {
         Ok(Self {
             new_buffers: new_buffers(&frame.new_buffers)?,
@@ -158,8 +149,7 @@ impl GirandolePlan {
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct GirandolePlanView {
-    /// Plans are numbered from 1, and must be played in this order, each exactly once. 0 for a plan of
-    /// girandole_planner_settings.
+    /// Plans are numbered from 1, and must be played in this order, each exactly once.
     pub number: u64,
     /// The buffers of the reservation, which the engine has made.
     pub new_buffers: *const GirandoleNewBuffer,
@@ -231,8 +221,7 @@ pub unsafe extern "C" fn girandole_cursor_create(cursor: *mut *mut GirandoleCurs
 }
 
 /// Call it before each plan is played. Returns GIRANDOLE_ERROR_OUT_OF_ORDER if the plan was played before, or
-/// if an earlier plan was skipped; do not play the plan then. Plans of girandole_planner_settings are refused
-/// with GIRANDOLE_ERROR_BAD_VALUE: play them without a cursor.
+/// if an earlier plan was skipped; do not play the plan then.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_cursor_advance(
     cursor: *mut GirandoleCursor,
@@ -241,12 +230,12 @@ pub unsafe extern "C" fn girandole_cursor_advance(
     call(|| {
         // SAFETY: see the crate's documentation.
         let (cursor, plan) = unsafe { (object_mut(cursor, "cursor")?, object(plan, "plan")?) };
-        Ok(cursor.0.advance(plan.numbered()?)?)
+        Ok(cursor.0.advance(&plan.frame)?)
     })
 }
 
 /// Lets the cursor expect this plan next, after girandole_planner_lose. Then call girandole_cursor_advance
-/// for the plan. Plans of girandole_planner_settings are refused with GIRANDOLE_ERROR_BAD_VALUE.
+/// for the plan.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_cursor_skip_to(
     cursor: *mut GirandoleCursor,
@@ -255,7 +244,7 @@ pub unsafe extern "C" fn girandole_cursor_skip_to(
     call(|| {
         // SAFETY: see the crate's documentation.
         let (cursor, plan) = unsafe { (object_mut(cursor, "cursor")?, object(plan, "plan")?) };
-        cursor.0.skip_to(plan.numbered()?);
+        cursor.0.skip_to(&plan.frame);
         Ok(())
     })
 }

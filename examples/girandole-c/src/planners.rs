@@ -1,10 +1,8 @@
 //! The calls that create planners, set them up and ask them.
 
-use girandole::SplitCount;
-use girandole::plan::{FramePlan, LightPlanner, PlanLimits, ShaderBuffers};
+use girandole::plan::{LightPlanner, PlanLimits, ShaderBuffers};
 
 use crate::memory::{destroy, object, object_mut, result};
-use crate::plan::GirandolePlan;
 use crate::planner::{GirandoleLimits, GirandolePlanner, limit};
 use crate::shader_text::effect_bits;
 use crate::status::{Failure, GirandoleStatus, call};
@@ -67,20 +65,6 @@ pub unsafe extern "C" fn girandole_planner_set_limits(
     })
 }
 
-/// Sets the number of splits of shaders from the next plan on: 0 to 7.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn girandole_planner_set_splits(planner: *mut GirandolePlanner, splits: u32) -> GirandoleStatus {
-    call(|| {
-        let splits = SplitCount::new(splits as usize)?;
-        let set = |planner: &mut LightPlanner| {
-            planner.set_splits(splits);
-            Ok(())
-        };
-        // SAFETY: see the crate's documentation.
-        unsafe { change(planner, set) }
-    })
-}
-
 /// Sets whether the buffers of the last frame are kept for light_pmf_previous (1) or dropped (0), from the
 /// next plan on.
 #[unsafe(no_mangle)]
@@ -96,26 +80,6 @@ pub unsafe extern "C" fn girandole_planner_keep_previous(
         };
         // SAFETY: see the crate's documentation.
         unsafe { change(planner, set) }
-    })
-}
-
-/// Makes a plan that only sends the setting of girandole_planner_set_splits to the device, before the plan of
-/// the next frame. It may be empty. Its number is 0. Play it before the next plan, and do not pass it to a
-/// cursor, which refuses it.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn girandole_planner_settings(
-    planner: *mut GirandolePlanner,
-    plan: *mut *mut GirandolePlan,
-) -> GirandoleStatus {
-    call(|| {
-        // SAFETY: see the crate's documentation.
-        let out = unsafe { result(plan, "plan")? };
-        let mut frame = FramePlan::default();
-        // SAFETY: see the crate's documentation.
-        frame.upload = unsafe { change(planner, |planner| Ok(planner.settings()))? };
-        frame.report.bytes = frame.upload.bytes_written();
-        out.set(Box::into_raw(Box::new(GirandolePlan::new(frame)?)));
-        Ok(())
     })
 }
 

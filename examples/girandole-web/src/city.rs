@@ -116,8 +116,7 @@ impl City {
         stage.world.set_glossy_sampling(true);
         let geometry = Geometry::new(&stage.scene).map_err(text)?;
         let buffers = SceneBuffers::new(&gpu.device, &gpu.queue, &stage.scene, &geometry).map_err(text)?;
-        let mut lights = GpuLights::new(&gpu.device, &gpu.queue).map_err(text)?;
-        lights.set_splits(SplitCount::DEFAULT);
+        let lights = GpuLights::new(&gpu.device, &gpu.queue).map_err(text)?;
         let picture = Picture::new(&gpu, &buffers, [1, 1]);
         let (layout, _) = buffers.bind(&gpu.device, &picture.sums);
         let pipelines = Pipelines::new(&gpu.device, &layout, &lights, &stage.scene, &geometry)?;
@@ -342,7 +341,7 @@ impl City {
     /// The uniform of a picture of the present scene, without samples.
     pub(crate) fn frame_uniform(&self, spp: u32, seed: u32) -> FrameUniform {
         let size = self.picture.size;
-        let options = PictureOptions { size, spp, candidates: CANDIDATES.get(), seed };
+        let options = PictureOptions { size, spp, splits: SplitCount::DEFAULT, candidates: CANDIDATES, seed };
         let mut frame = FrameUniform::new(&self.stage.scene, &self.geometry, self.buffers.first_object(), &options);
         frame.row_end = size[1];
         frame

@@ -7,7 +7,7 @@ use crate::gpu::testing::{gpu, limited_gpu, read};
 use crate::instance::placement::Placement;
 use crate::light::Light;
 use crate::policy::Policy;
-use crate::sampling::counts::{CandidateCount, SplitCount};
+use crate::sampling::counts::CandidateCount;
 use crate::sampling::resample::candidate_numbers;
 use crate::tree::LightTree;
 use crate::world::LightWorld;
@@ -110,11 +110,6 @@ fn the_node_count_is_the_number_of_splits_and_of_steps_down() {
     // A request, and for each of its eight candidates a request that makes the same sample.
     let alone = (0..8).map(|i| SampleRequest { u: candidate_numbers(request.u, i, 8), ..request });
     let requests: Vec<_> = std::iter::once(request).chain(alone).collect();
-    let requests = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-        label: None,
-        contents: bytemuck::cast_slice(&requests),
-        usage: wgpu::BufferUsages::STORAGE,
-    });
     let counts = device.create_buffer(&wgpu::BufferDescriptor {
         label: None,
         size: 9 * 4,
@@ -122,7 +117,12 @@ fn the_node_count_is_the_number_of_splits_and_of_steps_down() {
         mapped_at_creation: false,
     });
     let count = |lights: &mut GpuLights, splits: u32, candidates: u32| {
-        lights.set_splits(SplitCount::new(splits as usize).expect("few"));
+        let split = requests.iter().map(|request| SampleRequest { splits, ..*request });
+        let requests = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: None,
+            contents: bytemuck::cast_slice(&split.collect::<Vec<_>>()),
+            usage: wgpu::BufferUsages::STORAGE,
+        });
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         lights.build_top(&mut encoder);
         let candidates = CandidateCount::new(candidates).expect("few");

@@ -195,8 +195,6 @@ fn an_upload_submits_only_growth_and_scattered_records() {
     assert_eq!(submissions(&mut world, &mut lights), 0, "nothing has changed");
     world.move_instance(keys[7], place(9)).expect("valid");
     assert_eq!(submissions(&mut world, &mut lights), 0, "one write");
-    lights.set_splits(SplitCount::NONE);
-    assert_eq!(submissions(&mut world, &mut lights), 0);
     for key in keys.iter().step_by(2) {
         world.move_instance(*key, place(999)).expect("valid");
     }

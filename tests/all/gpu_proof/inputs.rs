@@ -4,7 +4,7 @@ use girandole::glam::{Mat3, Vec3};
 use girandole::gpu::GpuLights;
 use girandole::{DirectionalLight, FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint, SplitCount};
 
-use super::{Question, Sampled, Text, named_lights};
+use super::{Question, Sampled, Text, named_lights, with_splits};
 use crate::gpu::gpu;
 use girandole::LightTree;
 use testbed::testing::support::Rng;
@@ -128,7 +128,7 @@ fn positions_normals_and_numbers_that_are_none_give_finite_answers_on_the_gpu() 
         (Text::AsItIs, SplitCount::DEFAULT),
         (Text::AssumingNumbers, SplitCount::DEFAULT),
     ] {
-        lights.set_splits(splits);
+        let questions = with_splits(&questions, splits);
         for (question, point) in questions.iter().zip(text.points(&mut lights, &questions)) {
             assert!(point.into_iter().all(is_finite), "{text:?} {point:?} {question:?}");
         }

@@ -3,10 +3,10 @@
 use std::collections::HashMap;
 
 use girandole::gpu::GpuLights;
-use girandole::{LightWorld, ShadingPoint};
+use girandole::{LightWorld, ShadingPoint, SplitCount};
 
 use super::edits::Edited;
-use super::{Picked, Question, Text, named_lights};
+use super::{Picked, Question, Text, named_lights, with_splits};
 use crate::gpu::gpu;
 use testbed::testing::plan_device::Played;
 use testbed::testing::support::{Rng, SPLITS};
@@ -34,7 +34,13 @@ struct Answers {
     picks: Vec<Picked>,
 }
 
-fn answers(lights: &mut GpuLights, names: &[[u32; 2]], points: &[ShadingPoint], u: &[[f32; 2]]) -> Answers {
+fn answers(
+    lights: &mut GpuLights,
+    splits: SplitCount,
+    names: &[[u32; 2]],
+    points: &[ShadingPoint],
+    u: &[[f32; 2]],
+) -> Answers {
     let mut asked = Vec::new();
     for point in points {
         asked.extend(names.iter().map(|[instance, light]| Question {
@@ -43,10 +49,10 @@ fn answers(lights: &mut GpuLights, names: &[[u32; 2]], points: &[ShadingPoint], 
             ..Question::at(point)
         }));
     }
-    let pmfs = Text::AsItIs.pmfs(lights, &asked);
+    let pmfs = Text::AsItIs.pmfs(lights, &with_splits(&asked, splits));
     let draw = |(i, u): (usize, &[f32; 2])| Question { u: [u[0], u[1], 0.0, 0.0], ..Question::at(&points[i / DRAWS]) };
     let drawn: Vec<Question> = u.iter().enumerate().map(draw).collect();
-    Answers { pmfs, picks: Text::AsItIs.picks(lights, &drawn) }
+    Answers { pmfs, picks: Text::AsItIs.picks(lights, &with_splits(&drawn, splits)) }
 }
 
 /// Checks the answers at one shading point. Returns the number of lights that send something there.
@@ -146,10 +152,8 @@ fn prove(seed: u64, sizes: &[usize]) -> Vec<usize> {
         let names: Vec<[u32; 2]> = named_lights(world).into_iter().map(|(_, name)| name).collect();
         let mut contributions = 0;
         for splits in SPLITS {
-            lights.set_splits(splits);
-            fresh.set_splits(splits);
-            let found = answers(&mut lights, &names, &points, &u);
-            let again = answers(&mut fresh, &names, &points, &u);
+            let found = answers(&mut lights, splits, &names, &points, &u);
+            let again = answers(&mut fresh, splits, &names, &points, &u);
             let bits = |pmfs: &[f32]| pmfs.iter().map(|pmf| pmf.to_bits()).collect::<Vec<_>>();
             assert!(bits(&found.pmfs) == bits(&again.pmfs), "{size} instances: a fresh upload has other probabilities");
             assert!(found.picks == again.picks, "{size} instances: a fresh upload has other picks");

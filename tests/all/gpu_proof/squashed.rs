@@ -3,9 +3,9 @@
 
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
-use girandole::{FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint, SplitCount};
+use girandole::{FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint};
 
-use super::{Question, Text, named_lights};
+use super::{Question, Text, named_lights, with_splits};
 use crate::gpu::{close, gpu};
 use girandole::LightTree;
 use testbed::testing::support::{Rng, SPLITS};
@@ -70,7 +70,7 @@ fn squashed_instances_are_covered_and_have_the_probabilities_of_the_cpu_on_the_g
             questions.extend(names.iter().map(ask));
         }
         for splits in SPLITS {
-            lights.set_splits(splits);
+            let questions = with_splits(&questions, splits);
             let sampler = world.sampler().with_splits(splits);
             let answers = Text::AsItIs.pmfs(&mut lights, &questions);
             for (point, gpu) in points.iter().zip(answers.chunks_exact(names.len())) {
@@ -113,7 +113,6 @@ fn lamps_on_the_horizon_far_from_the_origin_are_covered_on_the_gpu() {
         }
     }
     let mut lights = upload(&mut world);
-    lights.set_splits(SplitCount::DEFAULT);
     let sampler = world.sampler();
     let (mut questions, mut asked) = (Vec::new(), Vec::new());
     for (key, linear, translation, place) in placed {

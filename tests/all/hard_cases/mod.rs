@@ -21,7 +21,7 @@ use girandole::{
     Placement, Policy, ShadingPoint, SplitCount,
 };
 
-use crate::gpu::{OTHER_PICKS, compare, gpu, sample_by};
+use crate::gpu::{OTHER_PICKS, compare, gpu, sample_by, with_splits};
 use testbed::testing::support::{Rng, SPLITS, all_pmfs};
 
 /// Rounding of a sum over thousands of lights. Each probability is a product of ratios of sums of
@@ -117,11 +117,10 @@ fn prove_on_gpu(world: &mut LightWorld, shading_points: &[ShadingPoint], seed: u
         .collect();
     lights.upload(world).expect("room enough");
     for splits in SPLITS {
-        lights.set_splits(splits);
         // The variant for this world with the default splits, the variant for every world with the
         // others.
         let effects = if splits == SplitCount::DEFAULT { lights.effects() } else { Effects::all() };
-        let records = sample_by(effects, &mut lights, &requests);
+        let records = sample_by(effects, &mut lights, &with_splits(&requests, splits));
         assert!(records.iter().all(|r| r.pmf.is_finite() && r.pdf.is_finite() && Vec3::from(r.radiance).is_finite()));
         let others = compare(world, splits, &requests, &records);
         assert!(others as f64 <= OTHER_PICKS * 1024.0 + 1.0, "{others} of 1024 draws choose another light");

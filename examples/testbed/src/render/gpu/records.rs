@@ -8,6 +8,7 @@ use super::sequence::{block_bits, tile_bits};
 use super::shading::View;
 use bytemuck::{Pod, Zeroable};
 use girandole::glam::{Vec3, Vec4};
+use girandole::{CandidateCount, SplitCount};
 
 /// What a dispatch needs to know. `Frame` in `render.wgsl`.
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -41,6 +42,8 @@ pub struct FrameUniform {
     /// 1 if samples are spread over the pixel and over lights, 0 if all pass through its middle and take
     /// the same points on lights.
     pub is_spread: u32,
+    pub splits: u32,
+    pub padding: [u32; 3],
 }
 
 /// What a picture is made with.
@@ -50,8 +53,10 @@ pub struct PictureOptions {
     pub size: [u32; 2],
     /// Samples per pixel, for which random numbers are evenly distributed.
     pub spp: u32,
+    /// Clusters that a sample splits at most.
+    pub splits: SplitCount,
     /// Candidates of which each sample keeps one.
-    pub candidates: u32,
+    pub candidates: CandidateCount,
     /// Of the random numbers.
     pub seed: u32,
 }
@@ -60,7 +65,7 @@ impl FrameUniform {
     /// The uniform of a picture, without samples and rows. `first_object` is the number of records that
     /// precede those of the objects.
     pub fn new(scene: &Scene, geometry: &Geometry, first_object: u32, options: &PictureOptions) -> Self {
-        let PictureOptions { size: [width, height], spp, candidates, seed } = *options;
+        let PictureOptions { size: [width, height], spp, splits, candidates, seed } = *options;
         let view = View::new(&scene.camera, width, height);
         let block_bits = block_bits(spp);
         Self {
@@ -77,7 +82,7 @@ impl FrameUniform {
             horizon: scene.sky.horizon,
             first_object,
             ambient: scene.sky.ambient,
-            candidates,
+            candidates: candidates.get(),
             occluder_min: geometry.occluders.min,
             block_bits,
             occluder_max: geometry.occluders.max,
@@ -90,6 +95,8 @@ impl FrameUniform {
             first_tex_coords: geometry.triangles.len() as u32,
             first_half: first_half(spp),
             is_spread: 1,
+            splits: splits.get() as u32,
+            padding: [0; 3],
         }
     }
 }
@@ -236,7 +243,8 @@ mod tests {
             haze,
             first_tex_coords,
             first_half,
-            is_spread
+            is_spread,
+            splits
         );
         same!("Node", Node, min0, child0, max0, padding0, min1, child1, max1, padding1);
         same!("Triangle", PackedTriangle, corner, material, edge1, flags, edge2, tex_coords);

@@ -42,6 +42,8 @@ struct Frame {
     // 1 if samples are spread over the pixel and over lights. 0 if all pass through its middle and take
     // the same points on lights, so that their mean estimates a sum that has no integral.
     is_spread: u32,
+    // The largest number of clusters that a sample splits.
+    splits: u32,
 }
 
 struct Node {
@@ -388,6 +390,7 @@ fn unblocked_share(position: vec3<f32>, light: LightSample) -> f32 {
 // The radiance that the surface of a hit sends against the direction of the ray.
 fn surface_radiance(direction: vec3<f32>, hit: Hit, numbers: SampleNumbers) -> vec3<f32> {
     let at = met_surface(direction, hit);
+    light_splits = frame.splits;
     let kept = light_resample_by(shading_point(at), at.surface, numbers.light, numbers.pixel.w, frame.candidates);
     if kept.weight <= 0.0 {
         return at.emitted;

@@ -68,8 +68,7 @@ impl GpuRenderer {
         let band_rows = band_rows(settings);
         let buffers = Buffers::new(&gpu, scene, geometry, u64::from(settings.width) * u64::from(band_rows))?;
         let (layout, bind_group) = buffers.bind(device);
-        let mut lights = GpuLights::new(device, &gpu.queue).map_err(|e| SceneError(e.to_string()))?;
-        lights.set_splits(settings.splits);
+        let lights = GpuLights::new(device, &gpu.queue).map_err(|e| SceneError(e.to_string()))?;
         let effects = effects - Effects::MOVING;
         let target = TargetHook::new(TARGET, TARGET_ARGUMENT).map_err(|e| SceneError(e.to_string()))?;
         let shader = lights.shader(LIGHT_GROUP, effects).with_target(target);
@@ -85,7 +84,6 @@ impl GpuRenderer {
 
     /// Prepares for pictures with other settings. Fails if the device has no memory for their size.
     pub fn set_settings(&mut self, settings: &Settings) -> Result<(), SceneError> {
-        self.lights.set_splits(settings.splits);
         self.band_rows = band_rows(settings);
         let band_pixels = u64::from(settings.width) * u64::from(self.band_rows);
         if self.buffers.set_band(&self.gpu, band_pixels)? {
@@ -126,7 +124,8 @@ impl GpuRenderer {
         let options = PictureOptions {
             size: [settings.width, settings.height],
             spp: settings.spp,
-            candidates: settings.candidates.get(),
+            splits: settings.splits,
+            candidates: settings.candidates,
             seed,
         };
         let mut frame = FrameUniform::new(scene, geometry, self.buffers.scene.first_object(), &options);
