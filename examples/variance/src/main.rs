@@ -6,6 +6,7 @@
 //! cargo run --release -p variance -- --out FILE.csv --deform [--gltf FILE]
 //! cargo run --release -p variance -- --out FILE.csv --candidates [--gltf FILE]
 //! cargo run --release -p variance -- --out FILE.csv --torture
+//! cargo run --release -p variance -- --out FILE.csv --cliffs
 //! cargo run --release -p variance -- --out FILE.csv --gloss [--shading-points N]
 //! cargo run --release -p variance -- --out FILE.csv --segments [--gltf FILE]
 //!     [--world S|M|L] [--shading-points N]
@@ -22,7 +23,8 @@
 //! `--deform` measures how much noise moving lights add to a tree, and what rebuilds cost, in city
 //! S (`deform.rs`). `--candidates` measures what choosing one of several candidates gains
 //! (`candidates.rs`). `--torture` measures the scenes of `examples/testbed/src/measuring/torture`, which are
-//! hard for a choice of lights. `--gloss` measures the light that glossy surfaces reflect, by
+//! hard for a choice of lights. `--cliffs` measures scenes in which two levels were far worse than one
+//! tree (`torture/cliffs.rs` there), against one tree alone. `--gloss` measures the light that glossy surfaces reflect, by
 //! roughness (`gloss.rs`). `--segments` measures the light that fog scatters into camera rays, by
 //! the length of their segments (`segments.rs`). `--shadows` measures how much noise with shadows a
 //! sampler would lose if it knew which lights are visible (`shadow_oracle/`); it takes some
@@ -59,6 +61,9 @@ struct Options {
     /// Measure the scenes that are hard for a choice of lights, instead
     #[arg(long, conflicts_with_all = ["deform", "candidates", "gltf", "world", "shading_points"])]
     torture: bool,
+    /// Measure the scenes in which two levels were far worse than one tree, instead
+    #[arg(long, conflicts_with_all = ["deform", "candidates", "gloss", "gltf", "world", "shading_points", "torture"])]
+    cliffs: bool,
     /// Measure the light that fog scatters into segments of camera rays, instead
     #[arg(long, conflicts_with_all = ["deform", "candidates", "gloss", "torture", "shadows", "learn"])]
     segments: bool,
@@ -83,6 +88,9 @@ fn run(options: &Options) -> Result<(), SceneError> {
     }
     if options.torture {
         return variance::torture::run(&options.out);
+    }
+    if options.cliffs {
+        return variance::torture::run_cliffs(&options.out);
     }
     if options.gloss {
         return variance::gloss::run(options.world, count, &options.out);

@@ -3,7 +3,8 @@
 use std::path::Path;
 use testbed::common::table::{Table, markdown_head};
 use testbed::measuring::torture;
-use testbed::measuring::torture::table::{TortureRow, rows};
+use testbed::measuring::torture::cliffs;
+use testbed::measuring::torture::table::{TortureRow, own_rows, rows};
 use testbed::scene::SceneError;
 
 const COLUMNS: [&str; 8] =
@@ -16,7 +17,7 @@ fn fields(row: &TortureRow) -> [String; 8] {
     let sigma = &row.sigma;
     let [mean, median, p95, p999, rms] =
         [sigma.mean, sigma.median, sigma.p95, sigma.p999, sigma.rms].map(|sigma| format!("{sigma:.3}"));
-    [row.scene.to_owned(), row.sampler.to_owned(), mean, median, p95, p999, rms, format!("{:.4}", row.dead)]
+    [row.scene.clone(), row.sampler.to_owned(), mean, median, p95, p999, rms, format!("{:.4}", row.dead)]
 }
 
 /// One line of the summary. The rows are those of [`rows`].
@@ -39,6 +40,23 @@ pub fn run(out: &Path) -> Result<(), SceneError> {
         let measured = rows(&scene)?;
         measured.iter().try_for_each(|row| table.add(fields(row))).map_err(SceneError)?;
         summary(&measured).iter().for_each(|line| println!("{line}"));
+    }
+    Ok(())
+}
+
+/// The columns of [`run_cliffs`] in the terminal.
+const CLIFF_SUMMARY: [&str; 4] = ["scene", "two levels", "flat", "of flat"];
+
+/// As [`run`], for the scenes in which two levels were far worse than one tree.
+#[allow(clippy::print_stdout, reason = "a program talks to its user")]
+pub fn run_cliffs(out: &Path) -> Result<(), SceneError> {
+    let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
+    println!("{}", markdown_head(&CLIFF_SUMMARY));
+    for scene in cliffs::scenes()? {
+        let measured = own_rows(&scene)?;
+        measured.iter().try_for_each(|row| table.add(fields(row))).map_err(SceneError)?;
+        let [two, flat] = measured.map(|row| row.sigma.mean);
+        println!("| {} | {two:.3} | {flat:.3} | {:.2} |", scene.name, two / flat);
     }
     Ok(())
 }

@@ -18,7 +18,7 @@ pub const SCENES: &[(&str, Make)] = &[
 ];
 
 /// The triangles of a sphere that is divided along meridians and circles of latitude.
-fn ball(center: Vec3, radius: f32, radiance: f32) -> Vec<Light> {
+pub(super) fn ball(center: Vec3, radius: f32, radiance: f32) -> Vec<Light> {
     let (rings, sectors) = (10, 34);
     let at = |ring: usize, sector: usize| {
         let (latitude, longitude) = (PI * ring as f32 / rings as f32, 2.0 * PI * sector as f32 / sectors as f32);

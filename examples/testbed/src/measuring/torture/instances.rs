@@ -41,7 +41,7 @@ fn lamps_and_panels(rng: &mut Rng, count: usize, half: Vec3, scale: Vec3) -> Vec
 }
 
 /// One tree of 2,000 lamps and panels in an instance that is scaled.
-fn scaled(parts: &mut Parts, rng: &mut Rng, scale: Vec3) -> Result<(), WorldError> {
+pub(super) fn scaled(parts: &mut Parts, rng: &mut Rng, scale: Vec3) -> Result<(), WorldError> {
     let half = vec3(10.0, 3.0, 10.0);
     parts.add(lamps_and_panels(rng, 2000, half, scale), Mat3::from_diagonal(scale), Vec3::ZERO)?;
     parts.receive(|| (in_box(rng, half), direction(rng)));

@@ -4,6 +4,7 @@
 //! They are a search for *cliffs*: scenes in which a sampler that is good on cities is worse than a
 //! simple one. None has shadows, so sigma is exact.
 
+pub mod cliffs;
 mod contrasts;
 pub mod cuts;
 mod emitters;

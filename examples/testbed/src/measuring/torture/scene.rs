@@ -10,7 +10,7 @@ pub const SHADING_POINTS: usize = 200;
 
 /// Lights in instances, and shading points.
 pub struct TortureScene {
-    pub name: &'static str,
+    pub name: String,
     pub world: LightWorld,
     pub shading_points: Vec<ShadingPoint>,
 }
@@ -26,12 +26,25 @@ pub struct Parts {
 }
 
 impl TortureScene {
-    pub fn new(name: &'static str, make: Make) -> Result<Self, WorldError> {
+    pub fn new(name: &str, make: Make) -> Result<Self, WorldError> {
+        Self::new_of(name.to_owned(), &make, SHADING_POINTS)
+    }
+
+    /// A scene with the first shading points that it makes.
+    pub fn new_of(
+        name: String,
+        make: &dyn Fn(&mut Parts, &mut Rng) -> Result<(), WorldError>,
+        shading_points: usize,
+    ) -> Result<Self, WorldError> {
         let mut parts = Parts::default();
         // Each scene has a stream of its own, whatever scenes come before it.
         let stream = name.bytes().fold(0_u64, |hash, byte| hash.wrapping_mul(31).wrapping_add(u64::from(byte)));
         make(&mut parts, &mut Rng::new(77, stream))?;
-        parts.world.update(FrameBudget::UNLIMITED);
+        // A few, in which all instances are judged.
+        for _ in 0..4 {
+            parts.world.update(FrameBudget::UNLIMITED);
+        }
+        parts.shading_points.truncate(shading_points);
         Ok(Self { name, world: parts.world, shading_points: parts.shading_points })
     }
 }
