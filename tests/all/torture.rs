@@ -58,7 +58,7 @@ const OF_CUTS: f64 = 1.4;
 #[test]
 fn quality_does_not_depend_on_how_a_town_is_cut() {
     let scenes = scenes().expect("valid scenes");
-    let towns: Vec<_> = scenes.iter().filter(|scene| TOWN.contains(&scene.name)).collect();
+    let towns: Vec<_> = scenes.iter().filter(|scene| TOWN.contains(&&*scene.name)).collect();
     assert_eq!(towns.len(), TOWN.len());
     for scene in towns {
         let lights = carried(&scene.world);
