@@ -217,17 +217,15 @@ fn light_part(bits: u32) -> LightPart {
     return LightPart(words.x, words.y, words.z, words.w);
 }
 
-// Whether a walk up an instance's tree goes on in the top level. `place` is where it has arrived.
-fn light_leaves_tree(flags: u32, place: u32) -> bool {
-    // LIGHT_NO_PARENT has the bit LIGHT_SECTION as well.
-    return place >= LIGHT_SECTION || (flags & LIGHT_LIGHTS) != 0u
-        || ((flags & LIGHT_SIDES) != 0u && place < LIGHT_WIDTH);
+// Whether a walk up an instance's tree goes on in the top level: `place` is above the root or an opening.
+fn light_leaves_tree(place: u32) -> bool {
+    // LIGHT_NO_PARENT has the bit LIGHT_OPENING as well.
+    return place >= LIGHT_OPENING;
 }
 
-// The place in the top level where it goes on. `light` is the index of the light in its tree.
-fn light_place_above(slot: u32, flags: u32, place: u32, light: u32) -> u32 {
+// The place in the top level where it goes on.
+fn light_place_above(slot: u32, place: u32) -> u32 {
     let first = light_instances[slot * light_params.instance_stride + LIGHT_INSTANCE_PART].x;
-    let side = select(place & ~LIGHT_SECTION, 0u, place == LIGHT_NO_PARENT);
-    let index = select(side, light, (flags & LIGHT_LIGHTS) != 0u);
+    let index = select(place & ~LIGHT_OPENING, 0u, place == LIGHT_NO_PARENT);
     return light_top[light_params.parts + first + index].z;
 }

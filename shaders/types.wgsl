@@ -59,7 +59,7 @@ struct LightInstance {
     tree: u32,
     node_base: u32,
     light_base: u32,
-    // The first of the instance's parts: its tree, the sides of its tree, or its lights.
+    // The first of the instance's parts: its tree, or one for each opening of it.
     first_part: u32,
     // Cosine and sine of the angle by which the placement may turn one direction against another.
     cos_turn: f32,

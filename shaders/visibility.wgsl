@@ -160,8 +160,8 @@ fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample
     }
     var last = LIGHT_BINS;
     loop {
-        if instance != LIGHT_NO_INSTANCE && light_leaves_tree(placed.flags, place) {
-            place = light_place_above(instance, placed.flags, place, chosen.light);
+        if instance != LIGHT_NO_INSTANCE && light_leaves_tree(place) {
+            place = light_place_above(instance, place);
             instance = LIGHT_NO_INSTANCE;
             base = 0u;
             position = shading_point.position;

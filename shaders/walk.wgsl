@@ -93,8 +93,8 @@ fn light_climb(
             return 0.0;
         }
         // #endif
-        if place.instance != LIGHT_NO_INSTANCE && light_leaves_tree(flags, up) {
-            up = light_place_above(place.instance, flags, up, light);
+        if place.instance != LIGHT_NO_INSTANCE && light_leaves_tree(up) {
+            up = light_place_above(place.instance, up);
             place.instance = LIGHT_NO_INSTANCE;
             local = light_local_to_top(shading_point);
         }

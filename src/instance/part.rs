@@ -12,26 +12,12 @@ pub(crate) const SINGLE: u32 = 1 << 29;
 /// The child bits of a leaf that hold the number of a part or the slot of an instance.
 pub(crate) const PART_BITS: u32 = SINGLE - 1;
 
-/// Which parts of a tree are leaves of the top level. A tree of [`Division::Sides`] is *divided*,
-/// one of [`Division::Lights`] has *light parts*.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Division {
-    /// The tree as a whole.
-    Whole,
-    /// The sides to which its lights shine: the children of its root.
-    Sides,
-    /// Each light.
-    Lights,
-    /// Its sections, and how many they are: the clusters of a cut through the tree.
-    Sections(u32),
-}
-
-/// A part of an instance: all of its tree, one side of it, one section or one light.
+/// A part of an instance: all of its tree, or what lies below one of the tree's openings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Part {
     /// The slot of the instance.
     pub slot: u32,
-    /// Where a walk goes on in the tree: the root, the node of a side or section, or a light.
+    /// Where a walk goes on in the tree: the root, or the node or the light that is an opening.
     pub entry: ChildRef,
 }
 

@@ -8,12 +8,11 @@ use glam::{Mat3, Vec3};
 
 use crate::cluster::Cluster;
 use crate::instance::appearance::Appearance;
-use crate::instance::part::Division;
 use crate::instance::placement::Placed;
 use crate::instance::sector;
 use crate::light::{DirectionalLight, Light, Shape, UNLIMITED_RANGE, spot_falloff};
 use crate::sampling::cut::NO_INSTANCE;
-use crate::tree::{LEAF, LightTree, Section};
+use crate::tree::{LightTree, Opening};
 
 /// The bits of [`LightRecord::kind`] that hold the kind.
 pub(crate) const KIND_MASK: u32 = 0xff;
@@ -37,20 +36,15 @@ pub(crate) const TWO_SIDED: u32 = 0x100;
 pub(crate) const LIVE: u32 = 1;
 /// The bit of [`InstanceRecord::flags`] for a placement that is scaled, sheared or mirrored.
 pub(crate) const NON_RIGID: u32 = 2;
-/// The bit of [`InstanceRecord::flags`] for an instance whose parts are the sides of its tree.
-pub(crate) const SIDES: u32 = 4;
-/// The bit of [`InstanceRecord::flags`] for an instance whose parts are its lights.
-pub(crate) const LIGHTS: u32 = 8;
-
 /// The bit of [`InstanceRecord::flags`] for an instance of whose tree the GPU holds stand-ins.
 pub(crate) const STANDS_IN: u32 = 16;
 
 /// The index of the first stand-in of a tree. Lights of trees that are whole have smaller indices.
 pub(crate) const STAND_IN: u32 = 1 << 30;
 
-/// This bit is set in the place above a section of a tree, where the other bits are the number of the
-/// section. Places have smaller bits: a buffer of 4 GiB has room for 2^29 places.
-pub(crate) const SECTION: u32 = 1 << 31;
+/// This bit is set in the place above an opening of a tree, where the other bits are the number of the
+/// opening. Places have smaller bits: a buffer of 4 GiB has room for 2^29 places.
+pub(crate) const OPENING: u32 = 1 << 31;
 
 /// Where the generation of the slot begins in [`InstanceRecord::flags`].
 pub(crate) const GENERATION_SHIFT: u32 = 8;
@@ -260,33 +254,15 @@ fn two_sided_bit(two_sided: bool) -> u32 {
     if two_sided { TWO_SIDED } else { 0 }
 }
 
-fn division_bit(division: Division) -> u32 {
-    match division {
-        // Their nodes and lights are marked.
-        Division::Whole | Division::Sections(_) => 0,
-        Division::Sides => SIDES,
-        Division::Lights => LIGHTS,
-    }
-}
-
 /// Where the records of an instance and its tree start in their pools.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Bases {
     pub tree: u32,
     pub node: u32,
     pub light: u32,
     pub part: u32,
-    /// What the parts are.
-    pub division: Division,
     /// The nodes and lights are stand-ins.
     pub stands_in: bool,
-}
-
-#[cfg(all(test, feature = "gpu"))]
-impl Default for Bases {
-    fn default() -> Self {
-        Self { tree: 0, node: 0, light: 0, part: 0, division: Division::Whole, stands_in: false }
-    }
 }
 
 impl InstanceRecord {
@@ -326,10 +302,7 @@ impl InstanceRecord {
         let scales = Vec3::new(placed.determinant, placed.range_scale(), placed.linear.mean_square_scale);
         Self {
             to_world: rows(to_world, placed.place.rest),
-            flags: LIVE
-                | if placed.is_rigid { 0 } else { NON_RIGID }
-                | if bases.stands_in { STANDS_IN } else { 0 }
-                | division_bit(bases.division),
+            flags: LIVE | if placed.is_rigid { 0 } else { NON_RIGID } | if bases.stands_in { STANDS_IN } else { 0 },
             tree: bases.tree,
             node_base: bases.node,
             light_base: bases.light,
@@ -350,10 +323,10 @@ impl InstanceRecord {
     }
 }
 
-/// The place of a child of a tree's node, as shaders climb from it: the number of a section with the
-/// bit [`SECTION`], or the place itself.
-pub(crate) fn stored_place(place: u32, sections: &[Section]) -> u32 {
-    sections.binary_search_by_key(&place, |section| section.place).map_or(place, |index| SECTION | index as u32)
+/// The place of a child of a tree's node, as shaders climb from it: the number of an opening with the
+/// bit [`OPENING`], or the place itself.
+pub(crate) fn stored_place(place: u32, openings: &[Opening]) -> u32 {
+    openings.binary_search_by_key(&place, |opening| opening.place).map_or(place, |index| OPENING | index as u32)
 }
 
 fn rows(m: &Mat3, last: Vec3) -> [[f32; 4]; 3] {
@@ -381,26 +354,16 @@ impl ClusterRecord {
 }
 
 impl TreeRecord {
-    /// The number of records of a tree: one for each part.
-    pub fn count(tree: &LightTree, division: Division) -> u32 {
-        match division {
-            Division::Whole => 1,
-            Division::Sections(count) => count,
-            Division::Sides => tree.sides().len() as u32,
-            Division::Lights => tree.lights().len() as u32,
-        }
+    /// The number of records of a tree with so many openings: one for each part.
+    pub fn count(openings: usize) -> u32 {
+        openings.max(1) as u32
     }
 
-    /// The record of a part of a tree. `sections` are those of a tree of [`Division::Sections`].
-    pub fn of(tree: &LightTree, division: Division, sections: &[Section], index: u32) -> Self {
-        let part = index as usize;
-        match division {
-            Division::Whole => Self::of_cluster(&tree.cluster(), 0),
-            Division::Sides => Self::of_cluster(&tree.sides()[part], tree.nodes()[0].children[part]),
-            Division::Sections(_) => {
-                Self::of_cluster(&tree.section_cluster(&sections[part]), sections[part].child_bits)
-            }
-            Division::Lights => Self::of_cluster(&tree.lights()[part].cluster(), LEAF | index),
+    /// The record of a part of a tree with these openings.
+    pub fn of(tree: &LightTree, openings: &[Opening], index: u32) -> Self {
+        match openings.get(index as usize) {
+            None => Self::of_cluster(&tree.cluster(), 0),
+            Some(opening) => Self::of_cluster(&tree.opening_cluster(opening), opening.child_bits),
         }
     }
 

@@ -16,7 +16,6 @@ use super::runs::runs;
 use super::stand_in::{may_stand_in, stand_ins};
 use super::tree_store::TreeStore;
 use super::tree_writes::{Source, TreeWrite};
-use crate::instance::part::Division;
 use crate::keys::{TreeKey, slot_of};
 use crate::tree::LightTree;
 use crate::world::{LightWorld, TreeChanges, TreeEntry};
@@ -72,7 +71,8 @@ struct Subject<'a> {
     slot: u32,
     key: TreeKey,
     entry: &'a TreeEntry,
-    division: Division,
+    /// How many openings the tree has.
+    openings: usize,
 }
 
 impl<'a> Subject<'a> {
@@ -80,7 +80,7 @@ impl<'a> Subject<'a> {
     fn of(world: &'a LightWorld, slot: u32) -> Option<Self> {
         let key = world.tree_at(slot)?;
         let entry = world.tree_entry(key)?;
-        Some(Self { slot, key, entry, division: world.division(key) })
+        Some(Self { slot, key, entry, openings: entry.openings.len() })
     }
 
     fn tree(&self) -> &'a LightTree {
@@ -261,11 +261,11 @@ impl TreeStore {
     ) -> Result<(), PlanError> {
         let state = self.residency.get(subject.slot);
         let bases = [state.nodes.start, state.lights.start];
-        let count = TreeRecord::count(subject.tree(), subject.division) as usize;
-        let has_new_records = state.waits || state.division != subject.division || state.records.len() != count;
+        let count = TreeRecord::count(subject.openings) as usize;
+        let has_new_records = state.waits || state.openings != subject.openings || state.records.len() != count;
         if has_new_records {
             let state = TreeState { waits: false, ..state.clone() };
-            self.set_state(world, subject, state, subject.division, room)?;
+            self.set_state(world, subject, state, subject.openings, room)?;
         }
         room.writes.add(TreeWrite { slot: subject.slot, source: Source::Tree, bases, has_new_records }, runs);
         Ok(())
@@ -282,7 +282,7 @@ impl TreeStore {
     ) -> Result<(), PlanError> {
         let bases = [nodes.start, lights.start];
         let state = TreeState { form: Form::Whole, waits: false, nodes, lights, ..state };
-        self.set_state(world, subject, state, subject.division, room)?;
+        self.set_state(world, subject, state, subject.openings, room)?;
         room.writes.add(
             TreeWrite { slot: subject.slot, source: Source::Tree, bases, has_new_records: true },
             subject.counts().map(all),
@@ -308,7 +308,7 @@ impl TreeStore {
         let bases = [nodes.start, lights.start];
         let bytes = self.bytes(subject.counts());
         let state = TreeState { form: Form::StandIns, waits: true, bytes, nodes, lights, ..state };
-        self.set_state(world, subject, state, Division::Whole, room)?;
+        self.set_state(world, subject, state, 0, room)?;
         room.writes.add(
             TreeWrite { slot: subject.slot, source: Source::StandIns(Box::new(few)), bases, has_new_records: true },
             counts.map(all),
@@ -322,12 +322,12 @@ impl TreeStore {
         world: &LightWorld,
         subject: &Subject,
         mut state: TreeState,
-        division: Division,
+        openings: usize,
         room: &mut TreeRoom,
     ) -> Result<(), PlanError> {
-        let count = TreeRecord::count(subject.tree(), division);
+        let count = TreeRecord::count(openings);
         let has_records = state.records.len() as u32 == count;
-        state.division = division;
+        state.openings = openings;
         let is_weighed = state.waits || self.residency.is_sorted();
         state.usefulness = if is_weighed { subject.usefulness(world) } else { NOT_WEIGHED };
         // First, so that the reserved ranges are released if the rest fails.
@@ -461,7 +461,7 @@ impl TreeStore {
         let Incoming { nodes, lights, .. } = incoming;
         let state = self.residency.get(subject.slot).clone();
         let state = TreeState { form: Form::Whole, waits: false, nodes, lights, ..state };
-        self.set_state(world, &subject, state, subject.division, room)?;
+        self.set_state(world, &subject, state, subject.openings, room)?;
         room.writes.add(TreeWrite { slot: subject.slot, source: Source::Tree, bases, has_new_records: true }, runs);
         Ok(())
     }
@@ -520,7 +520,7 @@ impl TreeStore {
                 let Some(subject) = Subject::of(world, slot) else { continue };
                 let is_current = state.key == Some(subject.key)
                     && state.form == Form::Whole
-                    && state.division == subject.division
+                    && state.openings == subject.openings
                     && subject.entry.log.since(state.revision) == Some(TreeChanges::default())
                     && has_room_for(&state, &subject);
                 let mut runs = subject.counts().map(all);
@@ -537,7 +537,7 @@ impl TreeStore {
                 has_moved = true;
                 let bases = [ranges[0].start, ranges[1].start];
                 let [nodes, lights] = ranges;
-                self.set_state(world, &subject, TreeState { nodes, lights, ..state }, subject.division, room)?;
+                self.set_state(world, &subject, TreeState { nodes, lights, ..state }, subject.openings, room)?;
                 room.writes.add(TreeWrite { slot, source: Source::Piece, bases, has_new_records: false }, runs);
             }
         }
@@ -567,7 +567,7 @@ impl TreeStore {
         for (slot, state) in &room.placed {
             let former = self.residency.get(*slot);
             let is_same = former.ranges() == state.ranges() && former.form == state.form;
-            if is_same && former.key == state.key && former.division == state.division {
+            if is_same && former.key == state.key && former.openings == state.openings {
                 continue;
             }
             if let Some(entry) = world.tree_at(*slot).and_then(|key| world.tree_entry(key)) {

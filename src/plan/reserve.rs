@@ -188,9 +188,9 @@ impl LightPlanner {
             let runs = [&room.trees.writes.runs[nodes.clone()], &room.trees.writes.runs[lights.clone()]];
             runs[0].iter().for_each(|run| node_count.add(run));
             runs[1].iter().for_each(|run| light_count.add(run));
-            let Some(key) = world.tree_at(write.slot) else { continue };
+            let Some(entry) = world.tree_at(write.slot).and_then(|key| world.tree_entry(key)) else { continue };
             let state = self.trees.state_after(write.slot, &room.trees.placed);
-            let written = written_records(write, state.division, world.sections(key), state.records.len(), runs);
+            let written = written_records(write, state.openings(entry), state.records.len(), runs[0]);
             written.for_each(|run| tree_count.add(&run));
         }
         add_runs(&mut room.runs.instances, changes.instances.as_slice().iter().copied(), 0);

@@ -3,8 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
-use crate::instance::part::Division;
 use crate::keys::TreeKey;
+use crate::tree::Opening;
+use crate::world::TreeEntry;
 
 /// The usefulness of a tree that was not weighed yet, or is always whole: it is not evicted.
 pub(super) const NOT_WEIGHED: u32 = u32::MAX;
@@ -30,7 +31,8 @@ pub(super) struct TreeState {
     pub lights: Range<u32>,
     /// One record for each part of an instance of the tree.
     pub records: Range<u32>,
-    pub division: Division,
+    /// How many openings the tree has for shaders.
+    pub openings: usize,
     /// The revision up to which the tree was written: see [`ChangeLog`](crate::world::ChangeLog).
     pub revision: u64,
     /// The error that stand-ins would make, per node and light of the tree, as the bits of a
@@ -41,6 +43,11 @@ pub(super) struct TreeState {
 }
 
 impl TreeState {
+    /// The openings of a tree for shaders, which see stand-ins of a tree as a whole.
+    pub fn openings<'a>(&self, entry: &'a TreeEntry) -> &'a [Opening] {
+        if self.openings > 0 { &entry.openings } else { &[] }
+    }
+
     /// No tree.
     pub const NONE: Self = Self {
         key: None,
@@ -49,7 +56,7 @@ impl TreeState {
         nodes: 0..0,
         lights: 0..0,
         records: 0..0,
-        division: Division::Whole,
+        openings: 0,
         revision: 0,
         usefulness: NOT_WEIGHED,
         bytes: 0,
@@ -260,7 +267,7 @@ impl Residency {
         let state = |former: &TreeState| TreeState {
             key: former.key,
             records: former.records.clone(),
-            division: former.division,
+            openings: former.openings,
             usefulness: former.usefulness,
             ..TreeState::NONE
         };

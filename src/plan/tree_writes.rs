@@ -2,8 +2,7 @@
 
 use std::ops::Range;
 
-use crate::instance::part::Division;
-use crate::tree::{LightTree, Section, WIDTH};
+use crate::tree::{LightTree, Opening, WIDTH};
 
 /// What is written of trees.
 #[derive(Debug, Default)]
@@ -46,27 +45,24 @@ impl TreeRuns {
     }
 }
 
-/// The runs of records that are written along with these runs of nodes and lights. They are relative
-/// to the first of the tree's `count` records.
+/// The runs of records that are written along with these runs of nodes. They are relative to the first
+/// of the tree's `count` records.
 ///
-/// What the record of a section says is in the node above it, and what that of a light says is in
-/// the light. Other records say something of the whole tree.
+/// What the record of an opening says is in the node above it. The record of a tree without openings
+/// says something of the whole tree.
 pub(super) fn written_records(
     write: &TreeWrite,
-    division: Division,
-    sections: &[Section],
+    openings: &[Opening],
     count: usize,
-    [nodes, lights]: [&[Range<u32>]; 2],
+    nodes: &[Range<u32>],
 ) -> impl Iterator<Item = Range<u32>> {
     let none: &[Range<u32>] = &[];
-    let (all, of_nodes, of_lights) = match division {
-        _ if matches!(write.source, Source::Piece) => (0, none, none),
-        Division::Sections(_) if !write.has_new_records => (0, nodes, none),
-        Division::Lights if !write.has_new_records => (0, none, lights),
-        _ => (count as u32, none, none),
+    let (all, below) = match openings {
+        _ if matches!(write.source, Source::Piece) => (0, none),
+        [_, ..] if !write.has_new_records => (0, nodes),
+        _ => (count as u32, none),
     };
-    let first_below = |node: u32| sections.partition_point(|section| section.place / (WIDTH as u32) < node) as u32;
-    let below = move |run: &Range<u32>| first_below(run.start)..first_below(run.end);
-    let runs = std::iter::once(0..all).chain(of_nodes.iter().map(below)).chain(of_lights.iter().cloned());
-    runs.filter(|run| !run.is_empty())
+    let first_below = |node: u32| openings.partition_point(|opening| opening.place / (WIDTH as u32) < node) as u32;
+    let below = below.iter().map(move |run| first_below(run.start)..first_below(run.end));
+    std::iter::once(0..all).chain(below).filter(|run| !run.is_empty())
 }

@@ -202,16 +202,16 @@ impl LightPlanner {
         for (write, [node_runs, light_runs]) in writes {
             let Some(entry) = world.tree_at(write.slot).and_then(|key| world.tree_entry(key)) else { continue };
             // Of a tree, indices of lights are those of the tree. Those of stand-ins follow on `STAND_IN`.
-            let (tree, offset, sections) = match &write.source {
+            let (tree, offset, openings) = match &write.source {
                 Source::StandIns(few) => (&**few, STAND_IN, [].as_slice()),
-                Source::Tree | Source::Piece => (&entry.tree, 0, entry.sections.as_slice()),
+                Source::Tree | Source::Piece => (&entry.tree, 0, entry.openings.as_slice()),
             };
             let [node_base, light_base] = write.bases;
             for run in &runs[node_runs.clone()] {
                 let range = run.start as usize..run.end as usize;
                 report.nodes += range.len();
                 let nodes = tree.nodes()[range].iter().map(|node| {
-                    let parent = stored_place(node.parent, sections);
+                    let parent = stored_place(node.parent, openings);
                     NodeRecord::of(&with_lights_from(offset, Node { parent, ..*node }))
                 });
                 let target = node_base + run.start..node_base + run.end;
@@ -221,7 +221,7 @@ impl LightPlanner {
                 let range = run.start as usize..run.end as usize;
                 report.lights += range.len();
                 let lights = tree.lights()[range.clone()].iter().zip(&tree.leaves()[range]);
-                let fill = lights.map(|(light, place)| LightRecord::of(light, stored_place(*place, sections)));
+                let fill = lights.map(|(light, place)| LightRecord::of(light, stored_place(*place, openings)));
                 let target = light_base + run.start..light_base + run.end;
                 self.trees.lights.write(commands, &mut staged.lights, target, fill);
             }
@@ -230,11 +230,11 @@ impl LightPlanner {
             }
             // The records of stand-ins describe the whole tree, so nothing changes in the top level
             // when it takes their place.
-            let (tree, sections, state) = (&entry.tree, &entry.sections, self.trees.residency.get(write.slot));
-            let runs = [&runs[node_runs.clone()], &runs[light_runs.clone()]];
-            for run in written_records(write, state.division, sections, state.records.len(), runs) {
+            let state = self.trees.residency.get(write.slot);
+            let (tree, openings) = (&entry.tree, state.openings(entry));
+            for run in written_records(write, openings, state.records.len(), &runs[node_runs.clone()]) {
                 let target = state.records.start + run.start..state.records.start + run.end;
-                let fill = run.map(|index| TreeRecord::of(tree, state.division, sections, index));
+                let fill = run.map(|index| TreeRecord::of(tree, openings, index));
                 self.trees.records.write(commands, &mut staged.trees, target, fill);
             }
         }
@@ -262,7 +262,6 @@ impl LightPlanner {
             // Shaders add the index of a light, and sums wrap around.
             light: state.lights.start.wrapping_sub(if stands_in { STAND_IN } else { 0 }),
             part: parts.start,
-            division: state.division,
             stands_in,
         };
         InstanceRecord::of(placed, &instance.appearance, bases).with_generation(generation)

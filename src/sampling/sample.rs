@@ -530,14 +530,12 @@ impl<'a> LightSampler<'a> {
     ) -> Option<LeafPath<'a>> {
         let (lights, tree) = self.tree_view(instance, shading_point)?;
         let place = *lights.leaves().get(light as usize).filter(|place| **place != NO_LEAF)?;
-        let tree_key = self.world.instance(instance)?.tree;
         let top = TopPath {
             tree: self.root(shading_point),
             places: self.top.places(slot_of(instance)),
-            division: self.world.division(tree_key),
-            sections: self.world.sections(tree_key),
+            openings: self.world.openings(self.world.instance(instance)?.tree),
         };
-        Some(LeafPath { tree, light, place, top: Some(top) })
+        Some(LeafPath { tree, place, top: Some(top) })
     }
 
     /// The directional light at a point of the line from 0 to the illuminance by all of them.
@@ -601,7 +599,7 @@ impl LightTree {
     pub fn pmf(&self, shading_point: &ShadingPoint, light: u32, splits: SplitCount) -> f32 {
         let Some(place) = self.leaves().get(light as usize).filter(|place| **place != NO_LEAF) else { return 0.0 };
         let root = TreeView::of_tree(self.nodes(), shading_point);
-        let query = PmfQuery::Light(LeafPath { tree: root, light, place: *place, top: None });
+        let query = PmfQuery::Light(LeafPath { tree: root, place: *place, top: None });
         with_vectors(PmfJob { root, splits, directional_lux: 0.0, query, instance_trees: &NoInstances })
     }
 }

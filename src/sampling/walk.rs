@@ -4,13 +4,12 @@
 //! Twin of `shaders/walk.wgsl`. No trail of the way down is recorded: the nodes know their parents,
 //! so the depth of trees has no limit.
 
-use crate::instance::part::Division;
 use crate::math::dice::{Dice, choice_pmf, joint_pmf};
 use crate::math::simd::VectorJob;
 use crate::sampling::counts::SplitCount;
 use crate::sampling::cut::{Choice, Cut, InstanceTrees, NO_INSTANCE, TreeView, choose_lane, seen_importances};
 use crate::shading::importance::running_sums;
-use crate::tree::{ChildRef, NO_PARENT, Section, WIDTH};
+use crate::tree::{ChildRef, NO_PARENT, Opening, WIDTH};
 
 /// A light of a tree and the probability of its choice.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -107,7 +106,6 @@ fn descend<'a>(
 #[derive(Clone, Copy)]
 pub(crate) struct LeafPath<'a> {
     pub tree: TreeView<'a>,
-    pub light: u32,
     /// The place of the leaf in the tree: `node * WIDTH + slot`.
     pub place: u32,
     /// How it goes on above the tree, if there is a top level.
@@ -120,27 +118,22 @@ pub(crate) struct TopPath<'a> {
     pub tree: TreeView<'a>,
     /// The places of the leaves that are the parts of the instance.
     pub places: &'a [u32],
-    pub division: Division,
-    /// The sections of the tree, if it is divided into them.
-    pub sections: &'a [Section],
+    /// The openings of the tree, in the order of their places; none if it is one part.
+    pub openings: &'a [Opening],
 }
 
 impl<'a> LeafPath<'a> {
-    /// Goes on in the top level if the way has come to a part of the instance: to its root, or to the
-    /// side, section or light that is a part. Returns false if the way ends here.
+    /// Goes on in the top level if the way has come to a part of the instance: to its root or to an
+    /// opening. Returns false if the way ends here.
     #[inline(always)]
     pub fn enter_top(&mut self) -> bool {
-        let part = match (self.place, &self.top) {
-            (NO_PARENT, _) => 0,
-            (place, Some(top)) if top.division == Division::Sides && place < WIDTH as u32 => place as usize,
-            (place, Some(TopPath { division: Division::Sections(_), sections, .. })) => {
-                match sections.binary_search_by_key(&place, |section| section.place) {
-                    Ok(part) => part,
-                    Err(_) => return true,
-                }
-            }
-            (_, Some(top)) if top.division == Division::Lights => self.light as usize,
-            _ => return true,
+        let part = match &self.top {
+            _ if self.place == NO_PARENT => 0,
+            None => return true,
+            Some(top) => match top.openings.binary_search_by_key(&self.place, |opening| opening.place) {
+                Ok(part) => part,
+                Err(_) => return true,
+            },
         };
         let Some(TopPath { tree, places, .. }) = self.top.take() else { return false };
         let Some(place) = places.get(part) else { return false };

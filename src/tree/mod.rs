@@ -20,7 +20,7 @@ mod rebuild;
 mod refit;
 mod refitted;
 mod remove;
-mod sections;
+mod openings;
 mod shape;
 mod stepped_build;
 mod tasks;
@@ -35,11 +35,11 @@ pub use bake::BakeError;
 pub use check::CheckError;
 pub use memory::TreeMemory;
 pub use node::{Bytes, ChildRef, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_LEAF, NO_PARENT, Node, WIDTH};
+pub(crate) use openings::Opening;
 #[cfg(feature = "gpu-plan")]
 pub(crate) use pack::{CAP_STEPS, DIRECTION_STEPS, STEPS};
 pub(crate) use pack::{NodeGrid, Unpacked};
 pub(crate) use refitted::Refitted;
-pub(crate) use sections::Section;
 
 #[cfg(test)]
 pub(crate) use shape::{BuildItem, shape};

@@ -298,10 +298,10 @@ impl LightWorld {
         self.rebuilds.await_first_build(tree, &entry.tree);
         entry.recount(&mut self.sums);
         self.has_moved(tree);
-        let (divisions, mut edit) = self.divisions();
-        divisions.judge_all_later(tree, &mut edit);
+        let (crowds, mut edit) = self.crowds();
+        crowds.add_all(tree, &mut edit);
         self.whole_tree_changed(tree);
-        self.divisions().1.renew_sections(tree);
+        self.crowds().1.renew(tree);
         self.top.take();
         former
     }
@@ -338,8 +338,8 @@ impl LightWorld {
         let key = self.scene.instances.insert(instance);
         self.attach(key, tree, policy);
         self.build_for_first(key, builds_later);
-        let (divisions, mut edit) = self.divisions();
-        divisions.judge_later(key, &mut edit);
+        let (crowds, mut edit) = self.crowds();
+        crowds.add(key, &mut edit);
         self.log.added(slot_of(key));
         self.top.take();
         key
@@ -352,8 +352,8 @@ impl LightWorld {
     pub fn remove_instance(&mut self, key: InstanceKey) -> Result<(), WorldError> {
         let instance = self.scene.instances.remove(key).ok_or(WorldError::NoSuchInstance(key))?;
         self.effects.change(|counts| counts.remove(instance.effects()));
-        let (divisions, mut edit) = self.divisions();
-        divisions.forget(key, instance.tree, &mut edit);
+        let (crowds, mut edit) = self.crowds();
+        crowds.forget(key, instance.tree, &mut edit);
         self.detach(instance.tree, instance.index_in_tree, instance.policy);
         self.log.removed(slot_of(key));
         self.top.take();
@@ -415,14 +415,14 @@ impl LightWorld {
         entry.staged = staged;
         entry.recount(&mut self.sums);
         self.rebuilds.scheduler.copy(shared, own);
-        let (divisions, mut edit) = self.divisions();
-        divisions.forget(key, shared, &mut edit);
+        let (crowds, mut edit) = self.crowds();
+        crowds.forget(key, shared, &mut edit);
         self.detach(shared, index_in_tree, policy);
         self.attach(key, own, policy);
         self.scene.instances[key].tree = own;
         self.was_copied(key, own);
-        let (divisions, mut edit) = self.divisions();
-        divisions.judge_later(key, &mut edit);
+        let (crowds, mut edit) = self.crowds();
+        crowds.add(key, &mut edit);
         self.instance_changed(key);
         if self.rebuilds.scheduler.waits(shared) || self.scene.trees[shared].successor.is_some() {
             // The copy needs a rebuild as much as the tree that it was copied from.

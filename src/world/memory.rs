@@ -7,7 +7,7 @@ use crate::tree::TreeMemory;
 ///
 /// Not counted is what is comparatively small or short-lived: builds that are under way (about 150
 /// bytes per light, and the tree that they make), the top level that the CPU samples, the grids in
-/// which overlaps of instances are found, the lists of the scheduler, and the
+/// which crowds of instances are counted, the lists of the scheduler, and the
 /// overhead of the allocator. Each removed light counts as 4 bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
@@ -20,7 +20,7 @@ pub struct WorldMemory {
     /// Edits of lights that wait for the next update, and the logs of changes for uploads. A tree
     /// that was edited keeps this memory until it is frozen.
     pub edits: usize,
-    /// The lists of the instances and sections of each tree, and the lists of regions.
+    /// The lists of the instances and openings of each tree, and the lists of regions.
     pub lists: usize,
     /// The tables of all trees, instances and regions, and the log of their changes. They grow with
     /// the largest numbers so far, and never shrink.

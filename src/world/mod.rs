@@ -5,16 +5,15 @@ mod appearance;
 mod attention;
 mod build_thread;
 mod change_log;
-mod division;
-mod divisions;
+mod crowds;
 mod edit;
 mod key_set;
 mod log;
 mod memory;
 mod moves;
 mod long_build;
+mod opening;
 mod origin;
-mod overlap;
 mod parts;
 mod placing;
 mod rebuild;
@@ -29,13 +28,11 @@ mod requests;
 mod rest;
 mod rest_timers;
 mod scene;
-mod slot_round;
 mod slot_set;
 mod slot_table;
 mod staged;
 mod stamps;
 mod sums;
-mod neighbours;
 mod update;
 mod viewpoint;
 
@@ -57,17 +54,17 @@ pub(crate) use scene::{Instance, TreeEntry};
 
 use crate::cluster::Cluster;
 use crate::effects::{EffectCounts, Effects, HeldEffects};
-use crate::instance::part::{Division, Part};
+use crate::instance::part::Part;
 use crate::instance::placement::Placement;
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey, generation_of, slot_of};
 use crate::light::DirectionalLight;
 use crate::policy::Policy;
 use crate::scheduler::{Clock, SystemClock};
 use crate::top::TopLevel;
-use crate::tree::{LightTree, Section};
-use division::DivisionEdit;
-use divisions::Divisions;
+use crate::tree::{LightTree, Opening};
+use crowds::Crowds;
 use log::WorldLog;
+use opening::OpeningEdit;
 use placing::MoveScratch;
 use rebuilds::Rebuilds;
 use region_table::Regions;
@@ -91,7 +88,7 @@ pub struct LightWorld {
     log: WorldLog,
     move_scratch: MoveScratch,
     rebuilds: Rebuilds,
-    divisions: Divisions,
+    crowds: Crowds,
     regions: Regions,
     top: OnceLock<TopLevel>,
 }
@@ -134,7 +131,7 @@ impl LightWorld {
             log: WorldLog::default(),
             move_scratch: MoveScratch::default(),
             rebuilds: Rebuilds::new(clock),
-            divisions: Divisions::default(),
+            crowds: Crowds::default(),
             regions: Regions::default(),
             top: OnceLock::new(),
         }
@@ -316,14 +313,9 @@ impl LightWorld {
         self.scene.trees.get(tree)
     }
 
-    /// How a tree is divided in the top level.
-    pub(crate) fn division(&self, tree: TreeKey) -> Division {
-        self.scene.division(tree)
-    }
-
-    /// The sections of a tree, in the order of their places; empty for another division.
-    pub(crate) fn sections(&self, tree: TreeKey) -> &[Section] {
-        self.scene.sections(tree)
+    /// The openings of a tree, in the order of their places; none of a whole tree.
+    pub(crate) fn openings(&self, tree: TreeKey) -> &[Opening] {
+        &self.scene.trees[tree].openings
     }
 
     /// The parts of all instances, in the order of the slots, with their clusters.
@@ -374,9 +366,9 @@ impl LightWorld {
         WorldMemory { tables, ..self.sums.memory }
     }
 
-    /// How instances lie among others, and what that changes.
-    fn divisions(&mut self) -> (&mut Divisions, DivisionEdit<'_>) {
-        let Self { divisions, scene, sums, log, top, .. } = self;
-        (divisions, DivisionEdit { scene, sums, log, top })
+    /// How crowded trees are, and what that changes.
+    fn crowds(&mut self) -> (&mut Crowds, OpeningEdit<'_>) {
+        let Self { crowds, scene, sums, log, top, .. } = self;
+        (crowds, OpeningEdit { scene, sums, log, top })
     }
 }

@@ -2,7 +2,7 @@
 
 use super::scene::Scene;
 use crate::cluster::{Cluster, MAX_FLUX};
-use crate::instance::part::{Division, Part};
+use crate::instance::part::Part;
 use crate::keys::InstanceKey;
 use crate::light::MIN_FLUX;
 use crate::tree::ChildRef;
@@ -28,28 +28,12 @@ impl Scene {
     fn add_parts(&self, slot: u32, key: InstanceKey, parts: &mut Vec<(Part, Cluster)>) {
         let tree_key = self.instances[key].tree;
         let tree = &self.trees[tree_key].tree;
-        match self.division(tree_key) {
-            Division::Whole => {
-                parts.push((Part { slot, entry: ChildRef::Node(0) }, self.cluster_of(key, &tree.cluster())));
-            }
-            Division::Sides => {
-                for (index, side) in tree.sides().iter().enumerate() {
-                    let entry = tree.nodes()[0].child(index).expect("each side has a child");
-                    parts.push((Part { slot, entry }, self.cluster_of(key, side)));
-                }
-            }
-            Division::Sections(_) => {
-                for section in self.sections(tree_key) {
-                    let entry = ChildRef::of(section.child_bits).expect("a section is a child");
-                    parts.push((Part { slot, entry }, self.cluster_of(key, &tree.section_cluster(section))));
-                }
-            }
-            Division::Lights => {
-                for (index, light) in (0..).zip(tree.lights()) {
-                    let part = Part { slot, entry: ChildRef::Leaf(index) };
-                    parts.push((part, self.cluster_of(key, &light.cluster())));
-                }
-            }
+        if self.trees[tree_key].openings.is_empty() {
+            parts.push((Part { slot, entry: ChildRef::Node(0) }, self.cluster_of(key, &tree.cluster())));
+        }
+        for opening in &self.trees[tree_key].openings {
+            let entry = ChildRef::of(opening.child_bits).expect("an opening is a child");
+            parts.push((Part { slot, entry }, self.cluster_of(key, &tree.opening_cluster(opening))));
         }
     }
 

@@ -81,21 +81,21 @@ impl LightWorld {
 
     fn rebuild(&mut self, key: TreeKey) {
         let entry = &mut self.scene.trees[key];
-        let was_divided = !entry.tree.sides().is_empty();
+        let could_open = entry.may_open();
         entry.tree.rebuild();
-        let is_divided = !entry.tree.sides().is_empty();
+        let may_open = entry.may_open();
         let features = TreeFeatures::of(&entry.tree);
         entry.history = AttributeHistory::start(entry.tree.attributes());
         self.whole_tree_changed(key);
-        self.divisions().1.renew_sections(key);
+        self.crowds().1.renew(key);
         self.wake(key);
         self.top.take();
         self.rebuilds.scheduler.was_rebuilt(key, features);
         self.scene.trees[key].recount(&mut self.sums);
-        if is_divided != was_divided {
+        if may_open != could_open {
             // Some lights have turned, or the tree was a placeholder, which is never divided into sides.
-            let (divisions, mut edit) = self.divisions();
-            divisions.judge_all_later(key, &mut edit);
+            let (crowds, mut edit) = self.crowds();
+            crowds.add_all(key, &mut edit);
         }
     }
 

@@ -2,7 +2,6 @@
 
 use super::LightWorld;
 use super::change_log::ChangeLog;
-use super::division::may_have_light_parts;
 use super::reports::FrameReport;
 use super::staged::StagedLights;
 use crate::effects::EffectCounts;
@@ -62,7 +61,7 @@ impl LightWorld {
                 is_measured: entry.may_rebuild(),
                 former_effects: *entry.tree.effects(),
                 former_lights: entry.tree.light_count(),
-                was_divided: !entry.tree.sides().is_empty(),
+                could_open: entry.may_open(),
                 tree: std::mem::take(&mut entry.tree),
                 staged: std::mem::take(&mut entry.staged),
                 log: std::mem::take(&mut entry.log),
@@ -81,7 +80,7 @@ impl LightWorld {
     /// Moves a tree back into the map and updates its rebuild request.
     fn finish_refit(&mut self, job: RefitJob) {
         let (changes_nodes, is_as_built) = (job.changes_nodes(), job.is_as_built());
-        let RefitJob { key, is_edited, former_effects, former_lights, was_divided, .. } = job;
+        let RefitJob { key, is_edited, former_effects, former_lights, could_open, .. } = job;
         let RefitJob { tree, staged, log, swap, features, added, removed, .. } = job;
         if *tree.effects() != former_effects {
             self.effects.change(|counts| {
@@ -94,7 +93,7 @@ impl LightWorld {
         entry.tree = tree;
         entry.staged = staged;
         entry.log = log;
-        let (lights, is_divided) = (entry.tree.light_count(), !entry.tree.sides().is_empty());
+        let (lights, may_open) = (entry.tree.light_count(), entry.may_open());
         if lights != former_lights {
             self.rebuilds.scheduler.was_resized(key, lights);
         }
@@ -121,17 +120,17 @@ impl LightWorld {
         if changes_nodes {
             self.log.tree(slot_of(key));
             if is_replaced {
-                self.divisions().1.renew_sections(key)
+                self.crowds().1.renew(key)
             } else if !added.is_empty() || !removed.is_empty() {
-                self.divisions().1.update_sections(key)
+                self.crowds().1.update(key)
             }
         }
         self.scene.trees[key].recount(&mut self.sums);
         self.edits.added.extend(added.into_iter().map(|light| (key, light)));
         self.edits.removed.extend(removed.into_iter().map(|light| (key, light)));
-        if is_divided != was_divided || may_have_light_parts(lights) != may_have_light_parts(former_lights) {
-            let (divisions, mut edit) = self.divisions();
-            divisions.judge_all_later(key, &mut edit);
+        if may_open != could_open {
+            let (crowds, mut edit) = self.crowds();
+            crowds.add_all(key, &mut edit);
         }
     }
 }
@@ -147,8 +146,8 @@ struct RefitJob {
     former_effects: EffectCounts,
     /// The number of lights before the edits.
     former_lights: usize,
-    /// The tree was divided into sides before the edits.
-    was_divided: bool,
+    /// See [`TreeEntry::may_open`](super::scene::TreeEntry::may_open), before the edits.
+    could_open: bool,
     tree: LightTree,
     staged: StagedLights,
     log: ChangeLog,

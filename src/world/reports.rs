@@ -27,6 +27,16 @@ pub struct FrameReport {
     /// [Placeholders](crate::LightTree::new_placeholder) that have yet to be built, those whose build is
     /// under way included.
     pub placeholder_trees: usize,
+    /// Instances of opened trees, which have several leaves in the top level: of crowded trees, and of
+    /// trees whose lights shine to several sides.
+    pub opened_instances: usize,
+    /// Instances of crowded trees that are whole, because openings of all crowded trees would be more than
+    /// a world may have: 131,072, one for each light of its trees and four for each instance, and at
+    /// most 1,048,576. Other crowded trees have fewer openings then.
+    pub held_back_instances: usize,
+    /// The leaves of the top level: one for each instance of a whole tree, and the openings of each
+    /// instance of an opened tree.
+    pub parts: usize,
     /// The longest wait in updates, of the trees that were served in this update and of the trees
     /// that still wait.
     pub longest_wait: u64,

@@ -14,7 +14,7 @@ use crate::instance::placement::{Placed, Placement};
 use crate::keys::{DirectionalKey, InstanceKey, RegionKey, TreeKey};
 use crate::light::DirectionalLight;
 use crate::policy::{AttributeHistory, Policy, PolicySet};
-use crate::tree::{LightTree, Section};
+use crate::tree::{LightTree, Opening};
 
 /// The trees, instances and directional lights of a world, and the origin of their coordinates.
 #[derive(Default)]
@@ -39,16 +39,11 @@ pub(crate) struct TreeEntry {
     /// light changes.
     pub has_new_policy: bool,
     pub weight: TreeWeight,
-    /// The number of instances that lie within others.
-    pub surrounded: u32,
-    /// Each light is a leaf of the top level.
-    pub has_light_parts: bool,
-    /// The number of instances of a large tree that lie among others.
-    pub among_others: u32,
-    /// Enough of them do for the tree to have sections.
-    pub is_among_others: bool,
-    /// The sections that are leaves of the top level; none of a tree that has another division.
-    pub sections: Vec<Section>,
+    /// The lights of others that lie between those of each instance, for all instances together, in units
+    /// of [`CROWD_UNIT`](super::crowds::CROWD_UNIT).
+    pub crowd: u64,
+    /// Where the top level leads into the tree, in the order of their places; none of a whole tree.
+    pub openings: Vec<Opening>,
     /// The tree that was built in slices or in the background. It replaces this one at the next
     /// refit.
     pub successor: Option<Box<LightTree>>,
@@ -92,11 +87,8 @@ impl TreeEntry {
             staged: StagedLights::default(),
             has_new_policy: false,
             weight: TreeWeight::default(),
-            surrounded: 0,
-            has_light_parts: false,
-            among_others: 0,
-            is_among_others: false,
-            sections: Vec::new(),
+            crowd: 0,
+            openings: Vec::new(),
             successor: None,
             counted: Sums::default(),
         }
@@ -121,7 +113,7 @@ impl TreeEntry {
             successors: self.successor.as_ref().map_or(0, |tree| size_of_val(&**tree) + tree.memory_bytes()),
             edits: self.staged.memory_bytes() + self.log.memory_bytes(),
             lists: size_of::<InstanceKey>() * self.instances.capacity()
-                + size_of::<Section>() * self.sections.capacity(),
+                + size_of::<Opening>() * self.openings.capacity(),
             tables: 0,
         };
         let instances = self.instances.len();
@@ -129,7 +121,12 @@ impl TreeEntry {
             memory,
             placeholders: usize::from(self.tree.is_placeholder()),
             lights: self.tree.light_count() * instances,
-            sections: self.sections.len() * instances,
+            stored_lights: self.tree.light_count(),
+            instances,
+            wanted_openings: self.openings_wanted() * instances,
+            parts: self.openings.len().max(1) * instances,
+            opened: if self.openings.is_empty() { 0 } else { instances },
+            held_back: if self.is_held_back() { instances } else { 0 },
         }
     }
 

@@ -9,8 +9,17 @@ pub(super) struct Sums {
     pub placeholders: usize,
     /// The lights of each tree once per instance.
     pub lights: usize,
-    /// The sections of each tree once per instance.
-    pub sections: usize,
+    /// The lights of each tree once.
+    pub stored_lights: usize,
+    pub instances: usize,
+    /// The openings that crowds call for, once per instance.
+    pub wanted_openings: usize,
+    /// The parts of all instances.
+    pub parts: usize,
+    /// Instances of opened trees.
+    pub opened: usize,
+    /// Instances of trees that are whole because all openings would be too many.
+    pub held_back: usize,
 }
 
 impl Sums {
@@ -18,17 +27,19 @@ impl Sums {
     pub fn replace(&mut self, former: &Self, present: &Self) {
         self.remove(former);
         self.memory.add(&present.memory);
-        self.placeholders += present.placeholders;
-        self.lights += present.lights;
-        self.sections += present.sections;
+        self.counts().into_iter().zip(present.clone().counts()).for_each(|(sum, term)| *sum += *term);
     }
 
     /// Subtracts the terms of a tree.
     pub fn remove(&mut self, former: &Self) {
         self.memory.remove(&former.memory);
-        self.placeholders -= former.placeholders;
-        self.lights -= former.lights;
-        self.sections -= former.sections;
+        self.counts().into_iter().zip(former.clone().counts()).for_each(|(sum, term)| *sum -= *term);
+    }
+
+    fn counts(&mut self) -> [&mut usize; 8] {
+        let Self { placeholders, lights, stored_lights, instances, wanted_openings, parts, opened, held_back, .. } =
+            self;
+        [placeholders, lights, stored_lights, instances, wanted_openings, parts, opened, held_back]
     }
 
     /// Adds or removes bytes of the lists of regions.

@@ -14,13 +14,12 @@ impl LightWorld {
     /// budget. Call it once a frame.
     ///
     /// 1. Edited trees are refitted, in parallel.
-    /// 2. A tree of up to 128 lights that is not divided by side is divided into its lights if most
-    ///    of its instances lie within others, and whole again if few do. The top level sorts these
-    ///    lights by position. Instances that were added are judged in the next call, and
-    ///    four others in each call while anything moves. A larger tree is divided into up to 2,048
-    ///    *sections* if most of its instances lie among others, of any size up to twice their own.
-    ///    The top level sorts the sections by position. Instances that were added are judged in the
-    ///    next call, and 64 others in each call while anything moves.
+    /// 2. A tree that has lights of other instances between its own is *opened*: a cut through it, of one
+    ///    cluster for each of those lights, takes its place in the top level, which sorts all of them by
+    ///    position. A large instance counts the lights of others half as large, or smaller, within its box;
+    ///    what a tree gets is a mean over its instances. Instances that were added are looked at in
+    ///    the next call, and 64 others in each call while anything moves. All openings together are
+    ///    bounded by the numbers of lights and instances: [`FrameReport::held_back_instances`].
     /// 3. Trees whose policies request a rebuild are rebuilt, those whose rebuild removes the most
     ///    noise per millisecond first. The noise is estimated from the tree's attributes, and
     ///    weighted by the tree's share of the illuminance at the viewpoint
@@ -48,12 +47,15 @@ impl LightWorld {
         self.take_finished_build(&mut report);
         self.refit_edited(&mut report);
         self.rebuilds.request_first_builds(&mut self.scene);
-        let (divisions, mut edit) = self.divisions();
-        divisions.judge_some(report.moved_instances > 0, &mut edit);
+        let (crowds, mut edit) = self.crowds();
+        crowds.look(report.moved_instances > 0, &mut edit);
         self.do_jobs(&mut report);
         self.effects.count_update();
         self.freeze_resting();
         report.placeholder_trees = self.sums.placeholders;
+        report.opened_instances = self.sums.opened;
+        report.held_back_instances = self.sums.held_back;
+        report.parts = self.sums.parts;
         report
     }
 
@@ -77,8 +79,8 @@ mod tests {
 
     use glam::Vec3;
 
-    use super::super::{division, neighbours, overlap};
-    use crate::documented::{assert_says, grouped, word};
+    use super::super::crowds;
+    use crate::documented::assert_says;
     use crate::scheduler::{Clock, FrameBudget, sealed};
     use crate::tree::testing::Rng;
     use crate::{Light, LightTree, LightWorld, Placement, Policy};
@@ -86,10 +88,7 @@ mod tests {
     #[test]
     fn the_documentation_of_an_update_names_its_limits() {
         let says = |sentence: &str| assert_says(include_str!("update.rs"), sentence);
-        says(&format!("A tree of up to {} lights that is not divided by side is divided", division::MAX_LIGHT_PARTS));
-        says(&format!("{} others in each call while anything moves. A larger", word(overlap::JUDGED_PER_UPDATE)));
-        says(&format!("is divided into up to {} *sections*", grouped(division::MAX_SECTIONS)));
-        says(&format!("and {} others in each call while anything moves. 3.", neighbours::SLOTS_PER_UPDATE));
+        says(&format!("and {} others in each call while anything moves.", crowds::SLOTS_PER_UPDATE));
     }
 
     /// A clock whose time is a function of the number of calls so far.

@@ -152,7 +152,8 @@ fn a_tree_that_was_made_elsewhere_is_taken_in_without_a_copy_or_a_build() {
         });
         assert!(asked < 20_000, "{asked} bytes");
         let asked = requested_bytes(|| drop(world.replace_tree(small, third).expect("it lives")));
-        assert!(asked < 10_000, "{asked} bytes");
+        // The crowd of the small tree opens the new one.
+        assert!(asked < 20_000, "{asked} bytes");
         keys.push(small);
         for (key, address) in keys.into_iter().zip(addresses) {
             let tree = world.tree(key).expect("it lives");
@@ -264,7 +265,7 @@ fn the_memory_of_a_world_is_what_it_holds_but_for_one_percent() {
         let check = |world: &LightWorld, what: &str| {
             let (held, memory) = (LIVE.get() - before, world.memory());
             let bytes = memory.total() as isize;
-            // Left out are the lists of the scheduler, of what changed and of overlapping instances: at
+            // Left out are the lists of the scheduler, of what changed and of crowds: at
             // most 200 bytes for each instance and each tree.
             let left_out = 200 * (world.instance_count() + world.tree_count()) as isize + 60_000;
             assert!((bytes..bytes + bytes / 100 + left_out).contains(&held), "{what}: {held} held, {memory:?}");

@@ -157,8 +157,8 @@ fn build(top: &mut TopRig, world: &LightWorld) -> Built {
     let (mut trees, mut bases) = (vec![TreeRecord::default()], HashMap::new());
     for key in world.trees() {
         bases.insert(key, trees.len() as u32);
-        let (tree, division, sections) = (world.tree(key).unwrap(), world.division(key), world.sections(key));
-        trees.extend((0..TreeRecord::count(tree, division)).map(|i| TreeRecord::of(tree, division, sections, i)));
+        let (tree, openings) = (world.tree(key).unwrap(), world.openings(key));
+        trees.extend((0..TreeRecord::count(openings.len())).map(|i| TreeRecord::of(tree, openings, i)));
     }
     let mut instances = vec![InstanceRecord::NONE; world.slot_count().max(1)];
     for key in world.instances() {

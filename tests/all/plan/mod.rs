@@ -102,7 +102,7 @@ fn many_flickering_trees_go_up_in_one_write() {
 }
 
 #[test]
-fn changed_lights_of_trees_in_sections_and_open_trees_go_up_alone_beside_many_small_trees() {
+fn changed_lights_of_opened_trees_go_up_alone_beside_many_small_trees() {
     let (mut world, mut rng) = (LightWorld::new(), Rng(8));
     let lamp = |rng: &mut Rng| Light::point(rng.position(50.0), Vec3::splat(rng.between(1.0, 2.0)));
     let mut add = |world: &mut LightWorld, lights: usize| {
@@ -120,15 +120,15 @@ fn changed_lights_of_trees_in_sections_and_open_trees_go_up_alone_beside_many_sm
         update(world);
         played.frame(world).report.bytes
     };
-    // A path of nodes with their sections or with nothing else, a few lights, and one record.
+    // A path of nodes with the records of the openings below them, and a few lights.
     let dim = Vec3::splat(0.5);
     world.set_emission(strings[2], 50, dim).expect("valid");
     let of_string = bytes(&mut world);
-    assert!(of_string <= 1500, "{of_string}");
+    assert!(of_string <= 2000, "{of_string}");
     world.set_emission(town, 50, dim).expect("valid");
     let of_town = bytes(&mut world);
     assert!(of_town <= 4000, "{of_town}");
-    // The records of many trees are scattered, and so are short runs of sections.
+    // The records of many trees are scattered, and so are short runs of openings.
     for house in houses {
         world.set_emission(house, 1, dim).expect("valid");
     }
