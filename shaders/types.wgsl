@@ -85,8 +85,7 @@ struct LightInstance {
     // #endif
 }
 
-// What the top-level build reads of one part of a tree: the whole tree, one side, one section or
-// one light.
+// What the top-level build reads of one part of a tree: the whole tree, or one opening of it.
 // Twin of `TreeRecord`.
 struct LightTree {
     cluster: LightCluster,

@@ -63,7 +63,7 @@ fn placement(i: u32, effects: Effects) -> Placement {
     Placement { linear: turn * Mat3::from_diagonal(scale), translation: (30.0 * random_vec(i, 23)).as_dvec3() }
 }
 
-/// Lights of a tree: enough for sections, since the instances overlap.
+/// Lights of a tree: many for an opened tree; the instances overlap.
 const LIGHTS: u32 = 130;
 
 /// Gives an instance what these effects allow.

@@ -117,8 +117,8 @@ pub(crate) struct ClusterRecord {
     pub cos_half_angle: f32,
 }
 
-/// What the top-level build reads of one part of a tree: the whole tree, one side of a divided
-/// tree, one section, or one light part. `LightTree` in WGSL; 80 bytes.
+/// What the top-level build reads of one part of a tree: the whole tree, or one opening of it. `LightTree`
+/// in WGSL; 80 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct TreeRecord {

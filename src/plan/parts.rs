@@ -1,8 +1,7 @@
 //! The table of parts on the GPU: which parts of the instances are leaves of the top level.
 //!
-//! An instance has one part for its whole tree, one for each side of a divided tree, one for each
-//! section of a large tree, or one for each light of a tree with light parts. The parts of an
-//! instance are neighbours in the table.
+//! An instance has one part for its whole tree, or one for each opening of an opened tree. The parts of
+//! an instance are neighbours in the table.
 
 use std::collections::BTreeMap;
 use std::ops::Range;

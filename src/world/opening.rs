@@ -1,5 +1,9 @@
 //! How far each tree is opened: which clusters of it are leaves of the top level.
 //!
+//! Based on Benthin, Woop, Wald and Áfra, Improved Two-Level BVHs using Partial Re-Braiding (2017).
+//! Differs: a tree is opened in the same way for all of its instances, because its nodes tell where a walk
+//! up leaves it; and crowds decide how far, and not the surface area of instances.
+//!
 //! A tree that has the lights of others between its own is opened until each of its openings has few of
 //! those within it. Then the top level sorts its lights and theirs together, so the noise depends little
 //! on how a world is cut into trees. Where openings of all such trees would be too many, all trees get

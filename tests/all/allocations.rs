@@ -444,7 +444,7 @@ fn a_frame_asks_for_memory_by_what_it_changes_and_not_by_the_size_of_the_world()
                 let tree = world.add_tree(LightTree::new((0..lights).map(lamp).collect()).expect("valid"));
                 world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
                 let small = world.add_tree(LightTree::new(vec![lamp(0)]).expect("valid"));
-                // So far away that the large tree has no sections: they are sent with what changes.
+                // So far away that the large tree is whole: they are sent with what changes.
                 let place = |i: u32| Placement::at(DVec3::new(f64::from(i * i % 9973), 500.0, f64::from(i % 997)));
                 let add = |i| world.add_instance(small, place(i), Policy::Budgeted).expect("valid");
                 let keys: Vec<_> = (0..instances).map(add).collect();

@@ -368,7 +368,7 @@ fn a_world_of_points_sends_no_bytes_for_cones_ranges_and_scales() {
     // there is one part more, and of its only round.
     let spot = |_| Light::spot(rng.position(5.0), Vec3::NEG_Y, 0.1, 0.4, Vec3::ONE).with_range(9.0);
     let spots = world.add_tree(LightTree::new((0..20).map(spot).collect()).expect("valid"));
-    // So far away that the other tree has no sections.
+    // So far away that the other tree is whole.
     world.add_instance(spots, Placement::at(DVec3::X * 100.0), Policy::Budgeted).expect("valid");
     let table = 16 + 2 * 14 * 16;
     let sent = 20 * 64 + nodes(&world, spots) * 224 + 80 + 80 + 8 + 2 * table + 64 + 4 * 256 + 256;

@@ -1,4 +1,4 @@
-//! Worlds in which sections of large trees are leaves of the top level: probabilities are exact, no
+//! Worlds in which openings of large trees are leaves of the top level: probabilities are exact, no
 //! light is lost, and CPU and GPU agree, also while lights and instances come, go, move and change.
 
 use girandole::glam::{DVec3, Mat3, Vec3};
@@ -52,7 +52,7 @@ fn change(town: &mut Town, rng: &mut Rng, round: usize) {
             let lit = Light::point(Vec3::new(-9.0, 5.0, 1.0), Vec3::splat(60.0));
             world.set_lights(trees[0], &[(3, lit), (4, dark), (7, lit)]).expect("valid");
         }
-        // Most of the new lights go below sections, and some removed ones are sections.
+        // Most of the new lights go below openings, and some removed ones are openings.
         2 => {
             world.add_lights(trees[0], &lamps(rng, 60)).expect("valid");
             world.remove_lights(trees[0], &[0, 10, 11, 2000]).expect("valid");
@@ -85,7 +85,7 @@ fn change(town: &mut Town, rng: &mut Rng, round: usize) {
             world.set_origin(DVec3::new(5.0, -3.0, 40.0)).expect("near");
         }
         7 => world.replace_lights(trees[0], lamps(rng, 900)).expect("valid"),
-        // Too few lights for sections.
+        // Few lights.
         8 => world.replace_lights(trees[1], lamps(rng, 100)).expect("valid"),
         _ => {
             for key in large.iter() {
@@ -149,7 +149,7 @@ fn probabilities_add_up_and_every_light_that_contributes_has_one() {
 }
 
 #[test]
-fn the_gpu_chooses_the_same_lights_while_sections_come_and_go() {
+fn the_gpu_chooses_the_same_lights_while_openings_come_and_go() {
     let (device, queue) = gpu();
     let mut rng = Rng(192);
     let mut town = town(&mut rng);
@@ -170,7 +170,7 @@ fn the_gpu_chooses_the_same_lights_while_sections_come_and_go() {
 }
 
 #[test]
-fn sections_arrive_with_the_last_piece_of_a_tree_that_is_sent_over_several_frames() {
+fn openings_arrive_with_the_last_piece_of_a_tree_that_is_sent_over_several_frames() {
     let (device, queue) = gpu();
     let mut rng = Rng(194);
     let mut town = town(&mut rng);
@@ -205,7 +205,7 @@ fn sections_arrive_with_the_last_piece_of_a_tree_that_is_sent_over_several_frame
 }
 
 #[test]
-fn a_changed_light_sends_the_sections_near_it_and_not_all_of_them() {
+fn a_changed_light_sends_the_openings_near_it_and_not_all_of_them() {
     let mut rng = Rng(195);
     let Town { mut world, lamps: [tree, _], .. } = town(&mut rng);
     let mut planner = LightPlanner::new(PlanLimits::new(1 << 30));
@@ -216,14 +216,14 @@ fn a_changed_light_sends_the_sections_near_it_and_not_all_of_them() {
     let all = send(&mut world);
     for i in 0..10 {
         world.set_emission(tree, 100 * i, Vec3::splat(70.0 + i as f32)).expect("valid");
-        // 2,048 sections have 80 bytes each.
+        // Thousands of openings have 80 bytes each.
         let bytes = send(&mut world);
         assert!((500..=8192).contains(&bytes) && all > 160_000, "{bytes} of {all}");
     }
 }
 
 #[test]
-fn regions_that_overlap_come_and_go_with_their_sections() {
+fn regions_that_overlap_come_and_go_with_their_openings() {
     let mut rng = Rng(193);
     let mut world = LightWorld::new();
     let region = |rng: &mut Rng| {

@@ -171,14 +171,14 @@ fn trees_that_do_not_fit_do_not_keep_others_coming_and_going() {
 }
 
 #[test]
-fn a_large_tree_with_sections_flickers_together_with_many_small_trees() {
+fn an_opened_tree_flickers_together_with_many_small_trees() {
     let mut rng = Rng(46);
     let mut world = LightWorld::new();
     let add = |world: &mut LightWorld, lights: Vec<Light>, at: DVec3| -> (TreeKey, InstanceKey) {
         let tree = world.add_tree(LightTree::new(lights).expect("valid"));
         (tree, world.add_instance(tree, Placement::at(at), Policy::Budgeted).expect("valid"))
     };
-    // Each of the small trees lies within the large one, which thus has sections.
+    // Each of the small trees lies within the large one, which is thus opened.
     let (large, _) = add(&mut world, lamps(&mut rng, 3000), DVec3::ZERO);
     let small: Vec<TreeKey> =
         (0..80).map(|_| add(&mut world, vec![lamp(&mut rng)], rng.position(10.0).as_dvec3()).0).collect();

@@ -56,7 +56,7 @@ pub fn check(played: &Played, world: &LightWorld) -> Found {
         let [node_base, light_base] = [14, 15].map(|word| instances.word(slot, word));
         let tree_key = world.instance_tree(key).expect("it lives");
         let tree = world.tree(tree_key).expect("it lives");
-        let (mut found, mut sections) = (Vec::new(), Vec::new());
+        let (mut found, mut openings) = (Vec::new(), Vec::new());
         let mut stack = vec![0];
         while let Some(node) = stack.pop() {
             if tree.nodes().is_empty() {
@@ -70,7 +70,7 @@ pub fn check(played: &Played, world: &LightWorld) -> Found {
                 if target & LEAF == 0 {
                     assert!(target > node, "children follow their parents");
                     match nodes.word(node_base + target, PARENT) {
-                        section if section & LEAF != 0 => sections.push(section & !LEAF),
+                        opening if opening & LEAF != 0 => openings.push(opening & !LEAF),
                         found => assert_eq!(found, node * WIDTH as u32 + place, "the parent of a node"),
                     }
                     stack.push(target);
@@ -79,8 +79,8 @@ pub fn check(played: &Played, world: &LightWorld) -> Found {
                 let index = target & !LEAF;
                 let record = light_base.wrapping_add(index);
                 match lights.word(record, 7) {
-                    // A light that is a section of its tree by itself.
-                    section if section & LEAF != 0 => sections.push(section & !LEAF),
+                    // A light that is an opening of its tree by itself.
+                    opening if opening & LEAF != 0 => openings.push(opening & !LEAF),
                     found => assert_eq!(found, node * WIDTH as u32 + place, "the place of a light"),
                 }
                 let light = Light::point(
@@ -92,8 +92,8 @@ pub fn check(played: &Played, world: &LightWorld) -> Found {
         }
         found.sort_by_key(|(index, _)| *index);
         assert!(found.windows(2).all(|pair| pair[0].0 < pair[1].0), "each light once");
-        sections.sort_unstable();
-        assert!(sections.iter().zip(0..).all(|(section, index)| *section == index), "{sections:?}");
+        openings.sort_unstable();
+        assert!(openings.iter().zip(0..).all(|(opening, index)| *opening == index), "{openings:?}");
         let stands_in = flags & STANDS_IN != 0;
         assert_eq!(stands_in, played.planner.stands_in(tree_key), "slot {slot}");
         if stands_in {
