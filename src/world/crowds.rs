@@ -16,7 +16,7 @@ use glam::{DVec3, Vec3};
 use slotmap::SecondaryMap;
 
 use super::opening::OpeningEdit;
-use super::scene::Scene;
+use super::scene::{CROWD_UNIT, Scene};
 use crate::keys::{InstanceKey, TreeKey, slot_of};
 use crate::math::dice::hash;
 
@@ -32,9 +32,6 @@ pub(super) const SLOTS_PER_UPDATE: usize = 64;
 
 /// The largest number of filed instances of one size that an instance looks at.
 const MAX_LOOKED_AT: usize = 64;
-
-/// Crowds are added up as whole numbers of this part of a light, so that sums are exact.
-pub(super) const CROWD_UNIT: f64 = 1.0 / 256.0;
 
 /// The range of sizes: powers of two in metres. Objects of a few centimetres and less count as the
 /// smallest size.

@@ -11,9 +11,8 @@
 
 use std::sync::OnceLock;
 
-use super::crowds::CROWD_UNIT;
 use super::log::WorldLog;
-use super::scene::{Scene, TreeEntry};
+use super::scene::{CROWD_UNIT, Scene, TreeEntry};
 use super::sums::Sums;
 use crate::keys::{TreeKey, slot_of};
 use crate::top::TopLevel;

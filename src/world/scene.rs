@@ -25,6 +25,9 @@ pub(super) struct Scene {
     pub origin: Origin,
 }
 
+/// Crowds are added up as whole numbers of this part of a light, so that sums are exact.
+pub(super) const CROWD_UNIT: f64 = 1.0 / 256.0;
+
 /// A tree of a world.
 pub(crate) struct TreeEntry {
     pub tree: LightTree,
@@ -40,7 +43,7 @@ pub(crate) struct TreeEntry {
     pub has_new_policy: bool,
     pub weight: TreeWeight,
     /// The lights of others that lie between those of each instance, for all instances together, in units
-    /// of [`CROWD_UNIT`](super::crowds::CROWD_UNIT).
+    /// of [`CROWD_UNIT`].
     pub crowd: u64,
     /// Where the top level leads into the tree, in the order of their places; none of a whole tree.
     pub openings: Vec<Opening>,

@@ -348,7 +348,7 @@ fn a_world_of_points_sends_no_bytes_for_cones_ranges_and_scales() {
         |rng: &mut Rng, count| (0..count).map(|_| Light::point(rng.position(5.0), Vec3::ONE)).collect::<Vec<_>>();
     let tree = world.add_tree(LightTree::new(points(&mut rng, 300)).expect("valid"));
     let instance = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
-    world.add_instance(tree, Placement::at(DVec3::X), Policy::Budgeted).expect("valid");
+    world.add_instance(tree, Placement::at(DVec3::X * 50.0), Policy::Budgeted).expect("valid");
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let mut upload = |world: &mut LightWorld| {
         world.update(FrameBudget::NONE);
