@@ -121,6 +121,14 @@ fn light_deviation(packed: LightPackedChild) -> f32 {
 fn light_half_size(packed: LightPackedChild, steps: u32) -> vec3<f32> {
     return (light_high(packed) - light_low(packed)) * light_half_steps(steps);
 }
+
+// The vector from the shading point to the nearest point of a child's box, less the margin along
+// each axis. Twin of `Unpacked::gap`.
+fn light_to_box(packed: LightPackedChild, view: LightNodeView) -> vec3<f32> {
+    let center = view.origin + (light_high(packed) + light_low(packed)) * light_half_steps(view.steps);
+    let outside = max(abs(center) - (light_half_size(packed, view.steps) + view.margin), vec3(0.0));
+    return select(outside, -outside, center < vec3(0.0));
+}
 // #endif
 
 // Unpacks a child. `normal` is that of the shading point.

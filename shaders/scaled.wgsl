@@ -5,13 +5,24 @@
 
 // #if NON_RIGID
 // #if CONES | AREAS
-// The share of the flux of a child that comes from surfaces, from four bits of a node's
-// `area_ratios`. Twin of `Node::area_share`.
-fn light_area_share(code: u32) -> f32 {
-    // 2^(2 code - 15) from its exponent.
-    let ratio = bitcast<f32>((2u * code + 112u) << 23u);
-    let share = select(ratio / (1.0 + ratio), 0.0, code == 0u);
-    return select(share, 1.0, code == 15u);
+// The shares of the flux of a child that come from lights without size and from surfaces. `code`
+// are four bits of a node's `area_ratios`, and `steps` those of the node. Twin of
+// `Node::flux_shares`.
+fn light_flux_shares(code: u32, steps: u32) -> vec2<f32> {
+    // 2^(code - 7 - 3 s) from its exponent.
+    let shift = bitcast<i32>(steps) >> 28u;
+    let ratio = bitcast<f32>(bitcast<u32>(i32(code) + 120 - 3 * shift) << 23u);
+    let punctual = 1.0 / (1.0 + ratio);
+    let shares = select(vec2(punctual, ratio * punctual), vec2(1.0, 0.0), code == 0u);
+    return select(shares, vec2(0.0, 1.0), code == 15u);
+}
+
+// #endif
+
+// #if CONES
+// Whether the axis of emission is that of surfaces. See `FluxShares::has_normal`.
+fn light_has_normal(code: u32) -> bool {
+    return code >= LIGHT_LEAST_NORMAL_CODE;
 }
 // #endif
 
@@ -27,11 +38,12 @@ fn light_into_world(
     let to_local = instance.to_local;
     let seen = light_linear(rows, light_to_mean(packed, view));
     let dist_sq = light_sum_axes(seen * seen);
-    (*child).gap_sq *= dist_sq / max((*child).dist_sq, LIGHT_MIN_IMPORTANCE);
     (*child).dist_sq = dist_sq;
+    let gap = light_linear(rows, light_to_box(packed, view));
+    (*child).gap_sq = light_sum_axes(gap * gap);
 
     // #if CONES | AREAS
-    let share = light_area_share(packed.area_ratio);
+    let shares = light_flux_shares(packed.area_ratio, view.steps);
     // The rows of the matrix of cofactors, negated for mirrors, are these vectors times `volume`.
     let volume = abs(to_local[0].w);
     let area_x = vec3(to_local[0].x, to_local[1].x, to_local[2].x);
@@ -47,12 +59,12 @@ fn light_into_world(
         light_sum_axes(axis * area_x), light_sum_axes(axis * area_y), light_sum_axes(axis * area_z),
     );
     let along_axis = sqrt(light_sum_axes(normal * normal));
-    (*child).facing = select(beam, (*child).facing / along_axis, share >= 0.5);
+    (*child).facing = select(beam, (*child).facing / along_axis, light_has_normal(packed.area_ratio));
     let agreement = min(1.5 * (*child).axis_length, 1.0);
     area_factor = agreement * along_axis + (1.0 - agreement) * area_factor;
     // #endif
-    let area = (*child).flux * share;
-    (*child).flux = min(((*child).flux - area) + area * (volume * area_factor), LIGHT_MAX_FLUX);
+    let flux = (*child).flux * shares;
+    (*child).flux = min(flux.x + flux.y * (volume * area_factor), LIGHT_MAX_FLUX);
     // #endif
 
     // The distance in the world between two planes that are parallel to the surface and one metre
@@ -85,7 +97,7 @@ fn light_facing_along_in_world(facing: f32, packed: LightPackedChild, instance_s
         dot(axis, vec3(to_local[0].y, to_local[1].y, to_local[2].y)),
         dot(axis, vec3(to_local[0].z, to_local[1].z, to_local[2].z)),
     );
-    return select(beam, facing / length(normal), light_area_share(packed.area_ratio) >= 0.5);
+    return select(beam, facing / length(normal), light_has_normal(packed.area_ratio));
 }
 // #endif
 // #endif

@@ -52,6 +52,10 @@ pub struct Cluster {
     /// The part of the flux that comes from surfaces, in lumens. An instance's scale changes only
     /// this part.
     pub area_flux: f32,
+    /// The part of the flux that comes from lights without size, in lumens. Not the difference of
+    /// the other two: in a small instance, surfaces far outshine it in the tree's space, but not in
+    /// the world.
+    pub punctual_flux: f32,
     /// Mean position, in metres.
     pub mean: Vec3,
     /// Trace of the covariance of position about `mean`, in square metres.
@@ -71,17 +75,13 @@ impl Cluster {
         aabb: Aabb::EMPTY,
         flux: 0.0,
         area_flux: 0.0,
+        punctual_flux: 0.0,
         mean: Vec3::ZERO,
         variance: 0.0,
         axis: Vec3::ZERO,
         cos_half_angle: 1.0,
         range: 0.0,
     };
-
-    /// The flux of lights without size, in lumens.
-    pub(crate) fn punctual_flux(&self) -> f32 {
-        (self.flux - self.area_flux).max(0.0)
-    }
 
     /// The cluster after the transform `x -> linear * x + translation`.
     ///
@@ -97,6 +97,7 @@ impl Cluster {
             aabb: self.aabb.transformed(&map.linear, translation),
             flux,
             area_flux: self.area_flux.min(flux),
+            punctual_flux: self.punctual_flux.min(flux),
             mean: map.linear * self.mean + translation,
             variance: self.variance * map.mean_square_scale,
             axis: axis.normalize_or_zero() * self.axis.length(),
@@ -188,11 +189,16 @@ impl Linear {
     /// factor of its normal; for the rest it changes by the mean factor of all normals. Exact for
     /// uniform scales and for flat emitters. At most 1e34.
     pub fn flux(&self, punctual: f32, area: f32, axis: Vec3) -> f32 {
-        let all_sides = (self.cofactor.to_cols_array().iter().map(|e| e * e).sum::<f32>() / 3.0).sqrt();
+        let all_sides = self.mean_area_scale();
         // A flat emitter has a mean direction of length 2/3.
         let agreement = (1.5 * axis.length()).min(1.0);
         let along = (self.cofactor * axis.normalize_or_zero()).length();
         (punctual + area * (agreement * along + (1.0 - agreement) * all_sides)).min(MAX_FLUX)
+    }
+
+    /// The mean factor of areas over all normals.
+    pub(crate) fn mean_area_scale(&self) -> f32 {
+        (self.cofactor.to_cols_array().iter().map(|e| e * e).sum::<f32>() / 3.0).sqrt()
     }
 }
 

@@ -22,10 +22,10 @@ pub(super) struct Placed {
 pub(super) fn placed(cluster: &Cluster, map: &Map, translation: DVec3, brightness: f64) -> Placed {
     let length = cluster.axis.as_dvec3().length();
     let axis = cluster.axis.as_dvec3().normalize_or_zero();
-    let (all, area) = (f64::from(cluster.flux), f64::from(cluster.area_flux));
+    let (punctual, area) = (f64::from(cluster.punctual_flux), f64::from(cluster.area_flux));
     let half_angle = f64::from(cluster.cos_half_angle).clamp(-1.0, 1.0).acos();
     Placed {
-        flux: (all - area + area * map.area_factor(axis, length)) * brightness,
+        flux: (punctual + area * map.area_factor(axis, length)) * brightness,
         mean: map.linear * cluster.mean.as_dvec3() + translation,
         variance: f64::from(cluster.variance) * map.mean_square(),
         axis: (map.cofactor() * axis).normalize_or_zero() * length,

@@ -347,6 +347,7 @@ impl Light {
             aabb: self.aabb(),
             flux,
             area_flux: if self.is_punctual() { 0.0 } else { flux },
+            punctual_flux: if self.is_punctual() { flux } else { 0.0 },
             mean,
             variance,
             axis: cone.axis * length,

@@ -370,7 +370,7 @@ impl TreeRecord {
     fn of_cluster(cluster: &Cluster, child_bits: u32) -> Self {
         Self {
             cluster: ClusterRecord::of(cluster),
-            punctual_flux: cluster.punctual_flux(),
+            punctual_flux: cluster.punctual_flux,
             area_flux: cluster.area_flux,
             child_bits,
             padding: 0,

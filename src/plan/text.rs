@@ -199,6 +199,7 @@ pub(crate) fn constants() -> String {
         ("LEAF", tree::LEAF),
         ("EMPTY_SLOT", tree::EMPTY_SLOT),
         ("NO_PARENT", tree::NO_PARENT),
+        ("LEAST_NORMAL_CODE", tree::LEAST_NORMAL_CODE),
         ("KIND_MASK", layout::KIND_MASK),
         ("KIND_POINT", layout::KIND_POINT),
         ("KIND_SPOT", layout::KIND_SPOT),
@@ -559,7 +560,7 @@ mod tests {
                  LIGHT_LAMBERTIAN LIGHT_LOBE_SHARE LIGHT_RIM_WIDTH_SQ LIGHT_RIM_MIN_SQ LIGHT_MAX_LOBE_LENGTH \
                  LIGHT_CAP_STEPS LIGHT_ANGLE_MARGIN light_widened LightLocalShadingPoint.turn light_end light_halved \
                  LightEnd LightEnd.place LightEnd.dist light_is_turned_away_along light_emitted_along \
-                 light_facing_along_in_world",
+                 light_facing_along_in_world light_has_normal LIGHT_LEAST_NORMAL_CODE",
             ),
             (
                 Effects::RANGES,
@@ -598,7 +599,8 @@ mod tests {
             ),
             (
                 Effects::NON_RIGID,
-                "light_rigid_to_local light_area_share light_into_world light_half_size light_widened LightInstance.to_local \
+                "light_rigid_to_local light_flux_shares light_has_normal light_to_box light_into_world \
+                 light_half_size light_widened LightInstance.to_local LIGHT_LEAST_NORMAL_CODE \
                  LightPackedChild.area_ratio LightLocalShadingPoint.scaled_instance LightLocalShadingPoint.turn \
                  LIGHT_NON_RIGID LIGHT_MAX_FLUX light_facing_along_in_world",
             ),

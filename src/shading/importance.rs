@@ -18,7 +18,7 @@ use crate::math::simd::{VectorJob, with_vectors};
 use crate::shading::gloss::LocalGloss;
 use crate::shading::segment::{LocalSegment, SegmentView, clamped, gap_sq};
 use crate::shading::shading_point::ShadingPoint;
-use crate::tree::{LEAF, Lanes, Node, NodeGrid, Unpacked, WIDTH};
+use crate::tree::{FluxShares, LEAF, Lanes, Node, NodeGrid, Unpacked, WIDTH};
 
 /// A shading point in the space of a tree, and how that space affects bounds.
 #[derive(Clone, Copy, Debug)]
@@ -235,7 +235,7 @@ fn importances_in_world(
         let is_light = node.children[i] & local.light_bit != 0;
         let view = ClusterView::new(&child, local, gap_sq);
         let is_lit = (child.flux > 0.0) & !is_provably_dark(&child, &view, local, margin);
-        let view = view.in_world(&child, &map, node.area_share(i));
+        let view = view.in_world(&child, &map, node.flux_shares(i), margin);
         let (importance, doubt) = estimate(&child, &view, is_light, local, local.gloss.as_ref(), position_error_sq);
         children.importance[i] = if is_lit { importance } else { 0.0 };
         children.doubt[i] = doubt;
@@ -293,16 +293,15 @@ impl ClusterView {
         }
     }
 
-    /// In the world. `area_share` is the share of the flux that comes from surfaces. The distance
-    /// of the box is scaled as that of the mean position.
-    fn in_world(&self, child: &Unpacked, map: &WorldMap, area_share: f32) -> Self {
+    /// In the world. `margin` is that of the node.
+    fn in_world(&self, child: &Unpacked, map: &WorldMap, shares: FluxShares, margin: f32) -> Self {
         let WorldMap { linear, normal_scale } = *map;
         let (toward, axis) = (Vec3::from(child.toward), Vec3::from(child.axis));
         let seen = linear.linear * toward;
         let dist_sq = seen.length_squared();
         // Normals of surfaces and beams are transformed by different matrices. The product of a
         // normal and a vector changes by the determinant.
-        let facing = if area_share >= 0.5 {
+        let facing = if shares.has_normal {
             linear.determinant.abs() * self.facing / (linear.cofactor * axis).length()
         } else {
             (linear.linear * axis).normalize_or_zero().dot(seen)
@@ -310,16 +309,15 @@ impl ClusterView {
         let half_sq = Vec3::from(child.half) * Vec3::from(child.half);
         let columns = [linear.linear.x_axis, linear.linear.y_axis, linear.linear.z_axis];
         let variance = child.deviation_sq * half_sq.dot(Vec3::from(columns.map(Vec3::length_squared)));
-        let area = child.flux * area_share;
         Self {
             dist_sq,
             along: normal_scale * self.along,
             highest: normal_scale * self.highest,
             facing,
-            gap_sq: self.gap_sq * (dist_sq / max(self.dist_sq, MIN_IMPORTANCE)),
+            gap_sq: (linear.linear * Vec3::from(child.gap(margin))).length_squared(),
             variance,
             normal_variance: min(normal_scale * normal_scale * self.normal_variance, variance),
-            flux: linear.flux(child.flux - area, area, axis * child.length),
+            flux: linear.flux(child.flux * shares.punctual, child.flux * shares.area, axis * child.length),
         }
     }
 }
@@ -459,7 +457,7 @@ fn importances_along(
         let error_sq = MEAN_ERROR_SQ * child.radius_sq + position_error_sq;
         let is_unresolved = cluster.view.near_sq() + child.variance <= error_sq;
         let cluster = match world {
-            Some(world) => cluster.in_world(&child, segment, world, node.area_share(i)),
+            Some(world) => cluster.in_world(&child, segment, world, node.flux_shares(i)),
             None => cluster,
         };
         let is_light = node.children[i] & local.light_bit != 0;
@@ -514,12 +512,12 @@ impl SegmentCluster {
         child: &Unpacked,
         segment: &LocalSegment,
         (linear, world): (&Linear, &LocalSegment),
-        area_share: f32,
+        shares: FluxShares,
     ) -> Self {
         let axis = Vec3::from(child.axis);
         let seen = linear.linear * Vec3::from(child.toward);
         let view = SegmentView::new(seen.to_array(), world);
-        let (facing, facing_along) = if area_share >= 0.5 {
+        let (facing, facing_along) = if shares.has_normal {
             let scale = linear.determinant.abs() / (linear.cofactor * axis).length();
             (scale * self.facing, scale * self.facing_along * (segment.half / world.half))
         } else {
@@ -528,14 +526,13 @@ impl SegmentCluster {
         };
         let half_sq = Vec3::from(child.half) * Vec3::from(child.half);
         let columns = [linear.linear.x_axis, linear.linear.y_axis, linear.linear.z_axis];
-        let area = child.flux * area_share;
         Self {
             view,
             facing,
             facing_along,
             gap_sq: self.gap_sq * (view.near_sq() / max(self.view.near_sq(), MIN_IMPORTANCE)),
             variance: child.deviation_sq * half_sq.dot(Vec3::from(columns.map(Vec3::length_squared))),
-            flux: linear.flux(child.flux - area, area, axis * child.length),
+            flux: linear.flux(child.flux * shares.punctual, child.flux * shares.area, axis * child.length),
         }
     }
 

@@ -65,6 +65,7 @@ impl LightTree {
             tasks: RefitTasks::default(),
             root: Cluster::EMPTY,
             sides: vec![Cluster::EMPTY; shape.sides],
+            weights: reference.clone(),
             reference,
             attributes: Attributes::default(),
             is_placeholder: false,

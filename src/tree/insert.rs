@@ -231,7 +231,8 @@ impl LightTree {
         for node in places.into_iter().rev() {
             self.count_lights(node);
             self.edited.was_built(node, self.light_counts[node]);
-            let (cluster, place) = (self.wide[node].merged().cluster, self.nodes[node].parent as usize);
+            let (cluster, place) =
+                (self.wide[node].merged_for(self.weights.as_deref()).cluster, self.nodes[node].parent as usize);
             self.wide[place / WIDTH].set(place % WIDTH, &cluster);
         }
     }

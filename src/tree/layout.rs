@@ -37,7 +37,7 @@ pub(super) fn build_items(lights: &[PlacedLight], reference: Option<&Linear>) ->
 pub(super) fn build_item(cluster: &Cluster, place: u32, reference: Option<&Linear>) -> BuildItem {
     match reference {
         Some(map) if cluster.flux > 0.0 => {
-            let flux = map.flux(cluster.punctual_flux(), cluster.area_flux, cluster.axis).max(MIN_FLUX);
+            let flux = map.flux(cluster.punctual_flux, cluster.area_flux, cluster.axis).max(MIN_FLUX);
             BuildItem::new(&cluster.transformed(map, Vec3::ZERO, flux), place)
         }
         _ => BuildItem::new(cluster, place),

@@ -47,7 +47,8 @@ impl LightTree {
     pub fn memory(&self) -> TreeMemory {
         let Self { lights, leaves, nodes, wide, spans, light_counts, attribute_sums, sides, .. } = self;
         let words = spans.capacity() + light_counts.capacity();
-        let reference = self.reference.as_ref().map_or(0, |_| size_of::<Linear>());
+        let maps = [&self.reference, &self.weights].into_iter().flatten().count();
+        let reference = maps * size_of::<Linear>();
         TreeMemory {
             nodes: size_of::<Node>() * nodes.capacity()
                 + size_of::<Cluster>() * sides.capacity()

@@ -37,8 +37,8 @@ pub use memory::TreeMemory;
 pub use node::{Bytes, ChildRef, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_LEAF, NO_PARENT, Node, WIDTH};
 pub(crate) use openings::Opening;
 #[cfg(feature = "gpu-plan")]
-pub(crate) use pack::{CAP_STEPS, DIRECTION_STEPS, STEPS};
-pub(crate) use pack::{NodeGrid, Unpacked};
+pub(crate) use pack::{CAP_STEPS, DIRECTION_STEPS, LEAST_NORMAL_CODE, STEPS};
+pub(crate) use pack::{FluxShares, NodeGrid, Unpacked};
 pub(crate) use refitted::Refitted;
 
 #[cfg(test)]
@@ -105,9 +105,11 @@ pub struct LightTree {
     /// The clusters of the sides, which are the children of the root; empty if the tree is not
     /// divided by direction.
     sides: Vec<Cluster>,
-    /// The map of the instance that the tree was built for, if it stretches: builds divide the
+    /// The map of the instance that builds are made for, if it stretches or scales: they divide the
     /// lights as they lie in the world.
     reference: Option<Box<Linear>>,
+    /// The map as of the last build: refits weigh the lights as they shine in the world.
+    weights: Option<Box<Linear>>,
     attributes: Attributes,
     /// The tree has yet to be built.
     is_placeholder: bool,
@@ -135,7 +137,7 @@ impl LightTree {
         Self::with_reference(lights, None)
     }
 
-    /// [`LightTree::new`] for a map for which builds divide the lights.
+    /// [`LightTree::new`] for a map for which the lights are divided and weighted.
     pub(crate) fn with_reference(lights: Vec<Light>, reference: Option<Linear>) -> Result<Self, WorldError> {
         check_light_count(lights.len())?;
         check_lights(lights.iter().enumerate())?;
@@ -178,7 +180,7 @@ impl LightTree {
 
     /// The flux of all lights by kind, in lumens.
     pub fn flux(&self) -> FluxByKind {
-        FluxByKind { punctual: self.root.punctual_flux(), area: self.root.area_flux }
+        FluxByKind { punctual: self.root.punctual_flux, area: self.root.area_flux }
     }
 
     /// The cluster of all lights as of the last build or refit, at full precision. The root's
@@ -310,7 +312,7 @@ impl LightTree {
         self.edited.forget_moved();
     }
 
-    /// The map for which builds divide the lights; `None` for the tree's own space.
+    /// The map for which builds divide and weigh the lights; `None` for the tree's own space.
     pub(crate) fn reference(&self) -> Option<&Linear> {
         self.reference.as_deref()
     }

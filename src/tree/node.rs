@@ -42,7 +42,8 @@ pub struct Node {
     /// Least corner of the box around all children, in metres.
     pub origin: [f32; 3],
     /// Four bytes, the lowest first: the biased exponents of the grid's steps along x, y and z,
-    /// which are powers of two; then the number of children.
+    /// which are powers of two; then the number of children in the lower half, and in the upper one
+    /// a whole number s from −8 to 7 for `area_ratios`.
     pub steps: u32,
     /// For each child the index of its node; or [`LEAF`] with the index of its light; or
     /// [`EMPTY_SLOT`].
@@ -62,7 +63,8 @@ pub struct Node {
     pub parent: u32,
     /// Four bits for each child, the lowest first: how its flux is divided between surfaces and
     /// lights without size. 0 is without surfaces, 15 is surfaces alone, and k in between a ratio
-    /// of 2^(2k − 15). 0 in a top level.
+    /// of 2^(k − 7 − 3s): areas change by a factor of about 2^3s in the instance that the tree was
+    /// built for. 0 in a top level.
     pub area_ratios: u32,
     /// √(1 − length) of the mean direction of emission, in steps of 1/255.
     pub shortness: Bytes,
@@ -100,12 +102,12 @@ impl ChildRef {
 impl Node {
     /// The number of children. They have the first slots.
     pub fn count(&self) -> usize {
-        (self.steps >> 24) as usize
+        (self.steps >> 24 & 15) as usize
     }
 
     /// Sets the number of children.
     pub(super) fn set_count(&mut self, count: usize) {
-        self.steps = self.steps & 0x00ff_ffff | (count as u32) << 24;
+        self.steps = self.steps & 0xf0ff_ffff | (count as u32) << 24;
     }
 
     /// The child in a slot. `None` for an unused slot and for a slot outside the node (from

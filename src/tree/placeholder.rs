@@ -63,7 +63,7 @@ impl LightTree {
     }
 
     /// Whether the tree has yet to be built: it was made by [`LightTree::new_placeholder`], or its
-    /// first instance in a world is that of a region, and stretched. O(1).
+    /// first instance in a world is that of a region, and stretched or scaled. O(1).
     pub fn is_placeholder(&self) -> bool {
         self.is_placeholder
     }

@@ -10,7 +10,7 @@ use super::attributes::AttributeSums;
 use super::node::{ChildRef, NO_PARENT, Node, WIDTH};
 use super::tasks::{RefitTask, RefitTasks};
 use super::wide::WideCluster;
-use crate::cluster::Cluster;
+use crate::cluster::{Cluster, Linear};
 use crate::math::simd::{VectorJob, with_vectors};
 
 /// A refit visits a list of nodes if fewer than one in this many changed, and sweeps over all nodes
@@ -61,8 +61,9 @@ impl LightTree {
     /// Refits the marked ones of some consecutive nodes of a tree that is being built. The marked
     /// nodes after them have been refitted.
     pub(super) fn refit_nodes(&mut self, range: Range<usize>) {
-        let Self { nodes, wide, attribute_sums: sums, dirty, .. } = self;
-        let slices = NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut() };
+        let Self { nodes, wide, attribute_sums: sums, dirty, weights, .. } = self;
+        let slices =
+            NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut(), weights: weights.as_deref() };
         if let Some(cluster) = with_vectors(SweepRange(slices, range)) {
             self.root = cluster;
         }
@@ -100,15 +101,17 @@ impl LightTree {
             self.tasks = RefitTasks::new(&self.spans);
         }
         if self.edited.is_scattered() {
-            let Self { nodes, wide, attribute_sums: sums, dirty, .. } = self;
-            let slices = NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut() };
+            let Self { nodes, wide, attribute_sums: sums, dirty, weights, .. } = self;
+            let slices =
+                NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut(), weights: weights.as_deref() };
             if let Some(cluster) = with_vectors(Sweep::<MEASURE>(slices)) {
                 self.root = cluster;
             }
             return;
         }
-        let Self { nodes, wide, attribute_sums: sums, dirty, tasks, .. } = self;
-        let slices = NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut() };
+        let Self { nodes, wide, attribute_sums: sums, dirty, tasks, weights, .. } = self;
+        let slices =
+            NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut(), weights: weights.as_deref() };
         sweep_tasks::<MEASURE>(&mut tasks.subtrees, slices);
         with_vectors(SweepUpper::<MEASURE>(self));
     }
@@ -122,6 +125,8 @@ struct NodeSlices<'a> {
     wide: &'a mut [WideCluster],
     sums: &'a mut [AttributeSums],
     is_dirty: &'a mut [bool],
+    /// The map that the tree is weighted for.
+    weights: Option<&'a Linear>,
 }
 
 impl NodeSlices<'_> {
@@ -131,7 +136,7 @@ impl NodeSlices<'_> {
         let (wide, wide_b) = self.wide.split_at_mut(at - self.base);
         let (sums, sums_b) = self.sums.split_at_mut(at - self.base);
         let (is_dirty, is_dirty_b) = self.is_dirty.split_at_mut(at - self.base);
-        let second = Self { base: at, nodes: nodes_b, wide: wide_b, sums: sums_b, is_dirty: is_dirty_b };
+        let second = Self { base: at, nodes: nodes_b, wide: wide_b, sums: sums_b, is_dirty: is_dirty_b, ..self };
         (Self { nodes, wide, sums, is_dirty, ..self }, second)
     }
 
@@ -142,10 +147,10 @@ impl NodeSlices<'_> {
         let local = index - self.base;
         let node = &mut self.nodes[local];
         let wide = &self.wide[local];
-        let merged = wide.merged();
+        let merged = wide.merged_for(self.weights);
         let count = node.count();
         node.pack(wide, &merged.cluster.aabb, count);
-        node.pack_area_ratios(wide);
+        node.pack_area_ratios(wide, self.weights);
         if MEASURE {
             let mut sums = AttributeSums::of(wide, &merged);
             for slot in 0..count {
@@ -242,8 +247,9 @@ impl<const MEASURE: bool> VectorJob for SweepUpper<'_, MEASURE> {
 
     #[inline(always)]
     fn run(self) {
-        let LightTree { nodes, wide, attribute_sums: sums, dirty, tasks, root, .. } = self.0;
-        let mut slices = NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut() };
+        let LightTree { nodes, wide, attribute_sums: sums, dirty, tasks, root, weights, .. } = self.0;
+        let mut slices =
+            NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut(), weights: weights.as_deref() };
         for subtree in &mut tasks.subtrees {
             let Some(cluster) = subtree.changed.take() else { continue };
             let parent = slices.nodes[subtree.root].parent;
@@ -275,10 +281,11 @@ impl<const MEASURE: bool> VectorJob for RefitListed<'_, MEASURE> {
 
     #[inline(always)]
     fn run(self) {
-        let LightTree { nodes, wide, attribute_sums: sums, dirty, refitted, root, .. } = self.0;
+        let LightTree { nodes, wide, attribute_sums: sums, dirty, refitted, root, weights, .. } = self.0;
         while let Some(node) = dirty.pop() {
             refitted.add(node);
-            let mut slices = NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut() };
+            let mut slices =
+                NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut(), weights: weights.as_deref() };
             let cluster = slices.refit::<MEASURE>(node);
             match nodes[node].parent {
                 NO_PARENT => *root = cluster,

@@ -86,7 +86,11 @@ impl TreeBuild {
             count: lights,
             phase: if lights == 0 { BuildPhase::Done } else { BuildPhase::AllocateLights },
             next: 0,
-            tree: LightTree { reference: reference.map(|map| Box::new(*map)), ..LightTree::default() },
+            tree: LightTree {
+                reference: reference.map(|map| Box::new(*map)),
+                weights: reference.map(|map| Box::new(*map)),
+                ..LightTree::default()
+            },
             placed: Vec::new(),
             shape: None,
             ticks: 0,

@@ -20,7 +20,8 @@ pub(crate) fn state_of(tree: &LightTree) -> State {
     let bits = |floats: &[f32]| floats.iter().map(|v| v.to_bits()).collect::<Vec<u32>>();
     let wide = wide.iter().flat_map(|lanes| {
         let vectors = [lanes.min, lanes.max, lanes.mean, lanes.axis];
-        let scalars = [lanes.flux, lanes.area_flux, lanes.variance, lanes.cos_half_angle, lanes.range];
+        let scalars =
+            [lanes.flux, lanes.area_flux, lanes.punctual_flux, lanes.variance, lanes.cos_half_angle, lanes.range];
         [bits(vectors.as_flattened().as_flattened()), bits(scalars.as_flattened())].concat()
     });
     let words = vec![
@@ -38,7 +39,7 @@ pub(crate) fn state_of(tree: &LightTree) -> State {
 }
 
 fn cluster_bits(cluster: &Cluster) -> Vec<u32> {
-    let Cluster { aabb, flux, area_flux, mean, variance, axis, cos_half_angle, range } = cluster;
+    let Cluster { aabb, flux, area_flux, punctual_flux, mean, variance, axis, cos_half_angle, range } = cluster;
     let vectors = [aabb.min, aabb.max, *mean, *axis].into_iter().flat_map(|v| v.to_array());
-    vectors.chain([*flux, *area_flux, *variance, *cos_half_angle, *range]).map(f32::to_bits).collect()
+    vectors.chain([*flux, *area_flux, *punctual_flux, *variance, *cos_half_angle, *range]).map(f32::to_bits).collect()
 }

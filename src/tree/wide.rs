@@ -9,7 +9,8 @@ use glam::Vec3;
 use super::node::WIDTH;
 use crate::cluster::bounds::Aabb;
 use crate::cluster::cone::cap_about;
-use crate::cluster::{Cluster, MAX_FLUX, MIN_AXIS};
+use crate::cluster::{Cluster, Linear, MAX_FLUX, MIN_AXIS};
+use crate::light::MIN_FLUX;
 
 /// One number for each child.
 pub(crate) type Lanes = [f32; WIDTH];
@@ -24,6 +25,7 @@ pub(crate) struct WideCluster {
     pub axis: [Lanes; 3],
     pub flux: Lanes,
     pub area_flux: Lanes,
+    pub punctual_flux: Lanes,
     pub variance: Lanes,
     pub cos_half_angle: Lanes,
     pub range: Lanes,
@@ -48,6 +50,7 @@ impl WideCluster {
             axis: [zero; 3],
             flux: zero,
             area_flux: zero,
+            punctual_flux: zero,
             variance: zero,
             cos_half_angle: [1.0; WIDTH],
             range: zero,
@@ -64,6 +67,7 @@ impl WideCluster {
         }
         self.flux[lane] = cluster.flux;
         self.area_flux[lane] = cluster.area_flux;
+        self.punctual_flux[lane] = cluster.punctual_flux;
         self.variance[lane] = cluster.variance;
         self.cos_half_angle[lane] = cluster.cos_half_angle;
         self.range[lane] = cluster.range;
@@ -76,6 +80,7 @@ impl WideCluster {
             aabb: Aabb { min: point(&self.min), max: point(&self.max) },
             flux: self.flux[lane],
             area_flux: self.area_flux[lane],
+            punctual_flux: self.punctual_flux[lane],
             mean: point(&self.mean),
             variance: self.variance[lane],
             axis: point(&self.axis),
@@ -84,13 +89,33 @@ impl WideCluster {
         }
     }
 
-    /// Merges all lanes into one cluster.
+    /// Merges all lanes into one cluster, weighted by their fluxes.
+    #[inline(always)]
+    pub fn merged(&self) -> Merged {
+        self.merged_by(&self.flux)
+    }
+
+    /// Merges all lanes into one cluster, weighted by the fluxes that they have in the world under
+    /// the map `reference`; by their own without one. The sums of flux are those of the tree's space.
+    #[inline(always)]
+    pub fn merged_for(&self, reference: Option<&Linear>) -> Merged {
+        let Some(map) = reference else { return self.merged() };
+        let mut weights = [0.0; WIDTH];
+        for i in (0..WIDTH).filter(|i| self.flux[*i] > 0.0) {
+            let axis = Vec3::from([0, 1, 2].map(|k| self.axis[k][i]));
+            // A light that shines keeps a weight at any scale.
+            weights[i] = map.flux(self.punctual_flux[i], self.area_flux[i], axis).max(MIN_FLUX);
+        }
+        self.merged_by(&weights)
+    }
+
+    /// Merges all lanes into one cluster. The weights are positive where the fluxes are.
     ///
     /// Moments are taken about the centre of the box, then about the mean, so nothing cancels far
     /// from the origin.
     #[inline(always)]
-    pub fn merged(&self) -> Merged {
-        let total = sum(&self.flux);
+    fn merged_by(&self, weights: &Lanes) -> Merged {
+        let total = sum(weights);
         if total <= 0.0 {
             let [x, y, z] = [0, 1, 2].map(|k| self.mean[k][0]);
             return Merged { cluster: Cluster { mean: Vec3::new(x, y, z), ..Cluster::EMPTY }, between: 0.0 };
@@ -98,7 +123,7 @@ impl WideCluster {
         let scale = 1.0 / total;
         let mut share = [0.0; WIDTH];
         for i in 0..WIDTH {
-            share[i] = self.flux[i] * scale;
+            share[i] = weights[i] * scale;
         }
         let aabb = Aabb {
             min: Vec3::from([0, 1, 2].map(|k| least(&self.min[k]))),
@@ -127,8 +152,9 @@ impl WideCluster {
         let between = sum(&between);
         let cluster = Cluster {
             aabb,
-            flux: total.min(MAX_FLUX),
+            flux: sum(&self.flux).min(MAX_FLUX),
             area_flux: sum(&self.area_flux).min(MAX_FLUX),
+            punctual_flux: sum(&self.punctual_flux).min(MAX_FLUX),
             mean,
             variance: between + sum(&within),
             axis,

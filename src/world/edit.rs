@@ -28,7 +28,7 @@ impl LightWorld {
     /// | how the tree was made | what it is |
     /// |---|---|
     /// | [`LightTree::new`] | built over lights, on the calling thread and rayon's |
-    /// | [`LightTree::new_for`] | built for a first instance that is stretched |
+    /// | [`LightTree::new_for`] | built for a first instance that is scaled |
     /// | [`LightTree::new_placeholder`] | made in half of the time of a build; its lights shine at once, and later updates build it within their budgets ([below](#placeholders)) |
     /// | `LightTree::from_baked` | loaded from bytes |
     /// | on another thread, or removed from another world | any of these |
@@ -48,7 +48,7 @@ impl LightWorld {
     /// [`LightTree::is_placeholder`] tells whether it still waits, and
     /// [`FrameReport::placeholder_trees`](crate::FrameReport::placeholder_trees) how many trees do.
     /// The built tree has the same bits as one from [`LightTree::new`]. If the first instance is
-    /// stretched, the tree is built for that instance, and adding the instance builds nothing.
+    /// stretched or scaled, the tree is built for that instance, and adding the instance builds nothing.
     ///
     /// | before the tree is built | outcome |
     /// |---|---|
@@ -260,7 +260,7 @@ impl LightWorld {
     /// former one. Changes that wait for the next update are dropped.
     ///
     /// The given tree is moved in as by [`LightWorld::add_tree`]: nothing is built. If it was not
-    /// made for a stretched instance, later builds divide it as they would have divided the former
+    /// made for a scaled instance, later builds divide it as they would have divided the former
     /// tree. To free the memory of a large tree takes milliseconds: drop the former one on another
     /// thread.
     ///
@@ -310,8 +310,9 @@ impl LightWorld {
     /// [`Placement::linear`].
     ///
     /// O(1), but for the only instance of a tree of more than eight lights if it is stretched, by a
-    /// factor of 1.5 or more between two directions. The tree is then built again, as its lights
-    /// lie in the world: O(n log n).
+    /// factor of 1.5 or more between two directions, or if it changes areas by 1.5 or more and the
+    /// tree has both surfaces and lights without size. The tree is then built again, as its lights
+    /// are in the world: O(n log n).
     ///
     /// # Errors
     /// [`WorldError::NoSuchTree`], [`WorldError::Placement`], [`WorldError::Policy`].

@@ -44,7 +44,7 @@ impl Scene {
         let Some(placed) = instance.shown().filter(|_| cluster.flux > 0.0) else {
             return Cluster::EMPTY;
         };
-        let flux = placed.linear.flux(cluster.punctual_flux(), cluster.area_flux, cluster.axis);
+        let flux = placed.linear.flux(cluster.punctual_flux, cluster.area_flux, cluster.axis);
         let brightness = instance.appearance.brightness();
         let flux = flux.min(MAX_FLUX / brightness.max(1.0)) * brightness;
         // At a small enough scale, the flux of a light that is not dark would round to 0.

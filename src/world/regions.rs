@@ -44,7 +44,7 @@ impl LightWorld {
     /// itself.
     ///
     /// O(trees + instances): nothing is built or refitted, and no light is copied or read. A tree
-    /// of the world whose first instance is in the region, and is stretched, becomes a placeholder.
+    /// of the world whose first instance is in the region, and is stretched or scaled, becomes a placeholder.
     ///
     /// # Errors
     /// [`WorldError::RegionTree`] for a tree of the world whose key is stale,

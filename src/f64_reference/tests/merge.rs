@@ -20,10 +20,12 @@ fn cluster(rng: &mut Rng, center: Vec3, extent: f32) -> Cluster {
     let mean = corners[0].lerp(corners[1], rng.unit()).clamp(aabb.min, aabb.max);
     let flux = size(rng, -12.0, 12.0);
     let length = [0.0, 2.0 / 3.0, rng.unit(), 0.9999][rng.below(4)];
+    let area_flux = flux * rng.unit();
     Cluster {
         aabb,
         flux,
-        area_flux: flux * rng.unit(),
+        area_flux,
+        punctual_flux: flux - area_flux,
         mean,
         variance: 0.25 * rng.unit() * aabb.extent().length_squared(),
         axis: direction(rng) * length,
@@ -126,7 +128,7 @@ fn placed_clusters_have_the_moments_and_caps_of_the_same_maps_in_f64() {
         };
         let translation = direction(&mut rng) * size(&mut rng, -3.0, 7.0);
         let (map, reference) = (Linear::new(linear), Map::new(linear.as_dmat3()));
-        let flux = map.flux(one.flux - one.area_flux, one.area_flux, one.axis);
+        let flux = map.flux(one.punctual_flux, one.area_flux, one.axis);
         let ours = one.transformed(&map, translation, flux);
         let expected = placed(&one, &reference, exact(translation), 1.0);
         let note = |error: &mut f64, value: f64| *error = error.max(value);

@@ -211,6 +211,7 @@ fn cluster_of(record: &ClusterRecord) -> Cluster {
         aabb: Aabb { min: record.box_min.into(), max: record.box_max.into() },
         flux: record.flux,
         area_flux: 0.0,
+        punctual_flux: 0.0,
         mean: record.mean.into(),
         variance: record.variance,
         axis: record.axis.into(),

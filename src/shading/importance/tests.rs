@@ -68,15 +68,15 @@ fn errors_in_world(tree: &LightTree, matrix: Mat3, shading_point: &ShadingPoint)
     for node in tree.nodes() {
         let grid = node.grid(local.position);
         for slot in (0..WIDTH).filter(|slot| node.flux[*slot] > 0) {
-            let (child, share) = (node.unpack(slot, &grid), node.area_share(slot));
-            let view = ClusterView::new(&child, &local, 1.0).in_world(&child, &map, share);
+            let (child, shares) = (node.unpack(slot, &grid), node.flux_shares(slot));
+            let view = ClusterView::new(&child, &local, 1.0).in_world(&child, &map, shares, 0.0);
             let toward = Vec3::from(child.toward).as_dvec3();
             let axis = Vec3::from(child.axis).as_dvec3();
-            let direction = if share >= 0.5 { cofactor * axis } else { exact * axis };
+            let direction = if shares.has_normal { cofactor * axis } else { exact * axis };
             let facing = direction.normalize().dot(exact * toward);
             // For surfaces it is a component of the vector in the tree's space, scaled by the
             // map of the normal.
-            let (length, loss) = match share >= 0.5 {
+            let (length, loss) = match shares.has_normal {
                 true => {
                     let image = (cofactor * axis).length();
                     (exact.determinant().abs() / image * toward.length(), norm(cofactor) / image)
@@ -87,8 +87,8 @@ fn errors_in_world(tree: &LightTree, matrix: Mat3, shading_point: &ShadingPoint)
             let agreement = (1.5 * axis.length() * f64::from(child.length)).min(1.0);
             let all_sides = norm(cofactor) / 3.0_f64.sqrt();
             let along = (cofactor * axis.normalize()).length();
-            let area = f64::from(share) * (agreement * along + (1.0 - agreement) * all_sides);
-            let flux = f64::from(child.flux) * (1.0 - f64::from(share) + area);
+            let area = f64::from(shares.area) * (agreement * along + (1.0 - agreement) * all_sides);
+            let flux = f64::from(child.flux) * (f64::from(shares.punctual) + area);
             let unit = f64::from(child.flux) * (1.0 + norm(cofactor));
             errors[1] = errors[1].max((f64::from(view.flux) - flux).abs() / unit);
         }

@@ -26,7 +26,7 @@ const SWAPPED_MARK: u32 = BYTE_ORDER_MARK.swap_bytes();
 
 /// The version of the format. It rises with every change of a record or of what its values mean:
 /// `Node` and what packs and samples it, `Cluster`, `Light`, the header.
-pub(super) const VERSION: u32 = 2;
+pub(super) const VERSION: u32 = 3;
 
 /// Bytes that have the same meaning in every version.
 const IDENTITY_BYTES: usize = MAGIC.len() + 2 * WORD;

@@ -63,7 +63,8 @@ impl LightTree {
             refitted.freeze();
             return refitted.bake();
         }
-        if self.edited.is_changed() || self.is_placeholder {
+        let is_weighted = self.reference().map(|map| map.linear) == self.weights.as_deref().map(|map| map.linear);
+        if self.edited.is_changed() || self.is_placeholder || !is_weighted {
             let mut built = self.clone();
             built.rebuild();
             return built.bake();
@@ -126,6 +127,7 @@ impl LightTree {
         let (counts, sections) = Header::measure(bytes)?;
         let (effects, removed) = content::check(bytes, counts.place_of_lights())?;
         let Header { built_cost, has_stale_sums, attributes, root, reference, .. } = Header::read(bytes, counts)?;
+        let reference = reference.map(|matrix| Box::new(Linear::new(matrix)));
         let numbers = |section| words::read(section).collect();
         let light = |bytes: &[u8]| light_record::decode_accepted(&light_record::read(bytes));
         let cluster = |bytes| words::to_cluster(words::read_array(bytes));
@@ -148,7 +150,8 @@ impl LightTree {
             tasks: RefitTasks::default(),
             root,
             sides: sections.sides.chunks_exact(words::CLUSTER_WORDS * words::WORD).map(cluster).collect(),
-            reference: reference.map(|matrix| Box::new(Linear::new(matrix))),
+            weights: reference.clone(),
+            reference,
             attributes,
             is_placeholder: false,
         };

@@ -220,8 +220,17 @@ fn agree(a: f32, b: f32) -> bool {
 
 /// What is wrong with a cluster whose flux should be about `flux`.
 fn cluster_fault(cluster: &Cluster, flux: f32) -> Option<&'static str> {
-    let Cluster { aabb: Aabb { min, max }, flux: own, area_flux, mean, variance, axis, cos_half_angle, range } =
-        *cluster;
+    let Cluster {
+        aabb: Aabb { min, max },
+        flux: own,
+        area_flux,
+        punctual_flux,
+        mean,
+        variance,
+        axis,
+        cos_half_angle,
+        range,
+    } = *cluster;
     if !agree(own, flux) {
         return Some("the flux of a cluster is not that of its children");
     }
@@ -230,6 +239,7 @@ fn cluster_fault(cluster: &Cluster, flux: f32) -> Option<&'static str> {
     let is_sound = has_moments
         && variance >= 0.0
         && (0.0..=MAX_FLUX).contains(&area_flux)
+        && (0.0..=MAX_FLUX).contains(&punctual_flux)
         && is_unit(axis.length())
         && is_unit(cos_half_angle)
         && range >= 0.0;

@@ -9,7 +9,7 @@ use crate::cluster::bounds::Aabb;
 pub(super) const WORD: usize = size_of::<u32>();
 
 /// Numbers of a cluster.
-pub(super) const CLUSTER_WORDS: usize = 17;
+pub(super) const CLUSTER_WORDS: usize = 18;
 
 /// Appends numbers.
 pub(super) fn write(words: impl IntoIterator<Item = u32>, out: &mut Vec<u8>) {
@@ -31,7 +31,17 @@ pub(super) fn read_array<const N: usize>(bytes: &[u8]) -> [u32; N] {
 
 /// The bits of a cluster.
 pub(super) fn of_cluster(cluster: &Cluster) -> [u32; CLUSTER_WORDS] {
-    let Cluster { aabb: Aabb { min, max }, flux, area_flux, mean, variance, axis, cos_half_angle, range } = *cluster;
+    let Cluster {
+        aabb: Aabb { min, max },
+        flux,
+        area_flux,
+        punctual_flux,
+        mean,
+        variance,
+        axis,
+        cos_half_angle,
+        range,
+    } = *cluster;
     [
         min.x,
         min.y,
@@ -41,6 +51,7 @@ pub(super) fn of_cluster(cluster: &Cluster) -> [u32; CLUSTER_WORDS] {
         max.z,
         flux,
         area_flux,
+        punctual_flux,
         mean.x,
         mean.y,
         mean.z,
@@ -62,10 +73,11 @@ pub(super) fn to_cluster(words: [u32; CLUSTER_WORDS]) -> Cluster {
         aabb: Aabb { min: point(0), max: point(3) },
         flux: v[6],
         area_flux: v[7],
-        mean: point(8),
-        variance: v[11],
-        axis: point(12),
-        cos_half_angle: v[15],
-        range: v[16],
+        punctual_flux: v[8],
+        mean: point(9),
+        variance: v[12],
+        axis: point(13),
+        cos_half_angle: v[16],
+        range: v[17],
     }
 }

@@ -163,9 +163,9 @@ impl Region {
     /// Adds an instance of a tree of this region. Returns its index: instances are numbered in the
     /// order in which they were added.
     ///
-    /// O(1), unless it is the first instance of a tree of more than eight lights and is stretched,
-    /// as in [`LightWorld::add_instance`](crate::LightWorld::add_instance). Then a built tree that
-    /// was not made for the instance is rebuilt now. A placeholder, or a tree of the world without
+    /// O(1), unless it is the first instance of a tree of more than eight lights and is stretched or
+    /// scaled, as in [`LightWorld::add_instance`](crate::LightWorld::add_instance). Then a built tree
+    /// that was not made for the instance is rebuilt now. A placeholder, or a tree of the world without
     /// an instance, is built for the instance later.
     ///
     /// # Errors
@@ -196,7 +196,7 @@ impl Region {
 
 /// Lets builds divide a tree for its first instance, and builds it again if that changes it.
 fn divide_for(tree: &mut LightTree, placed: Option<&Placed>) {
-    let Some(map) = reference_for(placed, tree.light_count()) else { return };
+    let Some(map) = reference_for(placed, tree.lights()) else { return };
     if tree.reference().is_none_or(|reference| reference.linear != map.linear) {
         tree.set_reference(Some(map));
         if !tree.is_placeholder() {

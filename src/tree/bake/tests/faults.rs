@@ -111,12 +111,12 @@ fn values_that_are_never_written_are_refused_although_the_checksum_is_right() {
         assert_eq!(forged(|bytes| put(bytes, 36, cost.to_bits())), record("the header: the cost of the tree", 0));
     }
     assert_eq!(forged(|bytes| put(bytes, 40, f32::NAN.to_bits())), record("the header: an attribute", 0));
-    assert_eq!(forged(|bytes| put(bytes, 128, 1)), record("the header: the reference", 0));
+    assert_eq!(forged(|bytes| put(bytes, 132, 1)), record("the header: the reference", 0));
     for (entry, value) in [(0, f32::NAN), (4, f32::INFINITY), (8, 2.0e9), (0, 0.0)] {
         let wrong = |bytes: &mut Vec<u8>| {
             put(bytes, 20, 2);
-            (0..9).for_each(|i| put(bytes, 124 + 4 * i, if i % 4 == 0 { 1.0_f32 } else { 0.0 }.to_bits()));
-            put(bytes, 124 + 4 * entry, value.to_bits());
+            (0..9).for_each(|i| put(bytes, 128 + 4 * i, if i % 4 == 0 { 1.0_f32 } else { 0.0 }.to_bits()));
+            put(bytes, 128 + 4 * entry, value.to_bits());
         };
         assert_eq!(forged(wrong), record("the header: the reference", 0), "{entry} {value}");
     }

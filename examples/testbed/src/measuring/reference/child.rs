@@ -20,8 +20,10 @@ pub struct Child {
     pub half_angle: Option<f64>,
     /// `None` for an unlimited one.
     pub range: Option<f64>,
-    /// The share of the flux that comes from surfaces.
-    pub area_share: f64,
+    /// The shares of the flux that come from lights without size and from surfaces.
+    pub shares: [f64; 2],
+    /// Whether the axis is that of surfaces.
+    pub has_normal: bool,
 }
 
 impl Child {
@@ -47,7 +49,7 @@ impl Child {
         let shortness = f64::from(node.shortness[slot]) / 255.0;
         let range = upper_half(node.range[slot]);
         let code = node.area_ratios >> (4 * slot) & 15;
-        let ratio = 2.0_f64.powi(2 * code as i32 - 15);
+        let ratio = 2.0_f64.powi(code as i32 - 7 - 3 * (node.steps as i32 >> 28));
         Some(Self {
             target,
             flux,
@@ -59,7 +61,12 @@ impl Child {
             length: 1.0 - shortness * shortness,
             half_angle: (node.cap[slot] < 254).then(|| (1.0 - f64::from(node.cap[slot]) / 127.0).acos()),
             range: (range < 1.0e18).then_some(range),
-            area_share: [ratio / (1.0 + ratio), 0.0, 1.0][usize::from(code == 0) + 2 * usize::from(code == 15)],
+            shares: match code {
+                0 => [1.0, 0.0],
+                15 => [0.0, 1.0],
+                _ => [1.0 / (1.0 + ratio), ratio / (1.0 + ratio)],
+            },
+            has_normal: code >= 4,
         })
     }
 

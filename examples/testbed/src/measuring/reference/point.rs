@@ -25,7 +25,12 @@ struct Seen {
 
 /// The distance to a box that is wider by a margin.
 fn gap(child: &Child, view: &View, margin: f64) -> f64 {
-    ((child.center() - view.position).abs() - child.half() - margin).max(DVec3::ZERO).length()
+    gap_vector(child, view, margin).length()
+}
+
+fn gap_vector(child: &Child, view: &View, margin: f64) -> DVec3 {
+    let center = child.center() - view.position;
+    (center.abs() - child.half() - margin).max(DVec3::ZERO) * center.signum()
 }
 
 /// The importance of a child of a node for a view without a segment.
@@ -96,13 +101,13 @@ fn seen(child: &Child, view: &View, margin: f64) -> Seen {
         if view.normal == DVec3::ZERO { 1.0 } else { 1.0 / (map.inverse.transpose() * view.normal).length() };
     let in_world = map.linear * toward;
     let variance = variance_in_world(child, &map);
-    let axis = if child.area_share >= 0.5 { map.cofactor() * child.axis } else { map.linear * child.axis };
+    let axis = if child.has_normal { map.cofactor() * child.axis } else { map.linear * child.axis };
     Seen {
         dist: in_world.length(),
         along: normal_scale * seen.along,
         highest: normal_scale * seen.highest,
         facing: -axis.normalize().dot(in_world) / in_world.length(),
-        gap: seen.gap * in_world.length() / dist,
+        gap: (map.linear * gap_vector(child, view, margin)).length(),
         variance,
         normal_variance: (normal_scale * normal_scale * seen.normal_variance).min(variance),
         flux: flux_in_world(child, &map),

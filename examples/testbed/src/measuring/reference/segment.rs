@@ -64,7 +64,7 @@ pub fn importance(child: &Child, node: &Node, view: &View, is_light: bool) -> Im
     };
     let axis = match view.to_world {
         None => child.axis,
-        Some(map) if child.area_share >= 0.5 => (map.cofactor() * child.axis).normalize(),
+        Some(map) if child.has_normal => (map.cofactor() * child.axis).normalize(),
         Some(map) => (map.linear * child.axis).normalize(),
     };
     let near_sq = seen.near().powi(2).max(1.0e-30);

@@ -40,8 +40,8 @@ pub fn variance_in_world(child: &Child, map: &Map) -> f64 {
 
 /// The flux in an instance that is scaled or sheared.
 pub fn flux_in_world(child: &Child, map: &Map) -> f64 {
-    let area = child.flux * child.area_share;
-    child.flux - area + area * map.area_factor(child.axis, child.length)
+    let [punctual, area] = child.shares;
+    child.flux * (punctual + area * map.area_factor(child.axis, child.length))
 }
 
 /// The doubt about a cluster at a squared distance, with a variance and the distance of its box.

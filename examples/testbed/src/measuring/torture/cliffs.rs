@@ -6,7 +6,7 @@
 
 use super::TortureScene;
 use super::emitters::ball;
-use super::instances::scaled;
+use super::instances::{scaled, shared_scales};
 use super::scene::{Parts, direction, in_box, lamp};
 use crate::common::pcg::Rng;
 use girandole::glam::{DVec3, Mat3, Vec3, vec3};
@@ -44,6 +44,7 @@ pub fn scenes() -> Result<Vec<TortureScene>, WorldError> {
     for (name, scale) in scales {
         makers.push((name.to_owned(), Box::new(move |parts, rng| scaled(parts, rng, scale))));
     }
+    makers.push(("one tree at scales from 0.01 to 1".to_owned(), Box::new(shared_scales)));
     makers.push(("on a ball of triangles".to_owned(), Box::new(on_ball)));
     let scene = |(name, make): &(String, Make)| TortureScene::new_of(name.clone(), make, SHADING_POINTS);
     makers.iter().map(scene).collect()

@@ -3,7 +3,7 @@
 use super::scene::{Make, Parts, direction, in_box, lamp, panel, rotation};
 use crate::common::pcg::Rng;
 use girandole::glam::{Mat3, Vec3, vec3};
-use girandole::{Light, LightTree, WorldError};
+use girandole::{Light, LightTree, Placement, Policy, WorldError};
 use std::f32::consts::PI;
 
 pub const SCENES: &[(&str, Make)] = &[
@@ -54,6 +54,18 @@ fn many_scales(parts: &mut Parts, rng: &mut Rng) -> Result<(), WorldError> {
         let scale = 10.0_f32.powf(rng.range(-3.0, 0.0));
         let lights = lamps_and_panels(rng, 100, vec3(3.0, 1.0, 3.0), Vec3::splat(scale));
         parts.add(lights, rotation(rng) * scale, in_box(rng, vec3(40.0, 5.0, 40.0)))?;
+    }
+    parts.receive(|| (in_box(rng, vec3(40.0, 8.0, 40.0)), direction(rng)));
+    Ok(())
+}
+
+/// 200 instances of one tree of 100 such lights, whose panels have an edge of 20 cm in the largest.
+pub(super) fn shared_scales(parts: &mut Parts, rng: &mut Rng) -> Result<(), WorldError> {
+    let tree = parts.world.add_tree(LightTree::new(lamps_and_panels(rng, 100, vec3(3.0, 1.0, 3.0), Vec3::ONE))?);
+    for _ in 0..200 {
+        let linear = rotation(rng) * 10.0_f32.powf(rng.range(-2.0, 0.0));
+        let translation = in_box(rng, vec3(40.0, 5.0, 40.0)).as_dvec3();
+        parts.world.add_instance(tree, Placement { linear, translation }, Policy::Static)?;
     }
     parts.receive(|| (in_box(rng, vec3(40.0, 8.0, 40.0)), direction(rng)));
     Ok(())
@@ -127,8 +139,8 @@ fn cars(parts: &mut Parts, rng: &mut Rng) -> Result<(), WorldError> {
         let is_crossing = rng.chance(0.5);
         let place = if is_crossing { vec3(along, 0.0, street) } else { vec3(street, 0.0, along) };
         let turn = if is_crossing { 0.5 * PI } else { 0.0 } + if rng.chance(0.5) { PI } else { 0.0 };
-        let placement = girandole::Placement { linear: Mat3::from_rotation_y(turn), translation: place.as_dvec3() };
-        parts.world.add_instance(tree, placement, girandole::Policy::Static)?;
+        let placement = Placement { linear: Mat3::from_rotation_y(turn), translation: place.as_dvec3() };
+        parts.world.add_instance(tree, placement, Policy::Static)?;
     }
     parts.receive(|| {
         // The road and the walls beside it.
