@@ -1,55 +1,85 @@
-// The place of a position in an order that keeps neighbours together. Twin of src/tree/curve.rs,
-// which explains it. Both use only sums, halves and integers, so they get the same bits. Binds
-// nothing; reads the variable `bounds` of the stage.
-//
-// `bounds` has the maxima of the `top_ordered` coordinates of all means, the maxima of their
-// complements, the number of parts that shine and an unused word; then for each level of the sample the
-// number of its parts; then the corners of the box that planes without a median halve; then two words
-// for each plane, of which the root is number 1: its axis, and where it is; then the lists of the
-// parts of each level, at most TOP_LEVEL_SAMPLES for each.
+// The place of a position on a curve through space. Twin of src/tree/curve.rs, which explains the
+// curve. Both use only subtractions, powers of two and integers, so they get the same bits. Binds
+// nothing; `curve_key_of` reads the variable `bounds` of the stage.
 
-fn curve_plane_word(plane: u32) -> u32 {
-    return TOP_PLANES_AT + 2u * plane;
+// The exponent e of a number in [2^e, 2^(e + 1)); -127 for zero.
+fn curve_exponent(x: f32) -> i32 {
+    return i32(bitcast<u32>(x) >> 23u) - 127;
 }
 
-fn curve_corner(at: u32) -> vec3<f32> {
-    return bitcast<vec3<f32>>(vec3(bounds[at], bounds[at + 1u], bounds[at + 2u]));
+// The lowest `count` bits set, `count` below 32.
+fn curve_low_bits(count: u32) -> u32 {
+    return (1u << count) - 1u;
 }
 
-// The axis of the longest extent, of equals the first. Twin of `longest`.
-fn curve_longest(extent: vec3<f32>) -> u32 {
-    let axis = select(0u, 1u, extent.y > extent.x);
-    return select(axis, 2u, extent.z > extent[axis]);
+// Turns the coordinates of a cell into the digits of its place on the Hilbert curve. Twin of
+// `hilbert`.
+fn curve_hilbert(cell: vec3<u32>, dimensions: u32, bits: u32) -> vec3<u32> {
+    var x = cell;
+    for (var up = 1u; up < bits; up++) {
+        let bit = bits - up;
+        let below = curve_low_bits(bit);
+        for (var i = 0u; i < dimensions; i++) {
+            if (x[i] & (1u << bit)) != 0u {
+                x[0] ^= below;
+            } else {
+                let swap = (x[0] ^ x[i]) & below;
+                x[0] ^= swap;
+                x[i] ^= swap;
+            }
+        }
+    }
+    for (var i = 1u; i < dimensions; i++) {
+        x[i] ^= x[i - 1u];
+    }
+    let last = x[dimensions - 1u];
+    var flips = 0u;
+    for (var bit = 1u; bit < bits; bit++) {
+        if (last & (1u << bit)) != 0u {
+            flips ^= curve_low_bits(bit);
+        }
+    }
+    return x ^ vec3(flips);
 }
 
-// The key of a position, below 2^31. Twin of
-// `Curve::key`.
-fn curve_key(position: vec3<f32>) -> u32 {
-    var low = curve_corner(TOP_BOUNDS_WORDS);
-    var high = curve_corner(TOP_BOUNDS_WORDS + 3u);
-    var cell = 1u;
-    var key = 0u;
-    for (var i = 0u; i < TOP_KEY_BITS; i++) {
-        var axis = TOP_NO_AXIS;
-        var at = 0.0;
-        if cell < TOP_PLANES {
-            axis = bounds[curve_plane_word(cell)];
-            at = bitcast<f32>(bounds[curve_plane_word(cell) + 1u]);
+// Appends the digits' bits to a key, the highest of all digits first.
+fn curve_append(start: u32, digits: vec3<u32>, dimensions: u32, bits: u32) -> u32 {
+    var key = start;
+    for (var up = 1u; up <= bits; up++) {
+        for (var i = 0u; i < dimensions; i++) {
+            key = (key << 1u) | ((digits[i] >> (bits - up)) & 1u);
         }
-        if axis == TOP_NO_AXIS {
-            axis = curve_longest(high - low);
-            at = (low[axis] + high[axis]) * 0.5;
-        }
-        let is_above = position[axis] >= at;
-        if is_above {
-            low[axis] = at;
-        } else {
-            high[axis] = at;
-        }
-        if cell < TOP_PLANES {
-            cell = 2u * cell + select(0u, 1u, is_above);
-        }
-        key = (key << 1u) | select(0u, 1u, is_above);
     }
     return key;
+}
+
+// The key of a position within bounds, below 2^31. Twin of `Curve::key`.
+fn curve_key(position: vec3<f32>, low: vec3<f32>, high: vec3<f32>) -> u32 {
+    let extent = high - low;
+    // The axes by extent, the longest first, x before y before z: a bubble sort of three.
+    var axes = vec3(0u, 1u, 2u);
+    if extent[axes.y] > extent[axes.x] { axes = axes.yxz; }
+    if extent[axes.z] > extent[axes.y] { axes = axes.xzy; }
+    if extent[axes.y] > extent[axes.x] { axes = axes.yxz; }
+    let long = curve_exponent(extent[axes.x]);
+    let middle = curve_exponent(extent[axes.y]);
+    let short = curve_exponent(extent[axes.z]);
+    let one = min(u32(long - middle), TOP_KEY_BITS);
+    let two = min(u32(middle - short), (TOP_KEY_BITS - one) / 2u);
+    let three = (TOP_KEY_BITS - one - 2u * two) / 3u;
+    let power = clamp(i32(one + two + three) - 1 - long, -126, 127);
+    let cells = (position - low) * bitcast<f32>(u32(power + 127) << 23u);
+    let sorted = vec3(cells[axes.x], cells[axes.y], cells[axes.z]);
+    let cell = min(vec3<u32>(sorted), vec3(curve_low_bits(one + two + three)));
+    let flat_digits = curve_hilbert((cell >> vec3(three)) & vec3(curve_low_bits(two)), 2u, two);
+    let deep_digits = curve_hilbert(cell & vec3(curve_low_bits(three)), 3u, three);
+    let key = curve_append(cell.x >> (two + three), flat_digits, 2u, two);
+    return curve_append(key, deep_digits, 3u, three);
+}
+
+// The key of a position within the bounds of the means of all instances.
+fn curve_key_of(position: vec3<f32>) -> u32 {
+    let high = vec3(top_unordered(bounds[0]), top_unordered(bounds[1]), top_unordered(bounds[2]));
+    let low = vec3(top_unordered(~bounds[3]), top_unordered(~bounds[4]), top_unordered(~bounds[5]));
+    return curve_key(position, low, high);
 }

@@ -5,7 +5,7 @@
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
 @group(0) @binding(1) var<storage, read_write> clusters: array<LightCluster>;
-@group(0) @binding(2) var<storage, read_write> bounds: array<u32, TOP_CURVE_WORDS>;
+@group(0) @binding(2) var<storage, read_write> bounds: array<u32, 8>;
 @group(0) @binding(3) var<storage, read_write> nodes: array<u32>;
 @group(0) @binding(4) var<storage, read_write> keys: array<u32>;
 @group(0) @binding(5) var<storage, read_write> order: array<u32>;
@@ -41,7 +41,7 @@ fn group_key(index: u32) -> u32 {
     if top_pass.units_before == TOP_FIRST_PASS {
         return keys[index];
     }
-    return curve_key(clusters[gather_unit(index)].mean);
+    return curve_key_of(clusters[gather_unit(index)].mean);
 }
 
 // Ranks the places in the windows of both starts. Half of the invocations work on each window.
@@ -300,7 +300,6 @@ fn top_group(
         }
     }
     workgroupBarrier();
-    split_tiny_above = select(TOP_PIECE, count / 3u, is_root);
     for (var i = 0u; i < SPLIT_EACH; i++) {
         let unit = lane + i * TOP_SPLIT_LANES;
         split_own[i] = SplitUnit();

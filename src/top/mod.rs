@@ -13,13 +13,14 @@
 mod split;
 
 use crate::cluster::Cluster;
+use crate::cluster::bounds::Aabb;
 use crate::instance::part::{PART, PART_BITS, Part};
-use crate::tree::curve::{Curve, NO_KEY, identity};
+use crate::tree::curve::{Curve, NO_KEY};
 use crate::tree::{ChildRef, Children, EMPTY_SLOT, NO_PARENT, Node, WIDTH, WideCluster};
 #[cfg(feature = "gpu-plan")]
-pub(crate) use split::{BINS, CELL_BITS, COST_SLACK, DIAGONAL_SHARE, FLUX_BITS, MAX_ZOOM, TINY_SHARE};
+pub(crate) use split::{BINS, CELL_BITS, COST_SLACK, DIAGONAL_SHARE, FLUX_BITS};
 #[cfg(any(feature = "gpu-plan", test))]
-pub(crate) use split::{LARGE_HALVINGS, LARGE_ROUNDS, MAX_CUTS, MAX_TINY, SMALL, SMALL_HALVINGS, SMALL_ROUNDS};
+pub(crate) use split::{LARGE_HALVINGS, LARGE_ROUNDS, MAX_CUTS, SMALL, SMALL_HALVINGS, SMALL_ROUNDS};
 use split::{PiecePart, SplitPiece};
 
 /// Units that are split together, at most: as many as a workgroup has memory for, and as nine bits
@@ -122,10 +123,8 @@ impl TopLevel {
     /// of which there are `slots`. O(n log n).
     pub fn build(parts: &[(Part, Cluster)], slots: usize) -> Self {
         let mut top = Self::without_nodes(parts, slots);
-        let lit = parts.iter().zip(0..).filter(|((_, c), _)| c.flux > 0.0);
-        let number = |slot: u32, index: u32| index - top.first_parts[slot as usize];
-        let means = lit.map(|((part, c), index)| (identity(part.slot, number(part.slot, index)), c.mean));
-        let curve = Curve::new(means.clone(), means.count().div_ceil(SHARE));
+        let bounds = Aabb::around(parts.iter().map(|(_, c)| c).filter(|c| c.flux > 0.0).map(|c| c.mean));
+        let curve = Curve::new(&bounds);
         let keys = map_all(parts, |(_, c)| if c.flux > 0.0 { curve.key(c.mean) } else { NO_KEY });
         let mut order: Vec<(u32, u32)> = keys.into_iter().zip(0..).filter(|(key, _)| *key < NO_KEY).collect();
         sort(&mut order);
@@ -141,7 +140,7 @@ impl TopLevel {
             keys = map_all(&units, |unit| curve.key(unit.cluster.mean));
         }
         let mut root = PieceTree::default();
-        let split = SplitPiece::new(units.iter().map(|unit| &unit.cluster), units.len() / 3);
+        let split = SplitPiece::new(units.iter().map(|unit| &unit.cluster));
         let in_order: Vec<Unit> = split.order.iter().map(|unit| units[*unit]).collect();
         root.add_part(&in_order, &split.parts, split.parts[0]);
         top.append(root, &mut Vec::new());
@@ -238,7 +237,7 @@ struct PieceNode {
 impl PieceTree {
     /// Makes the nodes below the costliest parts of a piece, of which it leaves at most `most`.
     fn new(units: &[Unit], most: usize) -> Self {
-        let split = SplitPiece::new(units.iter().map(|unit| &unit.cluster), PIECE);
+        let split = SplitPiece::new(units.iter().map(|unit| &unit.cluster));
         let in_order: Vec<Unit> = split.order.iter().map(|unit| units[*unit]).collect();
         let mut tree = Self::default();
         for part in split.costliest_parts(most) {
@@ -252,8 +251,7 @@ impl PieceTree {
     /// Makes the node of one of `parts` and the nodes below it. `units` are in the order of the
     /// parts.
     fn add_part(&mut self, units: &[Unit], parts: &[PiecePart], part: PiecePart) -> Unit {
-        let whole = PiecePart { is_tiny: false, ..part };
-        let children = Children::choose(whole, |_, part| Some(part.halves?.map(|half| parts[half])));
+        let children = Children::choose(part, |_, part| Some(part.halves?.map(|half| parts[half])));
         let mut below = Vec::with_capacity(WIDTH);
         for (child, is_inlined) in children.iter() {
             if is_inlined || child.count <= 1 {

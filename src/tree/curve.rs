@@ -1,20 +1,11 @@
-//! An order of the parts of instances, or of the lights of a placeholder. Neighbours in this order are
-//! neighbours in space.
+//! A curve through the parts of instances, or through the lights of a placeholder. Neighbours on
+//! the curve are neighbours in space.
 //!
-//! Twin of `shaders/top_curve.wgsl` and `top_planes.wgsl`. Based on Bentley, Multidimensional Binary
-//! Search Trees Used for Associative Searching (1975): space is divided by planes, and each bit of a
-//! key tells on which side of a plane a position lies. Differs:
-//!
-//! - Only the first planes are medians, those of a sample. So no border of the world decides where
-//!   they are. The others halve boxes, as along a Morton curve.
-//! - A cell is divided across the axis along which the middle half of its sample is longest, so that a
-//!   lamp far away does not stretch it.
-//! - Medians have as many pieces of the top level on both sides as there are, not as many positions.
-//!
-//! It uses only sums, halves and integers, so the GPU gets the same bits. A Gray code in place of
-//! this order was tried and gained nothing beyond what another sample changes.
-
-use std::cmp::Ordering;
+//! Twin of `shaders/top_curve.wgsl`. This is a Hilbert curve over cubic cells, after Skilling,
+//! Programming the Hilbert Curve (2004). Differs: while one extent is far longer than the others,
+//! the curve has one dimension, and while two are, it has two. So it spends no bits on the height
+//! of a flat city. It uses only subtraction, powers of two and integers, so the GPU gets the same
+//! bits.
 
 use glam::Vec3;
 
@@ -26,167 +17,80 @@ pub(crate) const KEY_BITS: u32 = 31;
 /// The key of a slot without a shining instance.
 pub(crate) const NO_KEY: u32 = u32::MAX;
 
-/// Positions of which the medians are taken: two for each invocation of a workgroup.
-pub(crate) const SAMPLES: usize = 512;
-
-/// Levels of positions, of which four together have about half as many as the four below them. The
-/// sample has the highest levels, so it does not depend on the order of the positions.
-pub(crate) const LEVELS: u32 = 96;
-
-/// The greatest number of positions of a level of the sample. A fifth of the sample is expected.
-pub(crate) const LEVEL_SAMPLES: usize = 192;
-
-/// Bits of a key that come from medians. More leave too few samples for each plane.
-pub(crate) const PLANE_BITS: u32 = 6;
-
-/// The axis of a plane that halves the box of its cell instead.
-pub(crate) const NO_AXIS: usize = 3;
-
-/// A plane across an axis, or [`NO_AXIS`].
+/// A curve through the cells of a box.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Plane {
-    axis: usize,
-    at: f32,
-}
-
-/// An order of positions in a box.
-#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Curve {
-    /// The box that planes without a median halve. Positions may lie outside.
-    middle: Aabb,
-    /// The first planes: the root at 1, and the planes below plane n at 2 n and 2 n + 1.
-    planes: [Plane; 1 << PLANE_BITS],
+    /// The least corner of the box.
+    low: Vec3,
+    /// The axes by descending extent; of equals x before y before z.
+    axes: [usize; 3],
+    /// The bits of each coordinate that the curve spends with one, with two and with three
+    /// dimensions.
+    bits: [u32; 3],
+    /// Cells per metre: a power of two.
+    scale: f32,
 }
 
 impl Curve {
-    /// The order for positions that are later cut into `pieces` equal pieces. Each comes with its
-    /// identity, which decides whether it is in the sample. O(positions).
-    pub fn new(positions: impl Iterator<Item = (u32, Vec3)> + Clone, pieces: usize) -> Self {
-        let mut samples = sample(positions.clone());
-        let middle = middle_box(&Aabb::around(positions.map(|(_, position)| position)), &samples);
-        let mut planes = [Plane { axis: NO_AXIS, at: 0.0 }; 1 << PLANE_BITS];
-        for level in 0..PLANE_BITS {
-            for cell in 0..1 << level {
-                let rank = |cell: usize, level: u32| first_sample(samples.len(), pieces, cell, level);
-                let (first, end) = (rank(cell, level), rank(cell + 1, level));
-                let border = rank(2 * cell + 1, level + 1);
-                if first < border && border < end {
-                    planes[(1 << level) + cell] = median(&mut samples[first..end], border - first);
-                }
-            }
-        }
-        Self { middle, planes }
+    /// The curve through a box. The box may be flat, a point, or empty.
+    pub fn new(bounds: &Aabb) -> Self {
+        let extent = bounds.extent();
+        let mut axes = [0, 1, 2];
+        axes.sort_by(|a, b| extent[*b].total_cmp(&extent[*a]));
+        let [long, middle, short] = axes.map(|axis| exponent(extent[axis]));
+        let one = ((long - middle) as u32).min(KEY_BITS);
+        let two = ((middle - short) as u32).min((KEY_BITS - one) / 2);
+        let three = (KEY_BITS - one - 2 * two) / 3;
+        // The longest extent is below 2^(long + 1) metres, which the curve divides into a power of
+        // two of cells.
+        let scale = (one + two + three) as i32 - 1 - long;
+        Self { low: bounds.min, axes, bits: [one, two, three], scale: power_of_two(scale) }
     }
 
-    /// The place of a position in the order, below 2^31.
+    /// The place of a position of the box on the curve, below 2^31.
     pub fn key(&self, position: Vec3) -> u32 {
-        let Aabb { min: mut low, max: mut high } = self.middle;
-        let (mut cell, mut key) = (1, 0);
-        for _ in 0..KEY_BITS {
-            let mut plane = if cell < self.planes.len() { self.planes[cell] } else { Plane { axis: NO_AXIS, at: 0.0 } };
-            if plane.axis == NO_AXIS {
-                let axis = longest(high - low);
-                plane = Plane { axis, at: (low[axis] + high[axis]) * 0.5 };
-            }
-            let Plane { axis, at } = plane;
-            let is_above = position[axis] >= at;
-            if is_above {
-                low[axis] = at
+        let [one, two, three] = self.bits;
+        let cells = (position - self.low) * self.scale;
+        let cell = self.axes.map(|axis| (cells[axis] as u32).min(low_bits(one + two + three)));
+        let flat = cell.map(|c| (c >> three) & low_bits(two));
+        let deep = cell.map(|c| c & low_bits(three));
+        let key = append(cell[0] >> (two + three), hilbert(flat, 2, two), 2, two);
+        append(key, hilbert(deep, 3, three), 3, three)
+    }
+}
+
+/// Converts the coordinates of a cell to the digits of its place on the Hilbert curve. The place
+/// has one bit of each digit in turn, from the highest bits down.
+fn hilbert(mut x: [u32; 3], dimensions: usize, bits: u32) -> [u32; 3] {
+    for bit in (1..bits).rev() {
+        let (this, below) = (1 << bit, low_bits(bit));
+        for i in 0..dimensions {
+            if x[i] & this != 0 {
+                x[0] ^= below;
             } else {
-                high[axis] = at
+                let swap = (x[0] ^ x[i]) & below;
+                x[0] ^= swap;
+                x[i] ^= swap;
             }
-            if cell < self.planes.len() {
-                cell = 2 * cell + usize::from(is_above);
-            }
-            key = key << 1 | u32::from(is_above);
-        }
-        key
-    }
-}
-
-/// At most [`SAMPLES`] of these positions, all of them if there are no more. Positions that have the
-/// same identities give the same sample, in whatever order they come.
-fn sample(positions: impl Iterator<Item = (u32, Vec3)> + Clone) -> Vec<Vec3> {
-    // From the leading zeros of a hash, and the two bits after the first one.
-    let level = |identity: u32| {
-        let hash = hash(identity) | 0x1ff;
-        let zeros = hash.leading_zeros();
-        (4 * zeros + 3 - (hash << zeros >> 29 & 3)) as usize
-    };
-    let mut counts = [0; LEVELS as usize];
-    positions.clone().for_each(|(identity, _)| counts[level(identity)] += 1);
-    // The highest levels that are no more together.
-    let (mut least, mut count) = (counts.len(), 0);
-    while least > 0 && counts[least - 1] <= LEVEL_SAMPLES && count + counts[least - 1] <= SAMPLES {
-        least -= 1;
-        count += counts[least];
-    }
-    positions.filter(|(identity, _)| level(*identity) >= least).map(|(_, position)| position).collect()
-}
-
-/// The identity of a part of an instance: its slot, and the number of the part there.
-pub(crate) fn identity(slot: u32, part: u32) -> u32 {
-    hash(slot).wrapping_add(part)
-}
-
-/// A hash of a number: PCG of Jarzynski and Olano, Hash Functions for GPU Rendering (2020).
-fn hash(number: u32) -> u32 {
-    let state = number.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
-    (word >> 22) ^ word
-}
-
-/// The first of `samples` samples in a cell of a level. Cells are cut where pieces are.
-fn first_sample(samples: usize, pieces: usize, cell: usize, level: u32) -> usize {
-    ((cell * pieces) >> level) * samples / pieces.max(1)
-}
-
-/// The order of two positions along an axis, of equals along the next axes. Zeros are equal, whatever
-/// their signs.
-fn order(a: &Vec3, b: &Vec3, axis: usize) -> Ordering {
-    let along = |axis: usize| a[axis].partial_cmp(&b[axis]).unwrap_or(Ordering::Equal);
-    along(axis).then(along((axis + 1) % 3)).then(along((axis + 2) % 3))
-}
-
-/// For each axis the range of the middle half of some samples.
-fn middle_half(samples: &[Vec3]) -> Aabb {
-    let mut half = Aabb::point(Vec3::ZERO);
-    let quarter = samples.len() / 4;
-    let mut sorted = samples.to_vec();
-    for axis in 0..3 {
-        sorted.sort_by(|a, b| order(a, b, axis));
-        if let (Some(low), Some(high)) = (sorted.get(quarter), sorted.iter().nth_back(quarter)) {
-            (half.min[axis], half.max[axis]) = (low[axis], high[axis]);
         }
     }
-    half
+    for i in 1..dimensions {
+        x[i] ^= x[i - 1];
+    }
+    let last = x[dimensions - 1];
+    let flips = (1..bits).filter(|bit| last & (1 << bit) != 0).fold(0, |flips, bit| flips ^ low_bits(bit));
+    x.map(|digit| digit ^ flips)
 }
 
-/// A box without what is far beyond the middle half of some samples.
-fn middle_box(bounds: &Aabb, samples: &[Vec3]) -> Aabb {
-    let (mut middle, half) = (*bounds, middle_half(samples));
-    for axis in 0..3 {
-        let beyond = (half.max[axis] - half.min[axis]) * 2.0;
-        if beyond > 0.0 {
-            middle.min[axis] = middle.min[axis].max(half.min[axis] - beyond);
-            middle.max[axis] = middle.max[axis].min(half.max[axis] + beyond);
+/// Appends the bits of some digits to a key: the highest bits of all digits first.
+fn append(key: u32, digits: [u32; 3], dimensions: usize, bits: u32) -> u32 {
+    let mut key = key;
+    for bit in (0..bits).rev() {
+        for digit in &digits[..dimensions] {
+            key = key << 1 | (digit >> bit & 1);
         }
     }
-    middle
-}
-
-/// Sorts samples along the axis along which their middle half is longest, and returns the plane
-/// before the sample at `middle`.
-fn median(samples: &mut [Vec3], middle: usize) -> Plane {
-    let axis = longest(middle_half(samples).extent());
-    samples.sort_by(|a, b| order(a, b, axis));
-    Plane { axis, at: (samples[middle - 1][axis] + samples[middle][axis]) * 0.5 }
-}
-
-/// The axis of the longest extent, of equals the first.
-fn longest(extent: Vec3) -> usize {
-    let axis = usize::from(extent.y > extent.x);
-    if extent.z > extent[axis] { 2 } else { axis }
+    key
 }
 
 /// The exponent e of a positive number in [2^e, 2^(e + 1)). -127 for zero and denormal numbers.
@@ -199,42 +103,47 @@ pub(crate) fn power_of_two(e: i32) -> f32 {
     f32::from_bits(((e.clamp(-126, 127) + 127) as u32) << 23)
 }
 
+/// A word with its lowest `count` bits set. `count` is below 32.
+fn low_bits(count: u32) -> u32 {
+    (1 << count) - 1
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn curve(positions: &[Vec3]) -> Curve {
-        Curve::new((0..).zip(positions.iter().copied()), positions.len().div_ceil(384))
-    }
-
-    /// Positions in a square of a kilometre.
-    fn square(count: u32) -> Vec<Vec3> {
-        let unit = |n: u32| hash(n) as f32 / u32::MAX as f32;
-        (0..count).map(|i| Vec3::new(unit(2 * i), 0.0, unit(2 * i + 1)) * 1000.0).collect()
-    }
-
-    /// The mean half perimeter of the boxes of runs of 128 positions.
-    fn mean_extent(positions: &[Vec3], curve: &Curve) -> f32 {
-        let mut sorted = positions.to_vec();
-        sorted.sort_by_key(|position| curve.key(*position));
-        let runs = sorted.chunks_exact(128).map(|run| Aabb::around(run.iter().copied()).extent());
-        runs.clone().map(|extent| extent.x + extent.z).sum::<f32>() / runs.count() as f32
+    fn curve(size: Vec3) -> Curve {
+        Curve::new(&Aabb { min: Vec3::ZERO, max: size })
     }
 
     #[test]
-    fn a_lamp_anywhere_leaves_the_cells_of_a_town_as_they_are() {
-        let town = square(8192);
-        // 64 squares of 125 m.
-        let alone = mean_extent(&town, &curve(&town));
-        assert!((250.0..450.0).contains(&alone), "{alone}");
-        for distance in [1010.0, 1024.0, 1100.0, 2000.0, 1.0e5, 1.0e9] {
-            for direction in [Vec3::X, -Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE] {
-                let mut with = town.clone();
-                with.push(direction * distance);
-                let with = mean_extent(&town, &curve(&with));
-                assert!(with < 1.2 * alone, "{direction} {distance}: {with}, alone {alone}");
+    fn successive_cells_of_the_curve_are_neighbours_in_space() {
+        for (dimensions, bits) in [(2, 5), (3, 4)] {
+            let side = 1_u32 << bits;
+            let mut cells: Vec<(u32, [u32; 3])> = Vec::new();
+            for z in 0..if dimensions == 3 { side } else { 1 } {
+                for y in 0..side {
+                    for x in 0..side {
+                        cells.push((append(0, hilbert([x, y, z], dimensions, bits), dimensions, bits), [x, y, z]));
+                    }
+                }
+            }
+            cells.sort_unstable();
+            for (place, pair) in cells.windows(2).enumerate() {
+                assert_eq!(pair[0].0 as usize, place);
+                let steps: u32 = (0..3).map(|i| pair[0].1[i].abs_diff(pair[1].1[i])).sum();
+                assert_eq!(steps, 1, "{pair:?}");
             }
         }
+    }
+
+    #[test]
+    fn a_flat_world_spends_no_bits_on_its_height_and_a_street_none_on_its_width() {
+        // 1024 is 2^10 and 20 is in [2^4, 2^5): six levels without height, then six with it.
+        assert_eq!(curve(Vec3::new(1024.0, 20.0, 1025.0)).bits, [0, 6, 6]);
+        assert_eq!(curve(Vec3::new(1024.0, 0.0, 1024.0)).bits, [0, 15, 0]);
+        assert_eq!(curve(Vec3::new(0.0, 3.0, 0.0)).bits, [31, 0, 0]);
+        assert_eq!(curve(Vec3::splat(7.0)).bits, [0, 0, 10]);
     }
 
     #[test]
@@ -242,14 +151,13 @@ mod tests {
         for size in
             [Vec3::ZERO, Vec3::X, Vec3::splat(1.0e9), Vec3::new(1.0e-30, 1.0e9, 3.0), Vec3::new(1.0, 2.0, 1.0e-40)]
         {
-            let at = [Vec3::ZERO, 0.5 * size, size];
-            assert!(at.iter().all(|position| curve(&at).key(*position) < 1 << KEY_BITS), "{size}");
+            for at in [Vec3::ZERO, 0.5 * size, size] {
+                assert!(curve(size).key(at) < 1 << KEY_BITS, "{size} {at}");
+            }
         }
-        assert!(curve(&[]).key(Vec3::ONE) < 1 << KEY_BITS);
-        // Along a street the order is the street, up to the resolution of its bits.
-        let street: Vec<Vec3> = (0..=100_000).map(|i| Vec3::Z * (i as f32 * 0.01)).collect();
-        let curve = curve(&street);
-        let keys: Vec<_> = street.iter().map(|position| curve.key(*position)).collect();
+        // Along a street the curve is the street, up to the resolution of its bits.
+        let street = curve(Vec3::new(0.0, 0.0, 1000.0));
+        let keys: Vec<_> = (0..=100_000).map(|i| street.key(Vec3::Z * (i as f32 * 0.01))).collect();
         assert!(keys.is_sorted() && keys.windows(2).all(|k| k[0] < k[1]));
     }
 }

@@ -10,9 +10,10 @@ use super::layout::PlacedLight;
 use super::node::{EMPTY_SLOT, LEAF, NO_PARENT, WIDTH};
 use super::shape::{ShapeNode, TreeShape};
 use super::{LightTree, check_light_count, check_lights};
+use crate::cluster::bounds::Aabb;
 use crate::error::WorldError;
 use crate::light::Light;
-use crate::tree::curve::{Curve, KEY_BITS, PLANE_BITS};
+use crate::tree::curve::{Curve, KEY_BITS};
 
 /// Bits of the digits by which keys are sorted. Three digits hold a key.
 const DIGIT_BITS: u32 = 11;
@@ -76,7 +77,7 @@ impl LightTree {
 /// The places of all lights in the list, in the order of their keys along the curve. Lights with
 /// equal keys keep their order.
 fn order_along_curve(lights: &[PlacedLight]) -> Vec<u32> {
-    let curve = Curve::new((0..).zip(lights.iter().map(|light| light.cluster.mean)), 1 << PLANE_BITS);
+    let curve = Curve::new(&Aabb::around(lights.iter().map(|light| light.cluster.mean)));
     let mut keys: Vec<(u32, u32)> =
         lights.iter().zip(0..).map(|(light, place)| (curve.key(light.cluster.mean), place)).collect();
     if keys.len() < LEAST_DIGIT_SORTED {

@@ -8,23 +8,12 @@ use super::super::sort::SortBuffers;
 use super::passes::{Passes, Places};
 use crate::effects::Effects;
 use crate::tree::WIDTH;
-use crate::tree::curve::{LEVEL_SAMPLES, LEVELS, PLANE_BITS};
 
 /// The bytes of the masks of one node: a word for each child.
 pub(super) const MASK_BYTES: u64 = 4 * WIDTH as u64;
 
-/// What each build clears: the extremes of all means, the number of parts that are not dark, one unused
-/// word, and the numbers of parts of each level.
-pub(super) const BOUNDS_BYTES: u64 = 4 * (8 + LEVELS as u64);
-
-/// The word after them and the corners of a box, where an axis and a place for each plane begin.
-pub(super) const PLANES_AT: u32 = BOUNDS_BYTES as u32 / 4 + 6;
-
-/// The word after the planes, where the lists of parts of each level begin.
-pub(super) const LISTS_AT: u32 = PLANES_AT + (2 << PLANE_BITS);
-
-/// All words about the order in space.
-pub(super) const CURVE_WORDS: u32 = LISTS_AT + LEVELS * LEVEL_SAMPLES as u32;
+/// The extremes of all means, the number of parts that are not dark, and one unused word.
+pub(super) const BOUNDS_BYTES: u64 = 32;
 
 #[derive(Clone, Debug)]
 pub(super) struct TopBuffers {
@@ -73,7 +62,7 @@ impl TopBuffers {
             // Within the limit of the buffer.
             places: Places { parts: (parts / 16) as u32, masks: if has_masks { (masks / 16) as u32 } else { 0 } },
             sort,
-            bounds: add("top level bounds", u64::from(CURVE_WORDS) * 4),
+            bounds: add("top level bounds", BOUNDS_BYTES),
             nodes: add("top level nodes", nodes_bytes),
             nodes_bytes,
             clusters: add("top level clusters", clusters),

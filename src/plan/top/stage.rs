@@ -4,7 +4,6 @@ use std::fmt::Write;
 
 use super::super::sort;
 use super::super::text::{Extras, constants, variant};
-use super::buffers::{BOUNDS_BYTES, CURVE_WORDS, LISTS_AT, PLANES_AT};
 use super::passes::{FIRST_PASS, MAX_NODES};
 use crate::cluster;
 use crate::cluster::bounds;
@@ -41,7 +40,6 @@ macro_rules! shader {
 }
 
 pub(super) const LEAVES: Stage = Stage { entry: "top_leaves", sources: &[shader!("top_leaves")] };
-pub(super) const PLANES: Stage = Stage { entry: "top_planes", sources: &[shader!("top_curve"), shader!("top_planes")] };
 pub(super) const KEYS: Stage =
     Stage { entry: "top_keys", sources: &[sort::HISTOGRAM, shader!("top_curve"), shader!("top_keys")] };
 pub(super) const GROUP: Stage = Stage {
@@ -65,16 +63,6 @@ impl Stage {
         for (name, value) in [
             ("LANES", LANES),
             ("KEY_BITS", curve::KEY_BITS),
-            ("SAMPLES", curve::SAMPLES as u32),
-            ("LEVELS", curve::LEVELS),
-            ("LEVEL_SAMPLES", curve::LEVEL_SAMPLES as u32),
-            ("PLANE_BITS", curve::PLANE_BITS),
-            ("PLANES", 1 << curve::PLANE_BITS),
-            ("NO_AXIS", curve::NO_AXIS as u32),
-            ("BOUNDS_WORDS", BOUNDS_BYTES as u32 / 4),
-            ("PLANES_AT", PLANES_AT),
-            ("LISTS_AT", LISTS_AT),
-            ("CURVE_WORDS", CURVE_WORDS),
             ("NO_KEY", curve::NO_KEY),
             ("SPLIT_LANES", SPLIT_LANES),
             ("NODE_LANES", NODE_LANES),
@@ -96,8 +84,6 @@ impl Stage {
             ("FLUX_BITS", top::FLUX_BITS),
             ("COST_SLACK", top::COST_SLACK),
             ("DIAGONAL_SHARE", top::DIAGONAL_SHARE),
-            ("MAX_ZOOM", top::MAX_ZOOM as u32),
-            ("TINY_SHARE", top::TINY_SHARE as u32),
             ("SPARSE_COUNTS", tree::SPARSE_COUNTS),
             ("FULL", tree::FULL as u32),
         ] {
