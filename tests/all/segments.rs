@@ -105,8 +105,9 @@ fn short_segments_have_the_probabilities_of_points_and_what_is_no_segment_has_th
         let of_point = distribution(&sampler, &ShadingPoint::volume(origin));
         let of_segment = distribution(&sampler, &ShadingPoint::segment(origin, direction, 1.0e-5));
         for (a, b) in of_point.iter().zip(of_segment) {
-            // Bounds have wider margins for segments, so a light that is nearly dark may differ.
-            assert!((a - b).abs() <= 1.0e-3 * a.max(b).max(1.0e-4), "{a} {b}");
+            // Bounds have wider margins for segments, so a light that is nearly dark may differ. In scaled
+            // instances a segment scales the distance of a box as that of its mean, which a point does not.
+            assert!((a - b).abs() <= 2.0e-3 * a.max(b).max(1.0e-4), "{a} {b}");
         }
         for (direction, length) in [
             (direction, 0.0),
