@@ -2,10 +2,13 @@
 // src/tree/shape/children.rs. Binds nothing; reads the cuts of top_split.wgsl.
 //
 // A part is one word: first | count << 9 | cut << 18, where `cut` is the number of the cut that cuts
-// it, plus one, or 0. The lists of children are in `split_words`, eight words for each node.
+// it, plus one, or 0. Above that number, CHILDREN_TINY may be set. The lists of children are in `split_words`, eight words for each node.
 
 // Set in the word of a part whose units are children of the node themselves.
 const CHILDREN_INLINED: u32 = 0x80000000u;
+
+// Set in the word of a part that is tiny beside its node: see `ChildGroup::is_tiny`.
+const CHILDREN_TINY: u32 = SPLIT_TINY << 18u;
 
 fn children_first(part: u32) -> u32 {
     return part & 0x1ffu;
@@ -48,14 +51,14 @@ fn children_is_before(part: u32, other: u32) -> bool {
 // Replaces a part by its halves, from the costliest on, while the node has room. The list begins at
 // `at` and holds the part `whole` at first. Returns the number of children.
 fn children_divide(at: u32, whole: u32) -> u32 {
-    split_words[at] = whole;
+    split_words[at] = whole & ~CHILDREN_TINY;
     var count = 1u;
     while count < LIGHT_WIDTH {
         var place = LIGHT_WIDTH;
         var costliest = 0u;
         for (var i = 0u; i < count; i++) {
             let part = split_words[at + i];
-            if children_cut(part) != 0u {
+            if children_cut(part) != 0u && (part & CHILDREN_TINY) == 0u {
                 var is_first = costliest == 0u;
                 if !is_first {
                     is_first = children_is_before(part, costliest);
@@ -94,12 +97,12 @@ fn children_inline(at: u32, count: u32) -> u32 {
         for (var i = 0u; i < count; i++) {
             let part = split_words[at + i];
             let size = children_count(part);
-            if size > 1u && (part & CHILDREN_INLINED) == 0u && size < smallest {
+            if size > 1u && (part & (CHILDREN_INLINED | CHILDREN_TINY)) == 0u && size < smallest {
                 place = i;
                 smallest = size;
             }
         }
-        if smallest - 1u > room {
+        if smallest > room + 1u {
             break;
         }
         split_words[at + place] |= CHILDREN_INLINED;

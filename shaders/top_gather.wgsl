@@ -1,4 +1,4 @@
-// Finds the units of a pass: the parts in the order of the curve, or the units that the last
+// Finds the units of a pass: the parts in the order in space, or the units that the last
 // pass has left. Binds nothing; reads the variables `units`, `order` and `bounds` of the stage,
 // and uses `split_words` of top_split.wgsl as scratch memory.
 

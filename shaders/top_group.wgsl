@@ -1,11 +1,11 @@
-// Top level, the first stage of a pass: divides the units into pieces of neighbours along the
-// curve, splits each piece, and chooses the children of its nodes. The costliest parts of a piece are
+// Top level, the first stage of a pass: divides the units into pieces of neighbours in
+// space, splits each piece, and chooses the children of its nodes. The costliest parts of a piece are
 // the units that it leaves. In the last pass all units are one piece, which is the whole tree. Twin
 // of `pieces_of` and `PieceTree` in src/top/mod.rs. One workgroup for each piece.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
 @group(0) @binding(1) var<storage, read_write> clusters: array<LightCluster>;
-@group(0) @binding(2) var<storage, read_write> bounds: array<u32, 8>;
+@group(0) @binding(2) var<storage, read_write> bounds: array<u32, TOP_SPACE_WORDS>;
 @group(0) @binding(3) var<storage, read_write> nodes: array<u32>;
 @group(0) @binding(4) var<storage, read_write> keys: array<u32>;
 @group(0) @binding(5) var<storage, read_write> order: array<u32>;
@@ -24,8 +24,8 @@ const GROUP_LEFT_ROW: u32 = SPLIT_HEAD_ROW;
 // Of those, the nodes.
 const GROUP_NODE_ROW: u32 = SPLIT_LEFT_ROW;
 
-// For the start of this piece and of the next: the rank of the best place in the window, and the
-// step of that place from the first in the window. See `piece_start` in src/top/mod.rs.
+// For the start of this piece and of the next: the rank of the best place, and the step of that place
+// from the first that it may be. See `piece_start` in src/top/mod.rs.
 var<workgroup> group_starts: array<atomic<u32>, 2>;
 
 // The number of nodes that the piece leaves.
@@ -41,21 +41,29 @@ fn group_key(index: u32) -> u32 {
     if top_pass.units_before == TOP_FIRST_PASS {
         return keys[index];
     }
-    return curve_key_of(clusters[gather_unit(index)].mean);
+    return space_key(clusters[gather_unit(index)].mean);
 }
 
-// Ranks the places in the windows of both starts. Half of the invocations work on each window.
+// A piece begins at most this far from its even start.
+fn group_half_share(total: u32, pieces: u32) -> u32 {
+    return (total / pieces - TOP_UNITS_PER_NODE) / 2u;
+}
+
+// Ranks the places where this piece and the next may begin.
 fn group_rank_starts(lane: u32, total: u32, pieces: u32, piece: u32) {
-    let side = lane / (2u * TOP_WINDOW);
-    let step = lane % (2u * TOP_WINDOW);
-    if side > 1u || piece + side == 0u || piece + side == pieces {
-        return;
+    let half_share = group_half_share(total, pieces);
+    for (var side = 0u; side < 2u; side++) {
+        if piece + side == 0u || piece + side == pieces {
+            continue;
+        }
+        let even = group_even(total, pieces, piece + side);
+        for (var step = lane; step < 2u * half_share; step += TOP_SPLIT_LANES) {
+            let unit = even - half_share + step;
+            let digit = 32u - countLeadingZeros(group_key(unit) ^ group_key(unit - 1u));
+            let near = half_share - (max(unit, even) - min(unit, even));
+            atomicMax(&group_starts[side], (digit << 16u) | (near << 8u) | step);
+        }
     }
-    let even = group_even(total, pieces, piece + side);
-    let unit = even - TOP_WINDOW + step;
-    let digit = 32u - countLeadingZeros(group_key(unit) ^ group_key(unit - 1u));
-    let near = TOP_WINDOW - (max(unit, even) - min(unit, even));
-    atomicMax(&group_starts[side], (digit << 16u) | (near << 8u) | step);
 }
 
 // The start of this piece (`side` 0) or of the next piece (`side` 1).
@@ -64,7 +72,7 @@ fn group_start(total: u32, pieces: u32, piece: u32, side: u32) -> u32 {
     if piece + side == 0u || piece + side == pieces {
         return even;
     }
-    return even - TOP_WINDOW + (atomicLoad(&group_starts[side]) & 0xffu);
+    return even - group_half_share(total, pieces) + (atomicLoad(&group_starts[side]) & 0xffu);
 }
 
 // Writes how many units a piece leaves, and where its nodes are.
@@ -300,6 +308,7 @@ fn top_group(
         }
     }
     workgroupBarrier();
+    split_tiny_above = select(TOP_PIECE, count / 3u, is_root);
     for (var i = 0u; i < SPLIT_EACH; i++) {
         let unit = lane + i * TOP_SPLIT_LANES;
         split_own[i] = SplitUnit();

@@ -126,8 +126,16 @@ use tree_store::TreeStore;
 use uniforms::Uniforms;
 
 /// All kernels that plans dispatch. A kernel need not use all of its bindings.
-pub const KERNELS: &[Kernel] =
-    &[relayout::RELAYOUT, scatter::SCATTER, top::LEAVES, top::KEYS, sort::SCATTER_KEYS, top::GROUP, top::NODE];
+pub const KERNELS: &[Kernel] = &[
+    relayout::RELAYOUT,
+    scatter::SCATTER,
+    top::LEAVES,
+    top::PLANES,
+    top::KEYS,
+    sort::SCATTER_KEYS,
+    top::GROUP,
+    top::NODE,
+];
 
 /// What the GPU holds of one [`LightWorld`], and what it has to do to follow the world.
 ///

@@ -7,10 +7,11 @@
 //!
 //! The build has these stages; `shaders/top_*.wgsl` are their sources.
 //!
-//! 1. The leaves: the cluster of each part, and the bounds of their means.
-//! 2. The keys: the place of each part on a curve through space, counted for the sort.
-//! 3. The sort along the curve.
-//! 4. Passes of two stages each. The first divides the units into pieces of neighbours, splits each
+//! 1. The leaves: the cluster of each part, the bounds of their means, and a sample of them.
+//! 2. The planes that divide space, as medians of a sample of the means.
+//! 3. The keys: the place of each part in the order that the planes make, counted for the sort.
+//! 4. The sort.
+//! 5. Passes of two stages each. The first divides the units into pieces of neighbours, splits each
 //!    piece and chooses the children of its nodes. The second packs these nodes. The last pass, once
 //!    few units are left, makes the root.
 //!
@@ -33,9 +34,9 @@ use super::kernel::{Binding, Kernel, UNIFORM_ALIGNMENT, pass_bytes};
 use super::layout::Strides;
 use super::pool::Growth;
 
-/// The largest number of stages of a build: three, and two for each pass.
+/// The largest number of stages of a build: four, and two for each pass.
 #[cfg(feature = "gpu")]
-pub(crate) const MAX_STAGES: u32 = 3 + 2 * MAX_PASSES;
+pub(crate) const MAX_STAGES: u32 = 4 + 2 * MAX_PASSES;
 
 /// Parts that the first buffers have room for.
 const FIRST_CAPACITY: u32 = 64;
@@ -45,6 +46,9 @@ const UNIFORM: Binding = Binding::Uniform { bytes: size_of::<TopPass>() as u32 }
 /// Clusters, bounds and nodes; parts, instances and trees.
 const LEAF_BINDINGS: &[Binding] =
     &[UNIFORM, Binding::ReadWrite, Binding::ReadWrite, Binding::ReadWrite, Binding::Read, Binding::Read, Binding::Read];
+
+/// Clusters and bounds.
+const PLANE_BINDINGS: &[Binding] = &[UNIFORM, Binding::ReadWrite, Binding::ReadWrite];
 
 /// Clusters and bounds; keys, order and the histogram of the sort.
 const KEY_BINDINGS: &[Binding] =
@@ -66,6 +70,7 @@ const fn kernel(stage: &'static Stage, name: &'static str, text: fn() -> String)
 }
 
 pub(super) const LEAVES: Kernel = Kernel::new(stage::LEAVES.entry, "leaves", LEAF_BINDINGS, || stage::LEAVES.text());
+pub(super) const PLANES: Kernel = Kernel::new(stage::PLANES.entry, "planes", PLANE_BINDINGS, || stage::PLANES.text());
 pub(super) const KEYS: Kernel = Kernel::new(stage::KEYS.entry, "keys", KEY_BINDINGS, || stage::KEYS.text());
 pub(super) const GROUP: Kernel = kernel(&stage::GROUP, "groups", || stage::GROUP.text());
 pub(super) const NODE: Kernel = kernel(&stage::NODE, "nodes", || stage::NODE.text());
@@ -204,7 +209,7 @@ impl TopBuild {
     /// Adds the build from these buffers of parts, instances and trees. Adds nothing before the
     /// first [`TopBuild::prepare`].
     ///
-    /// Takes 2 dispatches, 4 more for the sort, and 2 for each pass: 12 for a million parts.
+    /// Takes 3 dispatches, 4 more for the sort, and 2 for each pass: 13 for a million parts.
     pub(crate) fn build(&self, commands: &mut Commands, [parts, instances, trees]: [BufferId; 3]) {
         let (Some(buffers), Some(uniforms), Some(all)) = (&self.buffers, self.uniforms, &self.passes) else { return };
         let TopBuffers { bounds, nodes, clusters, units, sort, .. } = buffers;
@@ -214,6 +219,7 @@ impl TopBuild {
         let work = [uniforms, *clusters, *bounds, *nodes, sort.keys, sort.values, *units];
         let groups = all.passes[0].count.div_ceil(LANES);
         commands.dispatch(LEAVES, &leaves, 0, groups);
+        commands.dispatch(PLANES, &[uniforms, *clusters, *bounds], 0, 1);
         let keys = [uniforms, *clusters, *bounds, sort.keys, sort.values, sort.histogram];
         commands.dispatch(KEYS, &keys, 0, groups);
         sort.sort_counted(commands);

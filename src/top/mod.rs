@@ -1,42 +1,38 @@
 //! The top level: one tree over the parts of all instances, built anew after every change.
 //!
 //! Twin of the stages in `plan/top.rs`, which build the same tree on the GPU; a test there compares
-//! both. The parts are sorted along a curve through space (Lauterbach et al. 2009) and cut into
+//! both. The parts are sorted in an order in space (`tree/space_order.rs`) and cut into
 //! pieces of neighbours. Each piece is split by cost (`split.rs`). Its few costliest parts are the
 //! units of the next pass, and all below them becomes nodes. The units of all pieces, still in the
-//! order of the curve, are cut into pieces again, and so on. The last piece is the whole tree.
+//! order in space, are cut into pieces again, and so on. The last piece is the whole tree.
 //!
-//! Differs from trees along a curve: the curve only decides which units are split together. Each
+//! Differs from linear BVHs (Lauterbach et al. 2009): the order only decides which units are split together. Each
 //! pass works on pieces that fit into a workgroup, so no workgroup waits for another
 //! (docs/decisions.md, 66).
 
 mod split;
 
 use crate::cluster::Cluster;
-use crate::cluster::bounds::Aabb;
 use crate::instance::part::{PART, PART_BITS, Part};
-use crate::tree::curve::{Curve, NO_KEY};
+use crate::tree::space_order::{NO_KEY, SpaceOrder, identity};
 use crate::tree::{ChildRef, Children, EMPTY_SLOT, NO_PARENT, Node, WIDTH, WideCluster};
 #[cfg(feature = "gpu-plan")]
-pub(crate) use split::{BINS, CELL_BITS, COST_SLACK, DIAGONAL_SHARE, FLUX_BITS};
+pub(crate) use split::{BINS, CELL_BITS, COST_SLACK, DIAGONAL_SHARE, FLUX_BITS, MAX_ZOOM, TINY_SHARE};
 #[cfg(any(feature = "gpu-plan", test))]
-pub(crate) use split::{LARGE_HALVINGS, LARGE_ROUNDS, MAX_CUTS, SMALL, SMALL_HALVINGS, SMALL_ROUNDS};
+pub(crate) use split::{LARGE_HALVINGS, LARGE_ROUNDS, MAX_CUTS, MAX_TINY, SMALL, SMALL_HALVINGS, SMALL_ROUNDS};
 use split::{PiecePart, SplitPiece};
 
 /// Units that are split together, at most: as many as a workgroup has memory for, and as nine bits
 /// count.
 pub(crate) const PIECE: usize = 511;
 
-/// A piece begins where the curve enters its largest cell, at most this many units before or after
-/// an even share. Ragged borders cost 10 % more noise.
-pub(crate) const WINDOW: usize = 64;
-
-/// The largest mean number of units of a piece.
-pub(crate) const SHARE: usize = PIECE + 1 - 2 * WINDOW;
+/// The largest mean number of units of a piece. A piece begins anywhere between the middles of two
+/// even shares, so it is at most twice as large. It has at least [`UNITS_PER_NODE`] units.
+pub(crate) const SHARE: usize = PIECE.div_ceil(2);
 
 /// The number of units that a piece leaves, unless there are few pieces. Fewer hide from the next
 /// pass what it could split; more make more passes (docs/decisions.md, 66).
-pub(crate) const LEFT: usize = 8;
+pub(crate) const LEFT: usize = 5;
 
 /// A tree over parts of instances.
 #[derive(Clone, Debug)]
@@ -89,33 +85,37 @@ pub(crate) const fn units_left(pieces: usize) -> usize {
 }
 
 /// Pieces have at most one node for this many units.
-#[cfg(any(feature = "gpu-plan", test))]
 pub(crate) const UNITS_PER_NODE: usize = 4;
 
 /// An upper bound for the number of nodes of a piece of `count` units. The piece that is the whole
 /// tree may have one node more. The bounds of several pieces add up to at most the bound of all their
 /// units. The test
-/// `no_piece_has_more_cuts_or_nodes_than_there_is_room_for` finds 0.225 per unit in the worst case.
+/// `no_piece_has_more_cuts_or_nodes_than_there_is_room_for` tries all pieces.
 #[cfg(any(feature = "gpu-plan", test))]
 pub(crate) const fn most_nodes(count: usize) -> usize {
     count / UNITS_PER_NODE
 }
 
 /// The first unit of a piece; for `piece == pieces`, the number of units. `keys` are the units'
-/// places on the curve.
+/// places in the order in space.
+///
+/// It is where the order enters its largest cell within half a share. Any place is within half a share
+/// of a start, so what lies beyond the border of a large cell does not hide in the piece before it.
 fn piece_start(keys: &[u32], pieces: usize, piece: usize) -> usize {
-    let even = piece * (keys.len() / pieces) + piece.min(keys.len() % pieces);
+    let share = keys.len() / pieces;
+    let even = piece * share + piece.min(keys.len() % pieces);
     if piece == 0 || piece == pieces {
         return even;
     }
-    let first = even - WINDOW;
+    let half = (share - UNITS_PER_NODE) / 2;
+    let first = even - half;
     // Choose the highest digit that changes, then the nearest place, then the last.
     let rank = |step: &usize| {
         let unit = first + step;
         let digit = u32::BITS - (keys[unit] ^ keys[unit - 1]).leading_zeros();
-        (digit, WINDOW - unit.abs_diff(even), *step)
+        (digit, half - unit.abs_diff(even), *step)
     };
-    first + (0..2 * WINDOW).max_by_key(rank).unwrap_or(WINDOW)
+    first + (0..2 * half).max_by_key(rank).unwrap_or(half)
 }
 
 impl TopLevel {
@@ -123,9 +123,11 @@ impl TopLevel {
     /// of which there are `slots`. O(n log n).
     pub fn build(parts: &[(Part, Cluster)], slots: usize) -> Self {
         let mut top = Self::without_nodes(parts, slots);
-        let bounds = Aabb::around(parts.iter().map(|(_, c)| c).filter(|c| c.flux > 0.0).map(|c| c.mean));
-        let curve = Curve::new(&bounds);
-        let keys = map_all(parts, |(_, c)| if c.flux > 0.0 { curve.key(c.mean) } else { NO_KEY });
+        let lit = parts.iter().zip(0..).filter(|((_, c), _)| c.flux > 0.0);
+        let number = |slot: u32, index: u32| index - top.first_parts[slot as usize];
+        let means = lit.map(|((part, c), index)| (identity(part.slot, number(part.slot, index)), c.mean));
+        let space = SpaceOrder::new(means.clone(), means.count().div_ceil(SHARE));
+        let keys = map_all(parts, |(_, c)| if c.flux > 0.0 { space.key(c.mean) } else { NO_KEY });
         let mut order: Vec<(u32, u32)> = keys.into_iter().zip(0..).filter(|(key, _)| *key < NO_KEY).collect();
         sort(&mut order);
         let unit = |(_, part): &(u32, u32)| Unit { cluster: parts[*part as usize].1, kind: UnitKind::Part(*part) };
@@ -137,10 +139,10 @@ impl TopLevel {
                 top.append(piece, &mut left);
             }
             units = left;
-            keys = map_all(&units, |unit| curve.key(unit.cluster.mean));
+            keys = map_all(&units, |unit| space.key(unit.cluster.mean));
         }
         let mut root = PieceTree::default();
-        let split = SplitPiece::new(units.iter().map(|unit| &unit.cluster));
+        let split = SplitPiece::new(units.iter().map(|unit| &unit.cluster), units.len() / 3);
         let in_order: Vec<Unit> = split.order.iter().map(|unit| units[*unit]).collect();
         root.add_part(&in_order, &split.parts, split.parts[0]);
         top.append(root, &mut Vec::new());
@@ -237,7 +239,7 @@ struct PieceNode {
 impl PieceTree {
     /// Makes the nodes below the costliest parts of a piece, of which it leaves at most `most`.
     fn new(units: &[Unit], most: usize) -> Self {
-        let split = SplitPiece::new(units.iter().map(|unit| &unit.cluster));
+        let split = SplitPiece::new(units.iter().map(|unit| &unit.cluster), PIECE);
         let in_order: Vec<Unit> = split.order.iter().map(|unit| units[*unit]).collect();
         let mut tree = Self::default();
         for part in split.costliest_parts(most) {
@@ -251,7 +253,8 @@ impl PieceTree {
     /// Makes the node of one of `parts` and the nodes below it. `units` are in the order of the
     /// parts.
     fn add_part(&mut self, units: &[Unit], parts: &[PiecePart], part: PiecePart) -> Unit {
-        let children = Children::choose(part, |_, part| Some(part.halves?.map(|half| parts[half])));
+        let whole = PiecePart { is_tiny: false, ..part };
+        let children = Children::choose(whole, |_, part| Some(part.halves?.map(|half| parts[half])));
         let mut below = Vec::with_capacity(WIDTH);
         for (child, is_inlined) in children.iter() {
             if is_inlined || child.count <= 1 {
@@ -279,7 +282,7 @@ impl PieceTree {
     }
 }
 
-/// The trees of all pieces, in the order of the curve. `keys` are the units' places on it.
+/// The trees of all pieces, in their order in space. `keys` are the units' places in it.
 fn pieces_of(units: &[Unit], keys: &[u32]) -> Vec<PieceTree> {
     let pieces = units.len().div_ceil(SHARE);
     let ranges: Vec<[usize; 2]> =

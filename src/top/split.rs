@@ -6,14 +6,17 @@
 //! - A part is cut across one axis only, along which its box is longest. Units are ordered by the
 //!   centres of their boxes. Large parts are cut between bins, small parts between any two units.
 //! - The cost is flux times size; directions do not count (docs/decisions.md, 66).
-//! - Units are rounded to a grid of the piece: 16 bits per axis, and 14 bits for the flux. So a piece
-//!   fits into a workgroup's 16 KiB, and sums are integers, which do not depend on the order in which
-//!   the invocations of a workgroup add to them.
+//! - Each part has a grid of its own, of 16 bits per axis, over the box of its units. So what is far
+//!   away from other units of a piece is cut off, and then no longer hides how these differ. Costs are
+//!   computed from whole numbers of cells.
+//! - Once a part is small, its units are rounded to its grid for good. So a piece fits into a
+//!   workgroup's 16 KiB. Fluxes have 14 bits. Sums are integers, which do not depend on the order in
+//!   which the invocations of a workgroup add to them.
 //! - Costs are rounded after each operation, so that no compiler can fuse two of them. CPU and GPU
 //!   choose the same cuts.
 
 use crate::cluster::Cluster;
-use crate::tree::curve::{exponent, power_of_two};
+use crate::tree::space_order::{exponent, power_of_two};
 use crate::tree::{ChildGroup, WIDTH, fills_nodes, middle};
 
 /// Bins of a large part.
@@ -44,21 +47,31 @@ pub(crate) const COST_SLACK: u32 = 4;
 /// One over the weight of the squared diagonal beside the half area, as in `tree/cost.rs`.
 pub(crate) const DIAGONAL_SHARE: u32 = 20;
 
-/// The greatest coordinate of a piece's grid.
-const LAST_CELL: u32 = (1 << CELL_BITS) - 1;
+/// Grids finer than that of their piece by more than this power of two count as this fine when the
+/// costs of parts are compared, so that no cost underflows.
+pub(crate) const MAX_ZOOM: i32 = 50;
 
-/// A unit on the grid of its piece.
+/// A side of a cut is tiny if its box is this many times shorter than that of the part. A town beside
+/// a lamp a million times as far away had seven times the noise without a node of its own, because the
+/// boxes of a node have eight bits.
+pub(crate) const TINY_SHARE: f32 = 1024.0;
+/// The greatest number of tiny parts with more than a third of all units: two at each depth.
+#[cfg(any(feature = "gpu-plan", test))]
+pub(crate) const MAX_TINY: usize = 2 * (LARGE_ROUNDS + SMALL_ROUNDS + 1);
+
+/// A unit: its box in metres while it is in a large part, then in cells of the grid of its first
+/// small part, and its flux.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct GridItem {
-    low: [u32; 3],
-    high: [u32; 3],
+struct Item {
+    low: [f32; 3],
+    high: [f32; 3],
     flux: u32,
 }
 
-impl GridItem {
+impl Item {
     /// The centre of its box along an axis.
-    fn centre(&self, axis: usize) -> u32 {
-        (self.low[axis] + self.high[axis]) / 2
+    fn centre(&self, axis: usize) -> f32 {
+        (self.low[axis] + self.high[axis]) * 0.5
     }
 }
 
@@ -67,16 +80,18 @@ impl GridItem {
 pub(super) struct PiecePart {
     pub first: usize,
     pub count: usize,
-    /// The bits of its cost; 0 for a part of at most [`WIDTH`] units.
+    /// The bits of its cost on the grid of the piece; 0 for a part of at most [`WIDTH`] units.
     pub cost: u32,
     /// The indices of the two parts that it was cut into. `None` for a part of at most [`WIDTH`]
     /// units.
     pub halves: Option<[usize; 2]>,
+    /// See [`ChildGroup::is_tiny`].
+    pub is_tiny: bool,
 }
 
 impl PiecePart {
     const fn new(first: usize, count: usize) -> Self {
-        Self { first, count, cost: 0, halves: None }
+        Self { first, count, cost: 0, halves: None, is_tiny: false }
     }
 }
 
@@ -92,7 +107,7 @@ impl ChildGroup for PiecePart {
     }
 
     fn is_tiny(&self) -> bool {
-        false
+        self.is_tiny
     }
 }
 
@@ -105,31 +120,43 @@ pub(super) struct SplitPiece {
 }
 
 impl SplitPiece {
-    /// Splits units until no part holds more than [`WIDTH`] of them. O(n log n).
-    pub fn new<'a>(units: impl ExactSizeIterator<Item = &'a Cluster> + Clone) -> Self {
-        let items = items(units);
+    /// Splits units until no part holds more than [`WIDTH`] of them. Only parts of more than
+    /// `tiny_above` units may count as tiny. O(n log n).
+    pub fn new<'a>(units: impl ExactSizeIterator<Item = &'a Cluster> + Clone, tiny_above: usize) -> Self {
+        let mut items = items(units);
         let mut order: Vec<usize> = (0..items.len()).collect();
         let mut parts = vec![PiecePart::new(0, items.len())];
-        // For each part its box, and the number of cuts of its kind that it comes from.
-        let whole = items.iter().fold(GridSums::EMPTY, |all, item| all.and(&GridSums::of(item)));
-        let mut ranges = vec![(whole, 0)];
+        let whole = Sums::of_all(&items, &order);
+        let piece_power = whole.power();
+        let mut states = vec![PartState { range: whole, power: piece_power, round: 0, most: u32::MAX }];
         let mut place = 0;
         while place < parts.len() {
             let PiecePart { first, count, .. } = parts[place];
             if count > WIDTH {
                 let part = &mut order[first..first + count];
-                let (range, round) = ranges[place];
-                let cut = match count > SMALL {
-                    true => cut_large(&items, part, &range, round < LARGE_ROUNDS),
-                    false => cut_small(&items, part, &range, round < SMALL_ROUNDS),
+                let PartState { mut range, mut power, round, most } = states[place];
+                let cut = if count > SMALL {
+                    power = range.power();
+                    cut_large(&items, part, &range, round < LARGE_ROUNDS)
+                } else {
+                    if round == 0 {
+                        (range, power) = round_to_cells(&mut items, part);
+                    }
+                    cut_small(&items, part, &range, round < SMALL_ROUNDS)
                 };
-                parts[place].cost = cut.cost;
+                // A finer grid may show a size that a coarser one hides.
+                let zoom = power_of_two(2 * (piece_power - power).clamp(-MAX_ZOOM, 0));
+                let cost = (cut.cost * zoom).to_bits().min(most);
+                parts[place].cost = cost;
                 parts[place].halves = Some([parts.len(), parts.len() + 1]);
                 let left = cut.left;
                 let halves = [PiecePart::new(first, left), PiecePart::new(first + left, count - left)];
-                for (half, range) in halves.into_iter().zip(cut.ranges) {
+                let extent = range.longest().1;
+                for (mut half, range) in halves.into_iter().zip(cut.ranges) {
+                    half.is_tiny = half.count > tiny_above && range.longest().1 * TINY_SHARE < extent;
+                    let round = if (half.count > SMALL) == (count > SMALL) { round + 1 } else { 0 };
                     parts.push(half);
-                    ranges.push((range, if (half.count > SMALL) == (count > SMALL) { round + 1 } else { 0 }));
+                    states.push(PartState { range, power, round, most: cost });
                 }
             }
             place += 1;
@@ -163,45 +190,60 @@ impl SplitPiece {
     }
 }
 
-/// Rounds units to the grid of their piece.
-fn items<'a>(units: impl ExactSizeIterator<Item = &'a Cluster> + Clone) -> Vec<GridItem> {
-    let (mut min, mut max, mut most) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3], 0.0_f32);
-    for unit in units.clone() {
-        for k in 0..3 {
-            min[k] = min[k].min(unit.aabb.min[k]);
-            max[k] = max[k].max(unit.aabb.max[k]);
-        }
-        most = most.max(unit.flux);
-    }
-    let longest = (max[0] - min[0]).max(max[1] - min[1]).max(max[2] - min[2]);
-    // Powers of two keep products exact. The extent and the flux get as many bits as there are.
-    let cells = power_of_two(CELL_BITS as i32 - 1 - exponent(longest));
+/// What a part takes from the part that it was cut from.
+#[derive(Clone, Copy)]
+struct PartState {
+    /// A box around its units, in metres or, once these are rounded, in cells.
+    range: Sums,
+    /// Cells per metre, as a power of two.
+    power: i32,
+    /// The number of cuts of its kind that it comes from.
+    round: usize,
+    /// The greatest cost that it may have.
+    most: u32,
+}
+
+/// Units with their boxes in metres, and fluxes on the scale of their piece.
+fn items<'a>(units: impl ExactSizeIterator<Item = &'a Cluster> + Clone) -> Vec<Item> {
+    let most = units.clone().map(|unit| unit.flux).fold(0.0, f32::max);
     let per_flux = power_of_two(FLUX_BITS as i32 - 1 - exponent(most));
-    let item = |unit: &Cluster| {
-        let cell = |p: f32, k: usize| (((p - min[k]) * cells) as u32).min(LAST_CELL);
-        GridItem {
-            low: [0, 1, 2].map(|k| cell(unit.aabb.min[k], k)),
-            high: [0, 1, 2].map(|k| cell(unit.aabb.max[k], k)),
-            flux: ((unit.flux * per_flux) as u32).max(1),
+    let flux = |unit: &Cluster| ((unit.flux * per_flux) as u32).max(1);
+    units.map(|unit| Item { low: unit.aabb.min.into(), high: unit.aabb.max.into(), flux: flux(unit) }).collect()
+}
+
+/// Rounds the units of a part to the grid over their box. Returns that box in cells, and the power of
+/// two of cells per metre.
+fn round_to_cells(items: &mut [Item], part: &[usize]) -> (Sums, i32) {
+    let whole = Sums::of_all(items, part);
+    let power = whole.power();
+    let cell = |p: f32, k: usize| ((p - whole.low[k]) * power_of_two(power)).trunc();
+    for unit in part {
+        let Item { low, high, .. } = &mut items[*unit];
+        for k in 0..3 {
+            (low[k], high[k]) = (cell(low[k], k), cell(high[k], k));
         }
-    };
-    units.map(item).collect()
+    }
+    (Sums::of_all(items, part), power)
 }
 
 /// The box and the summed flux of some items.
 #[derive(Clone, Copy)]
-struct GridSums {
-    low: [u32; 3],
-    high: [u32; 3],
+struct Sums {
+    low: [f32; 3],
+    high: [f32; 3],
     flux: u32,
     count: usize,
 }
 
-impl GridSums {
-    const EMPTY: Self = Self { low: [LAST_CELL; 3], high: [0; 3], flux: 0, count: 0 };
+impl Sums {
+    const EMPTY: Self = Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3], flux: 0, count: 0 };
 
-    fn of(item: &GridItem) -> Self {
+    fn of(item: &Item) -> Self {
         Self { low: item.low, high: item.high, flux: item.flux, count: 1 }
+    }
+
+    fn of_all(items: &[Item], part: &[usize]) -> Self {
+        part.iter().fold(Self::EMPTY, |all, unit| all.and(&Self::of(&items[*unit])))
     }
 
     #[inline(always)]
@@ -215,17 +257,23 @@ impl GridSums {
     }
 
     /// The axis along which the box is longest, of equals the first, with its length.
-    fn longest(&self) -> (usize, u32) {
-        let extent = [0, 1, 2].map(|k| self.high[k].saturating_sub(self.low[k]));
+    fn longest(&self) -> (usize, f32) {
+        let extent = [0, 1, 2].map(|k| self.high[k] - self.low[k]);
         let axis = usize::from(extent[1] > extent[0]);
         let axis = if extent[2] > extent[axis] { 2 } else { axis };
         (axis, extent[axis])
     }
 
-    /// The cost, with lengths in pairs of cells. It has no meaning for no items.
+    /// The power of two of cells per metre with which the box has as many cells as there are.
+    fn power(&self) -> i32 {
+        CELL_BITS as i32 - 1 - exponent(self.longest().1)
+    }
+
+    /// The cost, with lengths in pairs of cells, of which a unit of length has `cells`. It has no
+    /// meaning for no items.
     #[inline(always)]
-    fn cost(&self) -> f32 {
-        let [x, y, z] = [0, 1, 2].map(|k| self.high[k].saturating_sub(self.low[k]).div_ceil(2));
+    fn cost(&self, cells: f32) -> f32 {
+        let [x, y, z] = [0, 1, 2].map(|k| (((self.high[k] - self.low[k]) * cells) as u32).div_ceil(2));
         // Below 2^32, since edges are at most 2^15. Rounded up, so that a row of lamps has a size.
         let size = x * y + y * z + z * x + (x * x + y * y + z * z).div_ceil(DIAGONAL_SHARE);
         rounded(size as f32 * self.flux as f32)
@@ -238,93 +286,91 @@ fn rounded(cost: f32) -> f32 {
 }
 
 /// The cost of a cut, for comparison; `None` if a side would not fill nodes.
-fn cost_of_cut(left: &GridSums, right: &GridSums) -> Option<u32> {
+fn cost_of_cut(left: &Sums, right: &Sums, cells: f32) -> Option<u32> {
     let fills = fills_nodes(left.count) && fills_nodes(right.count);
-    fills.then(|| (left.cost() + right.cost()).to_bits() >> COST_SLACK)
+    fills.then(|| (left.cost(cells) + right.cost(cells)).to_bits() >> COST_SLACK)
 }
 
 /// A part that has been cut.
 struct PartCut {
-    /// The bits of the cost of the part.
-    cost: u32,
+    /// The cost of the part on its grid.
+    cost: f32,
     /// The number of units on the left.
     left: usize,
     /// A box around each half.
-    ranges: [GridSums; 2],
-}
-
-impl PartCut {
-    /// A cut of a part in half, without regard to cost. `range` is a box around the part.
-    fn middle(whole: &GridSums, range: &GridSums) -> Self {
-        Self { cost: whole.cost().to_bits(), left: middle(whole.count), ranges: [*range; 2] }
-    }
+    ranges: [Sums; 2],
 }
 
 /// Cuts a part at the border between two bins where the cut costs least; of equal cuts it takes the
 /// first. Halves the part if no cut fills nodes on both sides, or if `may_bin` is false. Moves the left
 /// side to the front and keeps the order within each side. The bins divide `range`, a box around the
 /// part.
-fn cut_large(items: &[GridItem], part: &mut [usize], range: &GridSums, may_bin: bool) -> PartCut {
+fn cut_large(items: &[Item], part: &mut [usize], range: &Sums, may_bin: bool) -> PartCut {
     let (axis, extent) = range.longest();
-    let bin_of = |unit: usize| ((items[unit].centre(axis) - range.low[axis]) * BINS as u32 / (extent + 1)) as usize;
-    let mut bins = [GridSums::EMPTY; BINS];
+    let cells = power_of_two(range.power());
+    let cell = |unit: usize| ((items[unit].centre(axis) - range.low[axis]) * cells) as u32;
+    let bin_of = |unit: usize| (cell(unit) * BINS as u32 / ((extent * cells) as u32 + 1)) as usize;
+    let mut bins = [Sums::EMPTY; BINS];
     for unit in part.iter() {
         let bin = &mut bins[bin_of(*unit)];
-        *bin = bin.and(&GridSums::of(&items[*unit]));
+        *bin = bin.and(&Sums::of(&items[*unit]));
     }
     // `from[b]` has the sums of bin b and all after it.
     let mut from = bins;
     for bin in (0..BINS - 1).rev() {
         from[bin] = from[bin + 1].and(&bins[bin]);
     }
-    let mut best = (u32::MAX, 0, [GridSums::EMPTY; 2]);
-    let mut to = GridSums::EMPTY;
+    let mut best = (u32::MAX, 0, [from[0]; 2]);
+    let mut to = Sums::EMPTY;
     for bin in 0..BINS - 1 {
         to = to.and(&bins[bin]);
-        if let Some(cost) = cost_of_cut(&to, &from[bin + 1]).filter(|cost| *cost < best.0) {
+        if let Some(cost) = cost_of_cut(&to, &from[bin + 1], cells).filter(|cost| *cost < best.0) {
             best = (cost, bin, [to, from[bin + 1]]);
         }
     }
+    let cost = from[0].cost(cells);
     if best.0 == u32::MAX || !may_bin {
-        return PartCut::middle(&from[0], range);
+        return PartCut { cost, left: middle(part.len()), ranges: [from[0]; 2] };
     }
     let (_, last, ranges) = best;
-    PartCut { cost: from[0].cost().to_bits(), left: partition(part, |_, unit| bin_of(unit) <= last), ranges }
+    PartCut { cost, left: partition(part, |_, unit| bin_of(unit) <= last), ranges }
 }
 
-/// Cuts a small part after the unit where the cut costs least, as [`cut_large`] does.
-fn cut_small(items: &[GridItem], part: &mut [usize], range: &GridSums, may_search: bool) -> PartCut {
+/// Cuts a small part after the unit where the cut costs least, as [`cut_large`] does. Its units are
+/// in cells.
+fn cut_small(items: &[Item], part: &mut [usize], range: &Sums, may_search: bool) -> PartCut {
     let (axis, _) = range.longest();
     let count = part.len();
+    let centre = |unit: usize| items[unit].centre(axis) as u32;
     // The units' centres and places in the part, in the order of the centres.
     let mut sorted = [(0, 0); SMALL];
     let sorted = &mut sorted[..count];
     for (place, unit) in part.iter().enumerate() {
-        sorted[place] = (items[*unit].centre(axis), place);
+        sorted[place] = (centre(*unit), place);
     }
     sorted.sort_unstable();
-    let mut from = [GridSums::EMPTY; SMALL + 1];
+    let mut from = [Sums::EMPTY; SMALL + 1];
     for rank in (0..count).rev() {
-        from[rank] = from[rank + 1].and(&GridSums::of(&items[part[sorted[rank].1]]));
+        from[rank] = from[rank + 1].and(&Sums::of(&items[part[sorted[rank].1]]));
     }
-    let mut best = (u32::MAX, 0, [GridSums::EMPTY; 2]);
-    let mut to = GridSums::EMPTY;
+    let mut best = (u32::MAX, 0, [*range; 2]);
+    let mut to = Sums::EMPTY;
     for rank in 0..count {
         let place = sorted[rank].1;
-        to = to.and(&GridSums::of(&items[part[place]]));
-        if let Some(cost) = cost_of_cut(&to, &from[rank + 1])
+        to = to.and(&Sums::of(&items[part[place]]));
+        if let Some(cost) = cost_of_cut(&to, &from[rank + 1], 1.0)
             && (cost, place) < (best.0, best.1)
         {
             best = (cost, place, [to, from[rank + 1]]);
         }
     }
+    let cost = from[0].cost(1.0);
     if best.0 == u32::MAX || !may_search {
-        return PartCut::middle(&from[0], range);
+        return PartCut { cost, left: middle(count), ranges: [*range; 2] };
     }
     let (_, last, ranges) = best;
-    let border = (items[part[last]].centre(axis), last);
-    let left = partition(part, |place, unit| (items[unit].centre(axis), place) <= border);
-    PartCut { cost: from[0].cost().to_bits(), left, ranges }
+    let border = (centre(part[last]), last);
+    PartCut { cost, left: partition(part, |place, unit| (centre(unit), place) <= border), ranges }
 }
 
 /// Moves the units on the left, by their places and numbers, to the front, with each side in its

@@ -224,8 +224,11 @@ fn no_piece_has_more_cuts_or_nodes_than_there_is_room_for() {
         let nodes = sides.map(|part| most[count - part] + if part > 1 { of_part[part] } else { 0 });
         most[count] = nodes.max().unwrap_or(0);
     }
-    // The smallest of several pieces has 128 units.
-    for count in 2 * WINDOW..=PIECE {
+    // A piece that fits into a node is one, whatever its count.
+    for nodes in &mut most[2..=WIDTH] {
+        *nodes = 1.max(*nodes);
+    }
+    for count in UNITS_PER_NODE..=PIECE {
         assert!(most[count] <= most_nodes(count), "{count}: {}", most[count]);
     }
     // The whole tree has a root even for one unit, and one node more is reserved for it.

@@ -6,7 +6,7 @@ mod bake;
 mod build;
 mod check;
 mod cost;
-pub(crate) mod curve;
+pub(crate) mod space_order;
 mod dirty;
 mod edited;
 mod freeze;

@@ -1,6 +1,6 @@
 //! Placeholders: trees that are made fast and are built later.
 //!
-//! The lights are sorted along a Hilbert curve through their positions and grouped by eight, from
+//! The lights are sorted in the order in space of the top level and grouped by eight, from
 //! the bottom up, as in the linear BVH of Lauterbach et al., Fast BVH Construction on GPUs (2009).
 //! Differs: all nodes but the last of each level are full.
 
@@ -10,10 +10,9 @@ use super::layout::PlacedLight;
 use super::node::{EMPTY_SLOT, LEAF, NO_PARENT, WIDTH};
 use super::shape::{ShapeNode, TreeShape};
 use super::{LightTree, check_light_count, check_lights};
-use crate::cluster::bounds::Aabb;
 use crate::error::WorldError;
 use crate::light::Light;
-use crate::tree::curve::{Curve, KEY_BITS};
+use crate::tree::space_order::{KEY_BITS, PLANE_BITS, SpaceOrder};
 
 /// Bits of the digits by which keys are sorted. Three digits hold a key.
 const DIGIT_BITS: u32 = 11;
@@ -56,7 +55,7 @@ impl LightTree {
             return Ok(Self::build_for(lights, None, BTreeSet::new()));
         }
         let placed = Self::placed_lights(&lights);
-        let shape = TreeShape { nodes: grouped(&order_along_curve(&placed)), sides: 0 };
+        let shape = TreeShape { nodes: grouped(&order_in_space(&placed)), sides: 0 };
         let mut tree = Self::of_shape(lights, &placed, &shape, None, BTreeSet::new());
         tree.is_placeholder = true;
         Ok(tree)
@@ -74,12 +73,12 @@ impl LightTree {
     }
 }
 
-/// The places of all lights in the list, in the order of their keys along the curve. Lights with
+/// The places of all lights in the list, in the order of their keys in space. Lights with
 /// equal keys keep their order.
-fn order_along_curve(lights: &[PlacedLight]) -> Vec<u32> {
-    let curve = Curve::new(&Aabb::around(lights.iter().map(|light| light.cluster.mean)));
+fn order_in_space(lights: &[PlacedLight]) -> Vec<u32> {
+    let order = SpaceOrder::new((0..).zip(lights.iter().map(|light| light.cluster.mean)), 1 << PLANE_BITS);
     let mut keys: Vec<(u32, u32)> =
-        lights.iter().zip(0..).map(|(light, place)| (curve.key(light.cluster.mean), place)).collect();
+        lights.iter().zip(0..).map(|(light, place)| (order.key(light.cluster.mean), place)).collect();
     if keys.len() < LEAST_DIGIT_SORTED {
         keys.sort_unstable();
     } else {
@@ -217,10 +216,10 @@ mod tests {
             (0..4096).map(|_| Light::point(Vec3::new(rng.unit(), rng.unit(), rng.unit()), Vec3::ONE)).collect()
         };
         let mut tree = LightTree::new_placeholder(lights).expect("valid");
-        let by_curve = tree.attributes().splitting_cost;
+        let by_order = tree.attributes().splitting_cost;
         tree.rebuild();
         // In the order of the list, the cost is more than ten times that of a build.
-        assert!(by_curve < 4.0 * tree.attributes().splitting_cost, "{by_curve}");
+        assert!(by_order < 4.0 * tree.attributes().splitting_cost, "{by_order}");
     }
 
     #[test]

@@ -11,6 +11,7 @@ mod dependencies;
 mod distribution;
 mod edits;
 mod effects;
+mod far_instances;
 mod gloss;
 mod gltf;
 mod gltf_features;

@@ -8,12 +8,29 @@ use super::super::sort::SortBuffers;
 use super::passes::{Passes, Places};
 use crate::effects::Effects;
 use crate::tree::WIDTH;
+use crate::tree::space_order::{LEVEL_SAMPLES, LEVELS, PLANE_BITS};
 
 /// The bytes of the masks of one node: a word for each child.
 pub(super) const MASK_BYTES: u64 = 4 * WIDTH as u64;
 
-/// The extremes of all means, the number of parts that are not dark, and one unused word.
-pub(super) const BOUNDS_BYTES: u64 = 32;
+/// What each build clears: the extremes of all means, the number of parts that are not dark, one unused
+/// word, and the numbers of parts of each level.
+pub(super) const BOUNDS_BYTES: u64 = 4 * (8 + LEVELS as u64);
+
+/// The word after them, where the corners of a box begin.
+pub(super) const BOX_AT: u32 = BOUNDS_BYTES as u32 / 4;
+
+/// The word after the box, where the lens begins.
+pub(super) const LENS_AT: u32 = BOX_AT + 6;
+
+/// The word after the lens, where an axis and a place for each plane begin.
+pub(super) const PLANES_AT: u32 = LENS_AT + 4;
+
+/// The word after the planes, where the lists of parts of each level begin.
+pub(super) const LISTS_AT: u32 = PLANES_AT + (2 << PLANE_BITS);
+
+/// All words about the order in space.
+pub(super) const SPACE_WORDS: u32 = LISTS_AT + LEVELS * LEVEL_SAMPLES as u32;
 
 #[derive(Clone, Debug)]
 pub(super) struct TopBuffers {
@@ -62,7 +79,7 @@ impl TopBuffers {
             // Within the limit of the buffer.
             places: Places { parts: (parts / 16) as u32, masks: if has_masks { (masks / 16) as u32 } else { 0 } },
             sort,
-            bounds: add("top level bounds", BOUNDS_BYTES),
+            bounds: add("top level bounds", u64::from(SPACE_WORDS) * 4),
             nodes: add("top level nodes", nodes_bytes),
             nodes_bytes,
             clusters: add("top level clusters", clusters),

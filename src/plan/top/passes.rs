@@ -4,13 +4,14 @@ use super::super::layout::Strides;
 use super::super::sort::SortBuffers;
 use crate::top;
 
-/// The greatest number of nodes of a piece, and of the last one, which is the whole tree.
-pub(super) const MAX_NODES: u32 = top::most_nodes(top::PIECE) as u32 + 1;
+/// The greatest number of nodes of a piece, and of the last one, which is the whole tree and whose
+/// tiny parts have nodes of their own.
+pub(super) const MAX_NODES: u32 = (top::most_nodes(top::PIECE) + 1 + top::MAX_TINY) as u32;
 
 /// The value of [`TopPass::units_before`] in the first pass, whose units are the sorted parts.
 pub(super) const FIRST_PASS: u32 = u32::MAX;
 
-/// The largest number of passes. Each leaves one of 48 units, so six are enough for any number of
+/// The largest number of passes. Each leaves one of 51 units, so six are enough for any number of
 /// parts.
 pub(super) const MAX_PASSES: u32 = 6;
 

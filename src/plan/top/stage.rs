@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::super::sort;
 use super::super::text::{Extras, constants, variant};
+use super::buffers::{BOX_AT, LENS_AT, LISTS_AT, PLANES_AT, SPACE_WORDS};
 use super::passes::{FIRST_PASS, MAX_NODES};
 use crate::cluster;
 use crate::cluster::bounds;
@@ -11,7 +12,7 @@ use crate::cluster::cone;
 use crate::effects::Effects;
 use crate::top;
 use crate::tree;
-use crate::tree::curve;
+use crate::tree::space_order;
 
 /// Invocations in a workgroup of the stages that take parts one by one. Half of WebGPU's limit,
 /// because merging clusters takes many registers.
@@ -40,12 +41,13 @@ macro_rules! shader {
 }
 
 pub(super) const LEAVES: Stage = Stage { entry: "top_leaves", sources: &[shader!("top_leaves")] };
+pub(super) const PLANES: Stage = Stage { entry: "top_planes", sources: &[shader!("top_space"), shader!("top_planes")] };
 pub(super) const KEYS: Stage =
-    Stage { entry: "top_keys", sources: &[sort::HISTOGRAM, shader!("top_curve"), shader!("top_keys")] };
+    Stage { entry: "top_keys", sources: &[sort::HISTOGRAM, shader!("top_space"), shader!("top_keys")] };
 pub(super) const GROUP: Stage = Stage {
     entry: "top_group",
     sources: &[
-        shader!("top_curve"),
+        shader!("top_space"),
         shader!("top_split"),
         shader!("top_gather"),
         shader!("top_children"),
@@ -62,13 +64,24 @@ impl Stage {
         let mut text = constants() + &sort::constants();
         for (name, value) in [
             ("LANES", LANES),
-            ("KEY_BITS", curve::KEY_BITS),
-            ("NO_KEY", curve::NO_KEY),
+            ("KEY_BITS", space_order::KEY_BITS),
+            ("SAMPLES", space_order::SAMPLES as u32),
+            ("LEVELS", space_order::LEVELS),
+            ("LEVEL_SAMPLES", space_order::LEVEL_SAMPLES as u32),
+            ("PLANE_BITS", space_order::PLANE_BITS),
+            ("PLANES", 1 << space_order::PLANE_BITS),
+            ("NO_AXIS", space_order::NO_AXIS as u32),
+            ("BOX_AT", BOX_AT),
+            ("LENS_AT", LENS_AT),
+            ("LEAST_LENGTH", (space_order::LEAST_LENGTH + 127) as u32),
+            ("PLANES_AT", PLANES_AT),
+            ("LISTS_AT", LISTS_AT),
+            ("SPACE_WORDS", SPACE_WORDS),
+            ("NO_KEY", space_order::NO_KEY),
             ("SPLIT_LANES", SPLIT_LANES),
             ("NODE_LANES", NODE_LANES),
             ("PIECE", top::PIECE as u32),
             ("SHARE", top::SHARE as u32),
-            ("WINDOW", top::WINDOW as u32),
             ("LEFT", top::LEFT as u32),
             ("FIRST_PASS", FIRST_PASS),
             ("UNITS_PER_NODE", top::UNITS_PER_NODE as u32),
@@ -84,6 +97,8 @@ impl Stage {
             ("FLUX_BITS", top::FLUX_BITS),
             ("COST_SLACK", top::COST_SLACK),
             ("DIAGONAL_SHARE", top::DIAGONAL_SHARE),
+            ("MAX_ZOOM", top::MAX_ZOOM as u32),
+            ("TINY_SHARE", top::TINY_SHARE as u32),
             ("SPARSE_COUNTS", tree::SPARSE_COUNTS),
             ("FULL", tree::FULL as u32),
         ] {

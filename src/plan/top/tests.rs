@@ -5,7 +5,7 @@ use std::mem::offset_of;
 use naga::TypeInner;
 
 use super::passes::{MAX_PASSES, Passes, Places, TopPass};
-use super::stage::{GROUP, KEYS, LANES, LEAVES, NODE, NODE_LANES, SPLIT_LANES};
+use super::stage::{GROUP, KEYS, LANES, LEAVES, NODE, NODE_LANES, PLANES, SPLIT_LANES};
 use super::*;
 use crate::effects::Effects;
 use crate::plan::kernel::MAX_WORKGROUPS;
@@ -76,8 +76,8 @@ fn forty_million_parts_are_covered_by_dispatches_of_two_dimensions_and_words_of_
     let pieces = u64::from(PARTS.div_ceil(top::SHARE as u32));
     assert!(pieces > u64::from(MAX_WORKGROUPS), "one dimension is too short");
     assert!(lanes("top_group").is_some_and(|groups| groups >= pieces));
-    // Leaves, keys, four passes of the sort, and two stages for each of four passes.
-    assert_eq!(groups.len(), 14);
+    // Leaves, planes, keys, four passes of the sort, and two stages for each of four passes.
+    assert_eq!(groups.len(), 15);
 }
 
 #[test]
@@ -113,7 +113,9 @@ fn the_passes_for_any_number_of_parts_fit_into_the_uniform() {
 
 #[test]
 fn the_stages_are_valid_and_have_the_sizes_that_the_host_expects() {
-    for (stage, lanes) in [(&LEAVES, LANES), (&KEYS, LANES), (&GROUP, SPLIT_LANES), (&NODE, NODE_LANES)] {
+    for (stage, lanes) in
+        [(&LEAVES, LANES), (&PLANES, SPLIT_LANES), (&KEYS, LANES), (&GROUP, SPLIT_LANES), (&NODE, NODE_LANES)]
+    {
         let text = stage.text();
         let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect(stage.entry);
         naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())
