@@ -24,7 +24,8 @@ struct LightCut {
     // The index of each of them, with LIGHT_LEAF for nodes of the top level.
     first_nodes: vec4<u32>,
     last_nodes: vec4<u32>,
-    // For each of them but the root: which child of which of them it is. Six bits each.
+    // For each of them but the root: which child of which of them it is. Six bits each. The highest bit
+    // of the first word is set if the first split is not counted.
     links: vec2<u32>,
     // For each of them the sum of its children's weights, without unresolved children until the last
     // split.
@@ -329,10 +330,14 @@ fn light_split_next(cut: ptr<function, LightCut>) -> bool {
     // One huge unresolved importance would make the doubts about all others look small.
     let total = light_sum((*cut).sums)
         + light_resolved_sum(LightLanes((*cut).pending.first_lux, (*cut).pending.last_lux));
-    let key = (*cut).pending.first_keys.x;
-    let is_worth = bitcast<f32>(key & ~LIGHT_CHILD_BITS) > LIGHT_MIN_DOUBT * total;
-    if is_worth && count <= min(light_splits, LIGHT_MAX_SPLITS) {
-        let link = light_id_of_key(key) << (6u * ((count - 1u) & 3u));
+    let keys = (*cut).pending.first_keys.xy;
+    let is_worth = bitcast<vec2<f32>>(keys & vec2(~LIGHT_CHILD_BITS)) > vec2(LIGHT_MIN_DOUBT * total);
+    // A split that has no alternative is not counted.
+    if count == 1u && light_splits != 0u && !is_worth.y {
+        (*cut).links.x = 0x80000000u;
+    }
+    if is_worth.x && count <= min(light_splits + ((*cut).links.x >> 31u), LIGHT_MAX_SPLITS) {
+        let link = light_id_of_key(keys.x) << (6u * ((count - 1u) & 3u));
         (*cut).links |= select(vec2(link, 0u), vec2(0u, link), count > 4u);
         light_shift_pending(cut);
         return true;
@@ -346,8 +351,9 @@ fn light_split_next(cut: ptr<function, LightCut>) -> bool {
 }
 
 // Splits the root of the top level and then, up to light_splits times, the candidate with the
-// greatest doubt. Limits the weights of all unresolved candidates together, relative to the other
-// candidates and the directional lights. Twin of `Cut::new`.
+// greatest doubt. If only one child of the root is worth a split, that one is not counted. Limits the
+// weights of all unresolved candidates together, relative to the other candidates and the directional
+// lights. Twin of `Cut::new`.
 fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_point: LightShadingPoint) {
     var local: LightLocalShadingPoint;
     var local_instance = LIGHT_NO_INSTANCE;

@@ -14,7 +14,8 @@ pub const MAX_CANDIDATES: u32 = 32;
 ///
 /// A split replaces a cluster by its children. Each one takes the time of a node and lowers the
 /// noise near lights; `docs/benchmarks.md` has the curve. Fewer clusters are split where no split
-/// would lower the noise.
+/// would lower the noise. Between the extremes, one more is split where the root has only one child
+/// that is worth it.
 ///
 /// ```
 /// use girandole::SplitCount;

@@ -136,7 +136,9 @@ pub(crate) struct Cut<'a> {
 }
 
 impl<'a> Cut<'a> {
-    /// Splits the root and then, up to `splits` times, the candidate with the greatest doubt.
+    /// Splits the root and then, up to `splits` times, the candidate with the greatest doubt. If only one
+    /// child of the root is worth a split, that one is not counted. So a world in one instance, or with
+    /// one lamp far away, is sampled as well as one tree over all lights.
     ///
     /// `directional_lux` is the illuminance by directional lights, which are chosen beside the
     /// candidates.
@@ -161,10 +163,14 @@ impl<'a> Cut<'a> {
             total: 0.0,
         };
         let mut next = (cut.add_tree(root), 0);
+        let mut most = splits.get();
         loop {
             let (tree, node) = next;
-            if cut.add_children(tree, node, instance_trees).is_none() || cut.node_count > splits.get() {
+            if cut.add_children(tree, node, instance_trees).is_none() || cut.node_count > most {
                 break;
+            }
+            if cut.node_count == 1 && most > 0 && cut.has_one_doubtful() {
+                most = (most + 1).min(MAX_SPLITS);
             }
             let Some((index, slot)) = cut.most_doubtful() else { break };
             next = match cut.child(index, slot) {
@@ -305,6 +311,13 @@ impl<'a> Cut<'a> {
         for total in &self.totals[..self.node_count] {
             self.total += total;
         }
+    }
+
+    /// Whether only one child of the root is worth a split.
+    #[inline(always)]
+    fn has_one_doubtful(&self) -> bool {
+        let least = MIN_DOUBT * self.total;
+        self.doubts[0].iter().filter(|doubt| f32::from_bits(doubt.to_bits() & !CHILD_BITS) > least).count() == 1
     }
 
     /// The candidate with the greatest doubt, the first of equals, as node and slot; `None` if no

@@ -53,8 +53,8 @@ pub(crate) const MAX_ZOOM: i32 = 50;
 
 /// A side of a cut is tiny if its box is this many times shorter than that of the part. A town beside
 /// a lamp a million times as far away had seven times the noise without a node of its own, because the
-/// boxes of a node have eight bits.
-pub(crate) const TINY_SHARE: f32 = 1024.0;
+/// boxes of a node have eight bits. With 1,024 in place of 16, a lamp 27 times as far away costs more.
+pub(crate) const TINY_SHARE: f32 = 16.0;
 /// The greatest number of tiny parts with more than a third of all units: two at each depth.
 #[cfg(any(feature = "gpu-plan", test))]
 pub(crate) const MAX_TINY: usize = 2 * (LARGE_ROUNDS + SMALL_ROUNDS + 1);

@@ -147,6 +147,7 @@ fn compare_sessions(seeds: impl Iterator<Item = u64>, frames: u64) -> ([usize; 3
     (builds, frames_beside_a_build)
 }
 
+#[cfg(feature = "parallel")]
 #[test]
 fn many_threads_sample_the_same_as_one_while_builds_run_in_the_background() {
     let ([started, taken, dropped], frames) = compare_sessions(170..172, 100);
@@ -187,6 +188,7 @@ fn build_threads() -> usize {
     names.filter(|name| name.trim_end() == "girandole build").count()
 }
 
+#[cfg(feature = "parallel")]
 #[test]
 #[cfg(target_os = "linux")]
 fn worlds_that_are_dropped_in_the_middle_of_a_build_leave_no_thread() {

@@ -187,7 +187,7 @@ fn a_directional_light_competes_by_what_is_reflected_of_it() {
 fn candidates_are_kept_in_proportion_to_what_is_reflected_of_them() {
     let mut rng = Rng(506);
     let world = world_of(
-        (0..50).map(|_| Light::point(rng.position(9.0) + Vec3::Y * 10.0, Vec3::ONE)).collect(),
+        (0..500).map(|_| Light::point(rng.position(9.0) + Vec3::Y * 10.0, Vec3::ONE)).collect(),
         Placement::IDENTITY,
     );
     let view = Vec3::new(0.5, 0.8, 0.1).normalize();

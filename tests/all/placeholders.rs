@@ -161,6 +161,7 @@ fn a_tree_of_one_node_is_never_a_placeholder() {
     assert_eq!(world.tree_count(), 4);
 }
 
+#[cfg(feature = "parallel")]
 #[test]
 fn a_large_placeholder_is_built_in_slices_or_in_the_background() {
     for is_background in [true, false] {

@@ -191,6 +191,7 @@ fn a_static_tree_and_one_that_is_gone_are_not_replaced() {
     assert_eq!(world.replace_tree(key, other).err(), Some(WorldError::NoSuchTree(key)));
 }
 
+#[cfg(feature = "parallel")]
 #[test]
 fn a_build_that_is_under_way_does_not_replace_the_tree_that_came_in_between() {
     let mut rng = Rng(306);

@@ -93,6 +93,7 @@ fn a_replayed_run_equals_the_recorded_one() {
     check_trees(&diverged_world);
 }
 
+#[cfg(feature = "parallel")]
 #[test]
 fn a_run_on_a_virtual_clock_repeats_exactly() {
     let run = || {

@@ -1,6 +1,7 @@
 //! Rebuilds keep to the budget, trees that gain most come first, the wait of every tree has a
 //! bound, and runs repeat exactly on a virtual or replayed clock.
 
+#[cfg(feature = "parallel")]
 mod background;
 mod clocks;
 mod fairness;

@@ -4,6 +4,7 @@
 use super::child::Child;
 use super::importance::importance;
 use super::place::View;
+use girandole::MAX_SPLITS;
 use girandole::tree::{ChildRef, Node, WIDTH};
 
 /// The nodes of a tree and the shading point in their space.
@@ -105,7 +106,9 @@ impl<'a> Chooser<'a, '_> {
 
     fn cut(&mut self, root: &Tree<'a>, splits: usize, directional: f64) -> Vec<Member<'a>> {
         let mut members = self.children(root, 0);
-        for _ in 0..splits {
+        let mut left = splits;
+        let mut is_first = true;
+        while left > 0 {
             let total: f64 = members.iter().filter(|m| !m.is_unresolved).map(|m| m.lux).sum();
             let mut order: Vec<usize> = (0..members.len()).collect();
             order.sort_by(|a, b| members[*b].product.total_cmp(&members[*a].product));
@@ -117,6 +120,11 @@ impl<'a> Chooser<'a, '_> {
                 break;
             }
             self.is_close |= next > product * (1.0 - 1.0e-3);
+            // The first split is not counted if it is the only one that is worth it.
+            self.is_close |= is_first && (next / (0.002 * total) - 1.0).abs() < 1.0e-3;
+            let is_free = is_first && next <= 0.002 * total && splits < MAX_SPLITS;
+            left -= usize::from(!is_free);
+            is_first = false;
             let Some((tree, node)) = self.node_of(&members[first]) else { break };
             members.remove(first);
             members.extend(self.children(&tree, node));
