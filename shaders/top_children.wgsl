@@ -2,7 +2,8 @@
 // src/tree/shape/children.rs. Binds nothing; reads the cuts of top_split.wgsl.
 //
 // A part is one word: first | count << 9 | cut << 18, where `cut` is the number of the cut that cuts
-// it, plus one, or 0. Above that number, CHILDREN_TINY may be set. The lists of children are in `split_words`, eight words for each node.
+// it, plus one, or 0. Above that number, CHILDREN_TINY may be set. The lists of children are in
+// `split_words`, eight words for each node.
 
 // Set in the word of a part whose units are children of the node themselves.
 const CHILDREN_INLINED: u32 = 0x80000000u;

@@ -14,8 +14,8 @@ const SHADING_POINTS: usize = 40;
 /// The most that the mean sigma may be, relative to its mean while the lamp is in the town or at most
 /// one side of the town away. Measured: 0.89 to 1.22, since the lamp moves single cuts.
 const OF_NEAR: f64 = 1.3;
-/// The same anywhere. Measured: 1.37 to 1.57. The town becomes one child of a root whose other child is
-/// the lamp, which costs one of the splits of a sample. One tree over all lights has that too.
+/// The same anywhere. Up to 1.57 was measured while the split of the town, the only doubtful child of the
+/// root, was still counted.
 const OF_FAR: f64 = 1.6;
 
 /// A point of a box around the origin with these half edges.
