@@ -24,9 +24,6 @@ use crate::math::dice::hash;
 /// houses.
 const THICKNESS: f64 = 0.02;
 
-/// Instances that overlap by a smaller share of the smaller box are beside each other.
-const MIN_SHARE: f64 = 0.25;
-
 /// Slots that an update visits while anything moves.
 pub(super) const SLOTS_PER_UPDATE: usize = 64;
 
@@ -133,19 +130,16 @@ impl ThickBox {
         GridCell { size, at: numbers((self.center / cell_length(size)).floor()) }
     }
 
-    /// The share of another box that lies in this one, if the intersection is at least [`MIN_SHARE`] of
-    /// the smaller edges; 0 otherwise.
+    /// The share of another box that lies in this one, which counts as endless toward the centre of the
+    /// other: so strings of lamps that cross share half of their edges, however thin they are.
     fn share_of(&self, other: &Self) -> f64 {
         let common = self.reach + other.reach - (self.center - other.center).abs();
-        let share = |of: DVec3| {
-            let one = |axis: usize| match 2.0 * of[axis] {
-                // A single point.
-                0.0 => f64::from(u8::from(common[axis] >= 0.0)),
-                edge => (common[axis] / edge).clamp(0.0, 1.0),
-            };
-            one(0) * one(1) * one(2)
+        let one = |axis: usize| match 2.0 * other.reach[axis] {
+            // A single point.
+            0.0 => f64::from(u8::from(common[axis] >= 0.0)),
+            edge => (common[axis] / edge).clamp(0.0, 1.0),
         };
-        if share(self.reach.min(other.reach)) >= MIN_SHARE { share(other.reach) } else { 0.0 }
+        one(0) * one(1) * one(2)
     }
 }
 

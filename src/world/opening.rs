@@ -38,22 +38,28 @@ impl Sums {
 }
 
 impl TreeEntry {
-    /// The number of openings that the tree should have: for a tree that is divided by side, its sides.
-    /// 0 for a whole tree. `share` is what each tree gets of what it wants.
-    fn openings_due(&self, share: f64) -> usize {
-        let root = self.tree.nodes().first().map_or(0, |root| root.count());
-        if !self.tree.sides().is_empty() {
-            return root;
-        }
-        let due = (self.openings_wanted() as f64 * share) as usize;
-        // A root is opened into all of its children, or not at all.
-        if root > 1 && due >= root { due } else { 0 }
+    /// The number of children of the root.
+    fn root_count(&self) -> usize {
+        self.tree.nodes().first().map_or(0, |root| root.count())
     }
 
-    /// Whether the tree is opened where it is crowded. One that is divided by side always is, at its
-    /// sides.
+    /// The least number of openings: the sides of a tree that is divided by side, and 0 for others.
+    fn least_openings(&self) -> usize {
+        if self.tree.sides().is_empty() { 0 } else { self.root_count() }
+    }
+
+    /// The number of openings that the tree should have. 0 for a whole tree. `share` is what each tree
+    /// gets of what it wants.
+    fn openings_due(&self, share: f64) -> usize {
+        let (root, least) = (self.root_count(), self.least_openings());
+        let due = (self.openings_wanted() as f64 * share) as usize;
+        // A root is opened into all of its children, or not at all.
+        if root > 1 && due >= root { due } else { least }
+    }
+
+    /// Whether the tree is opened where it is crowded.
     pub(super) fn may_open(&self) -> bool {
-        self.tree.light_count() > 1 && self.tree.sides().is_empty()
+        self.tree.light_count() > 1
     }
 
     /// Whether the tree is whole because all openings would be too many.
@@ -100,9 +106,10 @@ impl OpeningEdit<'_> {
         }
         // Hysteresis: crowds that change a little seldom change the openings. The clusters that are left
         // when almost all lights are openings make much of the noise.
-        let is_about_due = match entry.tree.light_count() {
-            lights if due == lights || !entry.may_open() => present == due,
-            _ => due <= present + present / 4 + WIDTH && present <= 2 * due,
+        let is_about_due = if due == entry.tree.light_count() || !entry.may_open() {
+            present == due
+        } else {
+            due <= present + present / 4 + WIDTH && present <= 2 * due && present >= entry.least_openings()
         };
         if is_about_due && entry.tree.has_openings(&entry.openings) {
             return;
