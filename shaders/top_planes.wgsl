@@ -1,26 +1,35 @@
 // Top level, stage 2: the first planes of the order in space, as medians of a sample of the parts.
-// Twin of `SpaceOrder::new` in src/tree/space_order.rs. One workgroup, whose invocations hold two samples each.
+// Twin of `SpaceOrder::new` in src/tree/space_order.rs. One workgroup, whose invocations hold a sample each.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
 @group(0) @binding(1) var<storage, read_write> clusters: array<LightCluster>;
 @group(0) @binding(2) var<storage, read_write> bounds: array<u32, TOP_SPACE_WORDS>;
 
-const PLANES_EACH: u32 = TOP_SAMPLES / TOP_SPLIT_LANES;
+// Cells that are divided at once.
+const PLANES_CELLS: u32 = TOP_PLANES / 2u;
+// Words with a bit for each sample.
+const PLANES_WORDS: u32 = TOP_SAMPLES / 32u;
 
-// The samples, those of a cell side by side: first as ordered coordinates, then as codes.
+// The numbers of parts in each level of the sample.
+var<workgroup> planes_counts: array<u32, TOP_LEVELS>;
+// The samples, as ordered coordinates.
 var<workgroup> planes_samples: array<vec3<u32>, TOP_SAMPLES>;
+// For each cell and axis the ranks of its samples among all samples, as bits.
+var<workgroup> planes_ranks: array<atomic<u32>, 3u * PLANES_CELLS * PLANES_WORDS>;
 // For each cell and axis the ends of the middle half of its samples.
-var<workgroup> planes_lows: array<u32, 3u * TOP_PLANES / 2u>;
-var<workgroup> planes_highs: array<u32, 3u * TOP_PLANES / 2u>;
-// The axis of each plane, and the bits of where it is.
-var<workgroup> planes_found: array<vec2<u32>, TOP_PLANES>;
+var<workgroup> planes_lows: array<u32, 3u * PLANES_CELLS>;
+var<workgroup> planes_highs: array<u32, 3u * PLANES_CELLS>;
+// The axis of each plane, and the codes of the samples before and after it.
+var<workgroup> planes_axes: array<u32, TOP_PLANES>;
+var<workgroup> planes_befores: array<u32, TOP_PLANES>;
+var<workgroup> planes_afters: array<u32, TOP_PLANES>;
 
 // The least level of the sample, and the number of parts of that level and above. Twin of `sample`.
 fn planes_levels() -> vec2<u32> {
     var least = TOP_LEVELS;
     var count = 0u;
     while least > 0u {
-        let more = count + bounds[8u + least - 1u];
+        let more = count + planes_counts[least - 1u];
         if more > TOP_SAMPLES || more - count > TOP_LEVEL_SAMPLES {
             break;
         }
@@ -34,32 +43,51 @@ fn planes_levels() -> vec2<u32> {
 fn planes_part(least: u32, sample: u32) -> u32 {
     var level = least;
     var rest = sample;
-    while rest >= bounds[8u + level] {
-        rest -= bounds[8u + level];
+    while rest >= planes_counts[level] {
+        rest -= planes_counts[level];
         level++;
     }
     return bounds[TOP_LISTS_AT + level * TOP_LEVEL_SAMPLES + rest];
 }
 
 // Twin of `first_sample`.
-fn planes_first(count: u32, cell: u32, level: u32) -> u32 {
-    let pieces = (bounds[6] + TOP_SHARE - 1u) / TOP_SHARE;
-    return ((cell * pieces) >> level) * count / max(pieces, 1u);
+fn planes_first(count: u32, pieces: u32, cell: u32, level: u32) -> u32 {
+    return ((cell * pieces) >> level) * count / pieces;
 }
 
-// For each axis the number of samples before a sample among those from `first` to `end`. Twin of
-// `order`.
-fn planes_ranks(sample: u32, first: u32, end: u32) -> vec3<u32> {
-    let own = planes_samples[sample];
-    var ranks = vec3(0u);
-    for (var other = first; other < end; other++) {
-        let at = planes_samples[other];
-        let less = at < own;
-        let equal = at == own;
-        let after = (equal.yzx & equal.zxy & vec3(other < sample)) | less.yzx | (equal.yzx & less.zxy);
-        ranks += select(vec3(0u), vec3(1u), less | (equal & after));
+// 1 for each axis along which a sample is before another one. Equal coordinates are ordered by the next
+// axis, as in `median`, and equal samples by their numbers.
+fn planes_before(a: vec3<u32>, b: vec3<u32>, is_first: bool) -> vec3<u32> {
+    let less = a < b;
+    let equal = a == b;
+    let second = less.yzx | (equal.yzx & (less.zxy | (equal.zxy & vec3(is_first))));
+    return select(vec3(0u), vec3(1u), less | (equal & second));
+}
+
+// The first word with the ranks of a cell along an axis.
+fn planes_word(cell: u32, axis: u32) -> u32 {
+    return (3u * cell + axis) * PLANES_WORDS;
+}
+
+// The number of samples of a cell that are before the one with this rank.
+fn planes_count_before(cell: u32, axis: u32, rank: u32) -> u32 {
+    let first = planes_word(cell, axis);
+    let last = first + rank / 32u;
+    var count = countOneBits(atomicLoad(&planes_ranks[last]) & ((1u << (rank % 32u)) - 1u));
+    for (var word = first; word < last; word++) {
+        count += countOneBits(atomicLoad(&planes_ranks[word]));
     }
-    return ranks;
+    return count;
+}
+
+// Notes the coordinates at which the middle half of the samples of a cell begins and ends.
+fn planes_note_half(cell: u32, axis: u32, size: u32, rank: u32, coordinate: u32) {
+    if rank == size / 4u {
+        planes_lows[3u * cell + axis] = coordinate;
+    }
+    if rank + size / 4u + 1u == size {
+        planes_highs[3u * cell + axis] = coordinate;
+    }
 }
 
 fn planes_low(cell: u32) -> vec3<u32> {
@@ -74,101 +102,102 @@ fn planes_unordered(ordered: vec3<u32>) -> vec3<f32> {
     return vec3(top_unordered(ordered.x), top_unordered(ordered.y), top_unordered(ordered.z));
 }
 
-@compute @workgroup_size(TOP_SPLIT_LANES)
+@compute @workgroup_size(TOP_SAMPLES)
 fn top_planes(@builtin(local_invocation_index) lane: u32) {
     if lane < 3u {
         planes_lows[lane] = top_ordered(0.0);
         planes_highs[lane] = top_ordered(0.0);
     }
     if lane < TOP_PLANES {
-        planes_found[lane] = vec2(TOP_NO_AXIS, 0u);
+        planes_axes[lane] = TOP_NO_AXIS;
     }
+    if lane < TOP_LEVELS {
+        planes_counts[lane] = bounds[8u + lane];
+    }
+    let pieces = max((bounds[6] + TOP_SHARE - 1u) / TOP_SHARE, 1u);
+    workgroupBarrier();
     let levels = planes_levels();
     let count = levels.y;
-    for (var sample = lane; sample < count; sample += TOP_SPLIT_LANES) {
-        let mean = clusters[planes_part(levels.x, sample)].mean;
-        planes_samples[sample] = vec3(top_ordered(mean.x), top_ordered(mean.y), top_ordered(mean.z));
+    let is_sample = lane < count;
+    var sample = vec3(0u);
+    if is_sample {
+        let mean = clusters[planes_part(levels.x, lane)].mean;
+        sample = vec3(top_ordered(mean.x), top_ordered(mean.y), top_ordered(mean.z));
+        planes_samples[lane] = sample;
     }
     workgroupBarrier();
-    // The cell of the sample at each place of this invocation. A cell has the same places before and
-    // after its samples are sorted.
-    var cells: array<u32, PLANES_EACH>;
-    // The first sweep finds the lens. Each of the others divides the cells of a level.
-    for (var sweep = 0u; sweep <= TOP_PLANE_BITS; sweep++) {
-        let level = max(sweep, 1u) - 1u;
-        var ranks: array<vec3<u32>, PLANES_EACH>;
-        for (var i = 0u; i < PLANES_EACH; i++) {
-            let place = lane + i * TOP_SPLIT_LANES;
-            let first = planes_first(count, cells[i], level);
-            let end = planes_first(count, cells[i] + 1u, level);
-            if place < count {
-                ranks[i] = planes_ranks(place, first, end);
-            }
-            let quarter = (end - first) / 4u;
+    // The ranks of the sample among all, along each axis.
+    var ranks = vec3(0u);
+    for (var other = 0u; other < count; other++) {
+        ranks += planes_before(planes_samples[other], sample, other < lane);
+    }
+    if is_sample {
+        for (var axis = 0u; axis < 3u; axis++) {
+            planes_note_half(0u, axis, count, ranks[axis], sample[axis]);
+        }
+    }
+    workgroupBarrier();
+    // Twin of `Lens::new`. Distances are not negative, so their bits are ordered as they are.
+    let low = planes_unordered(planes_low(0u));
+    let high = planes_unordered(planes_high(0u));
+    let extent = bitcast<vec3<u32>>(high - low);
+    let exponent = max(i32(extent[space_longest(extent)] >> 23u), i32(TOP_LEAST_LENGTH)) - 127;
+    let middle = (low + high) * 0.5;
+    let power = space_power_of_two(-1 - exponent);
+    if lane == 0u {
+        let least = space_code(planes_unordered(~space_words(3u)), middle, power);
+        let most = space_code(planes_unordered(space_words(0u)), middle, power);
+        for (var axis = 0u; axis < 3u; axis++) {
+            bounds[TOP_BOX_AT + axis] = least[axis];
+            bounds[TOP_BOX_AT + 3u + axis] = most[axis];
+            bounds[TOP_LENS_AT + axis] = bitcast<u32>(middle[axis]);
+        }
+        bounds[TOP_LENS_AT + 3u] = bitcast<u32>(power);
+    }
+    let code = space_code(planes_unordered(sample), middle, power);
+    // The cell of the sample. Each level divides the cells of the one before.
+    var cell = 0u;
+    for (var level = 0u; level < TOP_PLANE_BITS; level++) {
+        for (var word = lane; word < planes_word(1u << level, 0u); word += TOP_SAMPLES) {
+            atomicStore(&planes_ranks[word], 0u);
+        }
+        workgroupBarrier();
+        if is_sample {
             for (var axis = 0u; axis < 3u; axis++) {
-                if place < count {
-                    if ranks[i][axis] == quarter {
-                        planes_lows[3u * cells[i] + axis] = planes_samples[place][axis];
-                    }
-                    if ranks[i][axis] + quarter + 1u == end - first {
-                        planes_highs[3u * cells[i] + axis] = planes_samples[place][axis];
-                    }
-                }
+                atomicOr(&planes_ranks[planes_word(cell, axis) + ranks[axis] / 32u], 1u << (ranks[axis] % 32u));
             }
         }
         workgroupBarrier();
-        if sweep == 0u {
-            let low = planes_unordered(planes_low(0u));
-            let high = planes_unordered(planes_high(0u));
-            // Twin of `Lens::new`. Distances are not negative, so their bits are ordered as they are.
-            let extent = bitcast<vec3<u32>>(high - low);
-            let exponent = max(i32(extent[space_longest(extent)] >> 23u), i32(TOP_LEAST_LENGTH)) - 127;
-            let middle = (low + high) * 0.5;
-            let power = space_power_of_two(-1 - exponent);
-            for (var sample = lane; sample < count; sample += TOP_SPLIT_LANES) {
-                planes_samples[sample] = space_code(planes_unordered(planes_samples[sample]), middle, power);
-            }
-            if lane == 0u {
-                let least = space_code(planes_unordered(~space_words(3u)), middle, power);
-                let most = space_code(planes_unordered(space_words(0u)), middle, power);
-                for (var axis = 0u; axis < 3u; axis++) {
-                    bounds[TOP_BOX_AT + axis] = least[axis];
-                    bounds[TOP_BOX_AT + 3u + axis] = most[axis];
-                    bounds[TOP_LENS_AT + axis] = bitcast<u32>(middle[axis]);
-                }
-                bounds[TOP_LENS_AT + 3u] = bitcast<u32>(power);
-            }
-            workgroupBarrier();
-            continue;
-        }
-        var axes: array<u32, PLANES_EACH>;
-        var samples: array<vec3<u32>, PLANES_EACH>;
-        for (var i = 0u; i < PLANES_EACH; i++) {
-            axes[i] = space_longest(planes_high(cells[i]) - planes_low(cells[i]));
-            samples[i] = planes_samples[lane + i * TOP_SPLIT_LANES];
-        }
-        workgroupBarrier();
-        for (var i = 0u; i < PLANES_EACH; i++) {
-            if lane + i * TOP_SPLIT_LANES < count {
-                planes_samples[planes_first(count, cells[i], level) + ranks[i][axes[i]]] = samples[i];
+        // The ranks among the samples of the cell.
+        let first = planes_first(count, pieces, cell, level);
+        let size = planes_first(count, pieces, cell + 1u, level) - first;
+        var inner = vec3(0u);
+        if is_sample {
+            for (var axis = 0u; axis < 3u; axis++) {
+                inner[axis] = planes_count_before(cell, axis, ranks[axis]);
+                planes_note_half(cell, axis, size, inner[axis], code[axis]);
             }
         }
         workgroupBarrier();
-        for (var i = 0u; i < PLANES_EACH; i++) {
-            let place = lane + i * TOP_SPLIT_LANES;
-            let cell = cells[i];
-            let middle = planes_first(count, 2u * cell + 1u, level + 1u);
-            if place == middle && place < count && middle > planes_first(count, cell, level) {
-                let below = planes_samples[middle - 1u][axes[i]];
-                let at = below + (planes_samples[middle][axes[i]] - below + 1u) / 2u;
-                planes_found[(1u << level) + cell] = vec2(axes[i], at);
+        let axis = space_longest(planes_high(cell) - planes_low(cell));
+        let below = planes_first(count, pieces, 2u * cell + 1u, level + 1u) - first;
+        let rank = inner[axis];
+        if is_sample && below > 0u {
+            let plane = (1u << level) + cell;
+            if rank + 1u == below {
+                planes_befores[plane] = code[axis];
             }
-            cells[i] = 2u * cell + select(0u, 1u, place >= middle);
+            if rank == below {
+                planes_afters[plane] = code[axis];
+                planes_axes[plane] = axis;
+            }
         }
+        cell = 2u * cell + select(0u, 1u, rank >= below);
     }
     workgroupBarrier();
     if lane < TOP_PLANES {
-        bounds[space_plane_word(lane)] = planes_found[lane].x;
-        bounds[space_plane_word(lane) + 1u] = planes_found[lane].y;
+        let before = planes_befores[lane];
+        bounds[space_plane_word(lane)] = planes_axes[lane];
+        bounds[space_plane_word(lane) + 1u] = before + (planes_afters[lane] - before + 1u) / 2u;
     }
 }

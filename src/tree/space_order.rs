@@ -25,18 +25,18 @@ pub(crate) const KEY_BITS: u32 = 31;
 /// The key of a slot without a shining instance.
 pub(crate) const NO_KEY: u32 = u32::MAX;
 
-/// Positions of which the medians are taken: two for each invocation of a workgroup.
-pub(crate) const SAMPLES: usize = 512;
+/// Positions of which the medians are taken: one for each invocation of a workgroup.
+pub(crate) const SAMPLES: usize = 256;
 
 /// Levels of positions, of which four together have about half as many as the four below them. The
 /// sample has the highest levels, so it does not depend on the order of the positions.
 pub(crate) const LEVELS: u32 = 96;
 
 /// The greatest number of positions of a level of the sample. A fifth of the sample is expected.
-pub(crate) const LEVEL_SAMPLES: usize = 192;
+pub(crate) const LEVEL_SAMPLES: usize = 96;
 
 /// Bits of a key that come from medians. More leave too few samples for each plane.
-pub(crate) const PLANE_BITS: u32 = 6;
+pub(crate) const PLANE_BITS: u32 = 5;
 
 /// The axis of a plane that halves the box of its cell instead.
 pub(crate) const NO_AXIS: usize = 3;
@@ -99,9 +99,8 @@ impl SpaceOrder {
     /// The order for positions that are later cut into `pieces` equal pieces. Each comes with its
     /// identity, which decides whether it is in the sample. O(positions).
     pub fn new(positions: impl Iterator<Item = (u32, Vec3)> + Clone, pieces: usize) -> Self {
-        let samples = sample(positions.clone());
+        let mut samples = sample(positions.clone());
         let lens = Lens::new(&middle_half(&samples));
-        let mut samples: Vec<Code> = samples.iter().map(|at| lens.code(*at)).collect();
         let bounds = Aabb::around(positions.map(|(_, position)| position));
         let mut planes = [Plane { axis: NO_AXIS, at: 0 }; 1 << PLANE_BITS];
         for level in 0..PLANE_BITS {
@@ -110,7 +109,7 @@ impl SpaceOrder {
                 let (first, end) = (rank(cell, level), rank(cell + 1, level));
                 let border = rank(2 * cell + 1, level + 1);
                 if first < border && border < end {
-                    planes[(1 << level) + cell] = median(&mut samples[first..end], border - first);
+                    planes[(1 << level) + cell] = median(&mut samples[first..end], border - first, &lens);
                 }
             }
         }
@@ -195,17 +194,18 @@ fn middle_half(samples: &[Vec3]) -> Aabb {
     half
 }
 
-/// Sorts samples along the axis along which their middle half is longest, and returns the plane
+/// Sorts samples along the axis along which their middle half is longest in codes, and returns the plane
 /// before the sample at `middle`.
-fn median(samples: &mut [Code], middle: usize) -> Plane {
-    let quarter = samples.len() / 4;
-    let mut sorted = samples.to_vec();
-    let axis = longest([0, 1, 2].map(|axis| {
-        sorted.sort_by_key(|at| at[axis]);
-        sorted[sorted.len() - 1 - quarter][axis] - sorted[quarter][axis]
-    }));
-    samples.sort_by_key(|at| (at[axis], at[(axis + 1) % 3], at[(axis + 2) % 3]));
-    let (below, above) = (samples[middle - 1][axis], samples[middle][axis]);
+fn median(samples: &mut [Vec3], middle: usize, lens: &Lens) -> Plane {
+    let half = middle_half(samples);
+    let (low, high) = (lens.code(half.min), lens.code(half.max));
+    let axis = longest([0, 1, 2].map(|axis| high[axis] - low[axis]));
+    let from = |axis: usize, a: &Vec3, b: &Vec3| a[axis].total_cmp(&b[axis]);
+    samples.sort_by(|a, b| {
+        let [second, third] = [(axis + 1) % 3, (axis + 2) % 3];
+        from(axis, a, b).then(from(second, a, b)).then(from(third, a, b))
+    });
+    let [below, above] = [samples[middle - 1], samples[middle]].map(|at| lens.code(at)[axis]);
     Plane { axis, at: below + (above - below).div_ceil(2) }
 }
 

@@ -13,6 +13,7 @@ use crate::plan::layout::{ClusterRecord, LeafRecord};
 use crate::plan::node_record::NodeRecord;
 use crate::plan::{Command, MAX_LARGEST_BUFFER};
 use crate::top;
+use crate::tree::space_order;
 
 /// Reserves and takes into use. Returns the bytes of the new buffers by what they hold.
 fn reserve(top: &mut TopBuild, parts: u32, has_masks: bool, growth: Growth) -> Result<Vec<NewBuffer>, PlanError> {
@@ -113,9 +114,13 @@ fn the_passes_for_any_number_of_parts_fit_into_the_uniform() {
 
 #[test]
 fn the_stages_are_valid_and_have_the_sizes_that_the_host_expects() {
-    for (stage, lanes) in
-        [(&LEAVES, LANES), (&PLANES, SPLIT_LANES), (&KEYS, LANES), (&GROUP, SPLIT_LANES), (&NODE, NODE_LANES)]
-    {
+    for (stage, lanes) in [
+        (&LEAVES, LANES),
+        (&PLANES, space_order::SAMPLES as u32),
+        (&KEYS, LANES),
+        (&GROUP, SPLIT_LANES),
+        (&NODE, NODE_LANES),
+    ] {
         let text = stage.text();
         let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect(stage.entry);
         naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())

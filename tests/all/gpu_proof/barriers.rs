@@ -9,9 +9,7 @@ use naga::{AddressSpace, Block, Expression, Function, GlobalVariable, Handle, Mo
 
 /// Kernels with a loop that reads and writes one variable, where no invocation reads what another
 /// one writes.
-const WITHOUT_EXCHANGE: [(&str, &str); 4] = [
-    // What earlier dispatches found is read, other words are written.
-    ("top_planes", "bounds"),
+const WITHOUT_EXCHANGE: [(&str, &str); 3] = [
     // The units of the last pass are read, those of this pass are written.
     ("top_group", "units"),
     // Clusters of the last pass are read. Those of this pass are in workgroup memory as well.
