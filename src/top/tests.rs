@@ -78,27 +78,22 @@ fn by_cost(parts: &[(Part, Cluster)], slots: usize) -> TopLevel {
     top
 }
 
-/// The exact relative standard deviation of one sample at each shading point (docs/benchmarks.md),
-/// in ascending order.
+/// The exact relative standard deviation of one sample at each shading point (docs/benchmarks.md).
 fn sigmas(sampler: &LightSampler<'_>, shading_points: &[ShadingPoint]) -> Vec<f64> {
-    let lights: Vec<LightId> = sampler.all_lights().collect();
-    let mut sigmas: Vec<f64> = shading_points
-        .iter()
-        .map(|shading_point| {
-            let (mut sum, mut squares) = (0.0, 0.0);
-            for light in &lights {
-                let Some(incident) = sampler.sample_light(shading_point, *light, [0.5, 0.5]) else { continue };
-                let lux = f64::from(
-                    luminance(incident.radiance) * incident.direction.dot(shading_point.normal) / incident.pdf,
-                );
-                sum += lux;
-                squares += lux * lux / f64::from(sampler.pmf(shading_point, *light));
-            }
-            (squares / (sum * sum) - 1.0).max(0.0).sqrt()
-        })
-        .collect();
-    sigmas.sort_by(f64::total_cmp);
-    sigmas
+    let mut pmfs = Vec::new();
+    let sigma = |shading_point: &ShadingPoint| {
+        sampler.distribution(shading_point, &mut pmfs);
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for (light, pmf) in sampler.all_lights().zip(&pmfs) {
+            let Some(incident) = sampler.sample_light(shading_point, light, [0.5, 0.5]) else { continue };
+            let lux =
+                f64::from(luminance(incident.radiance) * incident.direction.dot(shading_point.normal) / incident.pdf);
+            sum += lux;
+            squares += lux * lux / f64::from(*pmf);
+        }
+        (squares / (sum * sum) - 1.0).max(0.0).sqrt()
+    };
+    shading_points.iter().map(sigma).collect()
 }
 
 #[test]
@@ -112,11 +107,12 @@ fn the_top_level_is_at_most_20_percent_noisier_than_a_bottom_level_build_over_th
     let shading_points: Vec<ShadingPoint> = (0..40).map(|i| ShadingPoint::surface(position(i), Vec3::Y)).collect();
     let [ours, best] = [&ours, &best].map(|top| sigmas(&world.sampler().with_top(top), &shading_points));
     let mean = |sigmas: &[f64]| sigmas.iter().sum::<f64>() / sigmas.len() as f64;
-    let (means, medians) = (mean(&ours) / mean(&best), ours[20] / best[20]);
+    // What is typical. Medians of 40 points vary by a fifth with the sample that divides space.
+    let geometric = |sigmas: &[f64]| mean(&sigmas.iter().map(|sigma| sigma.ln()).collect::<Vec<_>>()).exp();
+    let (means, typical) = (mean(&ours) / mean(&best), geometric(&ours) / geometric(&best));
     assert!(mean(&best) > 0.1, "there is too little noise to compare");
-    // Measured: 1.02 and 1.13. Only the bottom-level build divides by directions; compared with one
-    // that does not, the medians were 1.07.
-    assert!(means < 1.2 && medians < 1.2, "{means} {medians}");
+    // Only the bottom-level build divides by directions.
+    assert!(means < 1.2 && typical < 1.2, "{means} {typical}");
 }
 
 /// The worst that can become of a part, whatever its units are.
