@@ -7,6 +7,8 @@ source scripts/common.sh
 step bash .ci/run
 # Bevy 0.19 is linted and Bevy 0.20 tested, too.
 step bash examples/bevy_girandole/test.sh --all
+# More targets and versions.
+step bash scripts/portability.sh --all
 # The library's tests without threads.
 step cargo test --locked --no-default-features --lib --test all
 # Every bench runs once.
