@@ -6,7 +6,7 @@ use super::*;
 use crate::instance::placement::Placement;
 use crate::light::{Light, luminance};
 use crate::policy::Policy;
-use crate::sampling::sample::{LightId, LightSampler};
+use crate::sampling::sample::LightSampler;
 use crate::shading::shading_point::ShadingPoint;
 use crate::tree::LightTree;
 use crate::tree::testing::Rng;
