@@ -19,7 +19,7 @@ const OF_FLAT: f64 = 1.5;
 /// The scenes that do not reach both goals, and the most that sigma may be there: 5 to 10 % above
 /// what was measured.
 const MISSED: [(&str, f64); 3] =
-    [("scales from 0.001 to 1", 0.72), ("inside a sphere light", 4.8), ("dense clusters far apart", 1.35)];
+    [("scales from 0.001 to 1", 0.58), ("inside a sphere light", 4.8), ("dense clusters far apart", 1.35)];
 /// Below this sigma the ratios do not matter: the lights of others than the sampler decide the
 /// noise.
 const NO_NOISE: f64 = 0.2;
@@ -45,9 +45,9 @@ fn no_scene_is_a_cliff_but_those_that_are_known() {
 }
 
 /// The most that sigma of a town may be, relative to one tree without a top level, however its lights
-/// are cut into trees. Measured: 0.98 to 1.42. The top level over all lights one by one has 1.36, and the
-/// sample of which it takes medians changes single scenes by some percent.
-const OF_CUTS: f64 = 1.5;
+/// are cut into trees. Measured: 0.98 to 1.35. The sample of which the top level takes medians changes
+/// single scenes by some percent.
+const OF_CUTS: f64 = 1.4;
 
 #[test]
 fn quality_does_not_depend_on_how_a_town_is_cut() {
