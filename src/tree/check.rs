@@ -39,21 +39,25 @@ impl LightTree {
     /// fluxes add up, links agree in both directions, and every light has one leaf.
     ///
     /// # Errors
-    /// The first broken invariant. None is ever broken unless this library has a bug, so this is
-    /// for tests.
+    /// The first broken invariant. None is ever broken unless this library has a bug or someone has forged
+    /// a baked tree.
     ///
     /// O(nodes). The check of a frozen tree clones it.
     pub fn check(&self) -> Result<(), CheckError> {
         if self.is_frozen() {
             let thawed = self.thawed();
             let differs = |(node, (now, then)): (usize, (&Node, &Node))| (now != then).then_some(node);
-            return match self.nodes.iter().zip(&thawed.nodes).enumerate().find_map(differs) {
-                Some(node) => {
-                    let what = "the node of the frozen tree differs from one made from its lights";
-                    Err(CheckError { node, slot: 0, what })
-                }
-                None => thawed.check(),
-            };
+            let fail = |node, what| Err(CheckError { node, slot: 0, what });
+            if let Some(node) = self.nodes.iter().zip(&thawed.nodes).enumerate().find_map(differs) {
+                return fail(node, "the node of the frozen tree differs from one made from its lights");
+            }
+            if self.root != thawed.root || self.sides != thawed.sides {
+                return fail(
+                    self.nodes.len(),
+                    "the clusters of the frozen tree differ from those made from its lights",
+                );
+            }
+            return thawed.check();
         }
         let mut has_leaf = vec![false; self.lights.len()];
         let mut reached = usize::from(!self.nodes.is_empty());
@@ -145,6 +149,9 @@ impl LightTree {
             return fail("an index beyond the last is vacant");
         }
         let root = self.wide.first().copied().unwrap_or(WideCluster::EMPTY);
+        if let Some(what) = merge_fault(&self.root, (0..WIDTH).map(|slot| root.get(slot))) {
+            return fail(what);
+        }
         let is_side = |(slot, side): (usize, &Cluster)| *side == root.get(slot);
         let children = self.nodes.first().map_or(0, Node::count);
         if !self.sides.is_empty() && self.sides.len() != children || !self.sides.iter().enumerate().all(is_side) {
@@ -243,6 +250,7 @@ mod tests {
         assert!(message(|tree| tree.nodes[0].cap[3] = 0).contains("slot 3: the cap does not cover"));
         assert!(message(|tree| tree.nodes[0].range[1] = 0).contains("slot 1: the range is shorter"));
         assert!(message(|tree| tree.nodes[0].high[0][1] = 0).contains("slot 1: the box does not contain"));
+        assert!(message(|tree| tree.root.range = 1.0).ends_with("slot 0: the range is shorter than that of a child"));
         assert!(message(|tree| tree.sides = vec![tree.root]).ends_with("the sides are not the children of the root"));
         assert!(
             message(|tree| tree.light_counts[0] += 1)

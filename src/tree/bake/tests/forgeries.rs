@@ -47,6 +47,66 @@ fn use_tree(tree: LightTree, rng: &mut Rng) -> Result<(), TestCaseError> {
     Ok(())
 }
 
+/// Whether each light that sends something to one of some shading points can be chosen there.
+fn is_covered(tree: LightTree) -> bool {
+    let mut rng = Rng(5);
+    let mut world = LightWorld::new();
+    let key = world.add_tree(tree);
+    world.add_instance(key, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+    let sampler = world.sampler();
+    (0..4).all(|_| {
+        let at = ShadingPoint::surface(rng.position(40.0), rng.position(1.0).normalize_or(Vec3::Y));
+        sampler
+            .all_lights()
+            .filter(|light| sampler.sample_light(&at, *light, [0.5, 0.5]).is_some())
+            .all(|light| sampler.pmf(&at, light) > 0.0)
+    })
+}
+
+#[test]
+fn a_tree_that_passes_the_check_covers_its_lights_whichever_byte_of_its_file_was_forged() {
+    let mut rng = Rng(29);
+    let (mut refused, mut found, mut accepted) = (0, 0, 0);
+    for count in [1, 9, 40] {
+        let bytes = LightTree::build(any_lights(&mut rng, count)).bake();
+        for at in 20..bytes.len() {
+            for mask in [1, 0x80, 0x55] {
+                let mut forged = bytes.clone();
+                forged[at] ^= mask;
+                seal(&mut forged);
+                match LightTree::from_baked(&forged).map(|tree| (tree.check(), tree)) {
+                    Err(_) => refused += 1,
+                    Ok((Err(_), _)) => found += 1,
+                    Ok((Ok(()), tree)) => {
+                        accepted += 1;
+                        assert!(is_covered(tree), "{count} lights, byte {at}, {mask}");
+                    }
+                }
+            }
+        }
+    }
+    // Costs, attributes and the colours of lights may be anything.
+    assert!(refused > 1000 && found > 1000 && accepted > 100, "{refused} {found} {accepted}");
+}
+
+#[test]
+fn the_check_finds_a_forged_cluster_of_the_whole_tree() {
+    let lights = (0..30).map(|i| Light::point(Vec3::X * i as f32, Vec3::ONE).with_range(20.0)).collect();
+    let forge: [fn(&mut LightTree); 4] = [
+        |tree| tree.root.range = 1.0,
+        |tree| tree.root.aabb.max.x = 3.0,
+        |tree| tree.root.cos_half_angle = 0.9,
+        |tree| tree.root.mean.y = 1.0,
+    ];
+    let tree = LightTree::build(lights);
+    for forge in forge {
+        let mut forged = frozen(&tree);
+        forge(&mut forged);
+        let loaded = LightTree::from_baked(&forged.bake()).expect("nothing that loading looks at");
+        assert_eq!(loaded.check().expect_err("forged").node, loaded.nodes().len());
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 600, ..ProptestConfig::default() })]
 
