@@ -253,7 +253,9 @@ impl<'a> LightSampler<'a> {
     /// result.
     ///
     /// The four numbers of `u` are uniform in [0, 1), random or of a low-discrepancy sequence: two
-    /// choose the light, two the point. Numbers outside are clamped, and NaN counts as 0.
+    /// choose the light, two the point. They are independent of each other: if two are equal or one is
+    /// fixed, lights are chosen with other frequencies than their probabilities. Numbers outside are
+    /// clamped, and NaN counts as 0.
     ///
     /// `None` if no light can reach the shading point, or if the chosen point sends nothing to it.
     /// Both are ordinary: count the sample as black. The cost is that of [`LightSampler::pick`].
