@@ -5,7 +5,7 @@ cd "$(dirname "$0")/.."
 source scripts/common.sh
 
 step bash .ci/run
-# Bevy 0.19 is linted and Bevy 0.20 tested, too.
+# Bevy 0.19 is linted, and Bevy 0.20 linted and tested, too.
 step bash examples/bevy_girandole/test.sh --all
 # More targets and versions.
 step bash scripts/portability.sh --all
@@ -13,6 +13,8 @@ step bash scripts/portability.sh --all
 step cargo test --locked --no-default-features --lib --test all
 # Every bench runs once.
 step cargo test --locked --benches
+# All rounds of tests of which CI runs a quarter.
+GIRANDOLE_THOROUGH=1 step cargo test --locked --test all hard_cases
 # Longer tests with fresh seeds: 200,000 damaged glTF files, and many threads beside background builds.
 step cargo test --locked --release --test all -- --ignored
 # The fuzz target compiles. It needs a C++ compiler.

@@ -22,7 +22,7 @@ use girandole::{
 };
 
 use crate::gpu::{OTHER_PICKS, compare, gpu, sample_by, with_splits};
-use testbed::testing::support::{Rng, SPLITS, all_pmfs};
+use testbed::testing::support::{Rng, SPLITS, all_pmfs, rounds};
 
 /// Rounding of a sum over thousands of lights. Each probability is a product of ratios of sums of
 /// eight, and each ratio rounds by a few 6e-8.

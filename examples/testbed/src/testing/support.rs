@@ -126,6 +126,12 @@ pub fn user_data_of(world: &LightWorld, instance: InstanceKey) -> u32 {
     world.slot(instance).expect("a live key").wrapping_mul(0x9e37_79b9)
 }
 
+/// The rounds of a long test over random scenes: all of them if the variable `GIRANDOLE_THOROUGH` is set,
+/// as in `scripts/test-all.sh`, and the first quarter for each change.
+pub fn rounds(all: u64) -> u64 {
+    if std::env::var_os("GIRANDOLE_THOROUGH").is_some() { all } else { all.div_ceil(4) }
+}
+
 /// The numbers of splits that tests of probabilities run with: none, and the default.
 pub const SPLITS: [SplitCount; 2] = [SplitCount::NONE, SplitCount::DEFAULT];
 
