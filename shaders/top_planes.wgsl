@@ -55,8 +55,8 @@ fn planes_first(count: u32, pieces: u32, cell: u32, level: u32) -> u32 {
     return ((cell * pieces) >> level) * count / pieces;
 }
 
-// 1 for each axis along which a sample is before another one. Equal coordinates are ordered by the next
-// axis, as in `median`, and equal samples by their numbers.
+// 1 for each axis along which sample `a` is before `b`. Equal coordinates are ordered by the next axis, as
+// in `median`. Of equal samples, `a` is before `b` if `is_first` is set.
 fn planes_before(a: vec3<u32>, b: vec3<u32>, is_first: bool) -> vec3<u32> {
     let less = a < b;
     let equal = a == b;

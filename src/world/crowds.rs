@@ -130,8 +130,8 @@ impl ThickBox {
         GridCell { size, at: numbers((self.center / cell_length(size)).floor()) }
     }
 
-    /// The share of another box that lies in this one, which counts as endless toward the centre of the
-    /// other: so strings of lamps that cross share half of their edges, however thin they are.
+    /// The share of another box that lies in this one. This box counts as endless in the direction of the
+    /// other's centre. So a thin string of lamps holds half of another one that crosses it, not a sliver.
     fn share_of(&self, other: &Self) -> f64 {
         let common = self.reach + other.reach - (self.center - other.center).abs();
         let one = |axis: usize| match 2.0 * other.reach[axis] {
