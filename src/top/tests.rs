@@ -3,6 +3,7 @@ use std::collections::HashMap;
 use glam::{DVec3, Quat, Vec3};
 
 use super::*;
+use crate::cluster::Aabb;
 use crate::instance::placement::Placement;
 use crate::light::{Light, luminance};
 use crate::policy::Policy;
@@ -232,4 +233,41 @@ fn no_piece_has_more_cuts_or_nodes_than_there_is_room_for() {
         assert!(of_part[count].max(1) <= most_nodes(count) + 1, "{count}: {}", of_part[count]);
     }
     assert!(most[PIECE] > PIECE / 5, "the bound is not far from the worst case");
+}
+
+/// Clusters whose boxes halve in numbers and shrink to a fortieth, or lose one unit or eight, with each cut.
+fn nested(count: usize, origin: f32, size: f32, rng: &mut Rng, units: &mut Vec<Cluster>) {
+    let sides = [1, 8, count / 2, count / 2 + 1].map(|side| side.min(count));
+    let side = sides[(rng.unit() * 4.0) as usize];
+    if count <= 2 * WIDTH || !fills_nodes(side) || !fills_nodes(count - side) {
+        let lamp = LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid").cluster();
+        units.extend((0..count).map(|_| {
+            let mean = Vec3::X * (origin + size * rng.unit());
+            Cluster { mean, aabb: Aabb { min: mean, max: mean }, ..lamp }
+        }));
+        return;
+    }
+    nested(count - side, origin, size / 40.0, rng, units);
+    nested(side, origin + size, size / 40.0, rng, units);
+}
+
+#[test]
+fn tiny_parts_need_no_more_nodes_than_there_is_room_for() {
+    // One tiny part at each depth to which cuts are searched for.
+    let mut most_tiny = 0;
+    for (round, count) in (0..40).flat_map(|round| [WIDTH + 1, 31, 32, 100, 300, PIECE].map(|count| (round, count))) {
+        let mut units = Vec::new();
+        nested(count, 0.0, 1.0e15, &mut Rng(round << 32 | count as u64), &mut units);
+        let split = SplitPiece::new(units.iter(), count / 3);
+        let tiny = split.parts.iter().filter(|part| part.is_tiny).count();
+        let in_order = split.order.iter().zip(0..);
+        let in_order: Vec<Unit> =
+            in_order.map(|(unit, i)| Unit { cluster: units[*unit], kind: UnitKind::Part(i) }).collect();
+        let mut root = PieceTree::default();
+        root.add_part(&in_order, &split.parts, split.parts[0]);
+        assert!(root.nodes.len() <= most_nodes(count) + 1 + tiny, "{round}, {count}: {}, {tiny}", root.nodes.len());
+        assert!(tiny <= MAX_TINY, "{round}, {count}: {tiny}");
+        most_tiny = most_tiny.max(tiny);
+    }
+    assert!(most_tiny > MAX_TINY / 4, "{most_tiny}");
 }
