@@ -123,8 +123,8 @@ fn light_draw(
 // slot of its instance, or 0xffffffff for directional lights.
 fn light_pmf(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32 {
     // #if PREVIOUS
-    // The slot was empty, or held another instance.
-    if instance != LIGHT_DIRECTIONAL && light_generation(instance) != light_present_generation(instance) {
+    // There was no such light, or another.
+    if any(light_births(instance, light) != light_present_births(instance, light)) {
         return 0.0;
     }
     // #endif

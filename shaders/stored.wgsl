@@ -189,13 +189,38 @@ fn light_user_data(instance: u32) -> u32 {
     return light_instances[instance * light_params.instance_stride + LIGHT_INSTANCE_PART].w;
 }
 
-// Returns a number that changes when the slot gets another instance, at least 1; 0 for
-// LIGHT_DIRECTIONAL and for a slot without an instance. Twin of `LightWorld::generation`.
-fn light_generation(instance: u32) -> u32 {
-    if instance >= light_params.slots {
-        return 0u;
+// Returns a number that changes when an instance and an index come to name another light, at least 1;
+// 0 where no instance is shown. Twin of `LightWorld::generation`.
+fn light_generation(instance: u32, light: u32) -> u32 {
+    let births = light_births(instance, light);
+    let mixed = (births.x * 0x9e3779b1u) ^ (births.y * 0x85ebca6bu);
+    return select(0u, max(mixed >> 8u, 1u), births.z != 0u);
+}
+
+// The birth numbers of an instance and of its light, and 1; all 0 where no instance is shown.
+fn light_births(instance: u32, light: u32) -> vec3<u32> {
+    var of_instance = 0u;
+    var index = light_params.directional_base + light;
+    if instance == LIGHT_DIRECTIONAL {
+        if light >= light_params.directional_count {
+            return vec3(0u);
+        }
+    } else {
+        if instance >= light_params.slots {
+            return vec3(0u);
+        }
+        let words = light_instances[instance * light_params.instance_stride + LIGHT_INSTANCE_TREE];
+        if (words.x & LIGHT_LIVE) == 0u {
+            return vec3(0u);
+        }
+        of_instance = words.x >> LIGHT_BIRTH_SHIFT;
+        index = words.w + light;
     }
-    return light_instances[instance * light_params.instance_stride + LIGHT_INSTANCE_TREE].x >> LIGHT_GENERATION_SHIFT;
+    // Stand-ins and other lights have different indices.
+    if index >= arrayLength(&light_records) / light_params.light_stride {
+        return vec3(0u);
+    }
+    return vec3(of_instance, light_records[index * light_params.light_stride].w >> LIGHT_BIRTH_SHIFT, 1u);
 }
 
 // Whether the lights of an instance are stand-ins. Then their indices begin at LIGHT_STAND_IN, and

@@ -165,7 +165,7 @@ pub use glam;
 pub use instance::appearance::MAX_FACTOR;
 pub use instance::placement::{MAX_DISTANCE, MAX_SCALE, Placement};
 pub use instance::sector::ORIGIN_GRID;
-pub use keys::{DirectionalKey, InstanceKey, RegionKey, TreeKey};
+pub use keys::{DirectionalKey, InstanceKey, LightId, RegionKey, TreeKey};
 pub use light::{DirectionalLight, Light, Shape};
 pub use policy::Policy;
 pub use sampling::along::SegmentPoint;
@@ -173,7 +173,7 @@ pub use sampling::counts::{CandidateCount, MAX_CANDIDATES, MAX_SPLITS, SplitCoun
 pub use sampling::emit::Incident;
 pub use sampling::quality::Quality;
 pub use sampling::resample::Reservoir;
-pub use sampling::sample::{LightId, LightPick, LightSample, LightSampler};
+pub use sampling::sample::{LightPick, LightSample, LightSampler};
 pub use scheduler::FrameBudget;
 pub use shading::gloss::Gloss;
 pub use shading::shading_point::ShadingPoint;

@@ -61,8 +61,8 @@ use crate::plan::text;
 /// struct LightAlong { along: f32, pdf: f32 }
 /// fn light_sample_along(shading_point: LightShadingPoint, instance: u32, light: u32, u: f32) -> LightAlong
 /// fn light_along_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, along: f32) -> f32
-/// // A number that changes when the slot gets another instance: see `LightWorld::generation`.
-/// fn light_generation(instance: u32) -> u32
+/// // A number that changes when this comes to name another light: see `LightWorld::generation`.
+/// fn light_generation(instance: u32, light: u32) -> u32
 /// // Whether the lights of an instance are stand-ins: see `GpuLights::set_tree_memory`.
 /// fn light_stands_in(instance: u32) -> bool
 /// // Well-mixed bits, for random numbers.
@@ -143,8 +143,8 @@ impl LightShader {
     /// samples from frame to frame need:
     ///
     /// ```wgsl
-    /// // The probability of a light in the last frame, as light_pmf returned it then; 0 for an
-    /// // instance that did not exist.
+    /// // The probability of a light in the last frame, as light_pmf returned it then; 0 for a light
+    /// // that did not exist.
     /// fn light_pmf_previous(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
     /// ```
     ///
@@ -154,10 +154,9 @@ impl LightShader {
     /// binds eight storage buffers, which is WebGPU's default limit.
     ///
     /// The shading point is relative to the origin that the world had then
-    /// ([`LightWorld::origin`](crate::LightWorld::origin)). A light is named as in the last frame.
-    /// Instances keep their slots, and the function compares their generations. Indices of lights
-    /// stay the same as long as no lights are replaced
-    /// ([`LightWorld::replace_lights`](crate::LightWorld::replace_lights)). The number of splits is
+    /// ([`LightWorld::origin`](crate::LightWorld::origin)). The function compares what
+    /// `light_generation` returns now and returned then, so a light that was added, or that came with
+    /// another tree or instance, has a probability of 0. The number of splits is
     /// `light_splits_previous`, which is the default at first. Learnt visibility is left out.
     #[must_use]
     pub fn with_previous(self, group: u32) -> Self {

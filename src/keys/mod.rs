@@ -1,5 +1,5 @@
-//! Keys of trees, instances, directional lights and regions, and their conversion to and from
-//! `u64`.
+//! Keys of trees, instances, directional lights and regions, their conversion to and from `u64`, and the
+//! names of lights.
 
 pub(crate) mod linked_lists;
 
@@ -40,6 +40,21 @@ new_key_type! {
     pub struct RegionKey;
 }
 
+/// The name of a light that can be sampled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[non_exhaustive]
+pub enum LightId {
+    /// A light of an instance's tree.
+    Local {
+        /// The instance.
+        instance: InstanceKey,
+        /// The light's index in the tree.
+        light: u32,
+    },
+    /// A directional light of the world.
+    Directional(DirectionalKey),
+}
+
 macro_rules! convert_to_and_from_u64 {
     ($($key:ident),*) => {$(
         impl From<$key> for u64 {
@@ -74,13 +89,6 @@ pub(crate) fn slot_of(key: impl Key) -> u32 {
     (key.data().as_ffi() & 0xffff_ffff) as u32
 }
 
-/// A number that differs between the instances that a slot holds one after the other: at least 1 and
-/// below 2²⁴. It repeats after 2²⁴ - 1 of them.
-pub(crate) fn generation_of(key: impl Key) -> u32 {
-    let version = (key.data().as_ffi() >> 32) as u32;
-    (version >> 1) % 0xff_ffff + 1
-}
-
 #[cfg(test)]
 mod tests {
     use slotmap::SlotMap;
@@ -101,21 +109,6 @@ mod tests {
             }
         }
         assert_eq!(TreeKey::from(u64::from(TreeKey::null())), TreeKey::null());
-    }
-
-    #[test]
-    fn the_instances_of_a_slot_have_different_generations() {
-        let mut map = SlotMap::<InstanceKey, ()>::with_key();
-        let mut generations = Vec::new();
-        for _ in 0..100 {
-            let key = map.insert(());
-            assert_eq!(slot_of(key), 1);
-            generations.push(generation_of(key));
-            map.remove(key);
-        }
-        assert!(generations.iter().eq(&(1..=100).collect::<Vec<_>>()), "{generations:?}");
-        let last = InstanceKey::from(u64::from(u32::MAX) << 32 | 1);
-        assert!((1..1 << 24).contains(&generation_of(last)));
     }
 
     #[test]

@@ -13,6 +13,7 @@ use crate::instance::sector;
 use crate::light::{DirectionalLight, Light, Shape, UNLIMITED_RANGE, spot_falloff};
 use crate::sampling::cut::NO_INSTANCE;
 use crate::tree::{LightTree, Opening};
+use crate::world::BIRTH_BITS;
 
 /// The bits of [`LightRecord::kind`] that hold the kind.
 pub(crate) const KIND_MASK: u32 = 0xff;
@@ -46,8 +47,8 @@ pub(crate) const STAND_IN: u32 = 1 << 30;
 /// opening. Places have smaller bits: a buffer of 4 GiB has room for 2^29 places.
 pub(crate) const OPENING: u32 = 1 << 31;
 
-/// Where the generation of the slot begins in [`InstanceRecord::flags`].
-pub(crate) const GENERATION_SHIFT: u32 = 8;
+/// Where the birth numbers begin in [`InstanceRecord::flags`] and [`LightRecord::kind`].
+pub(crate) const BIRTH_SHIFT: u32 = u32::BITS - BIRTH_BITS;
 
 /// The instance slot that samples of directional lights report.
 pub(crate) const DIRECTIONAL: u32 = u32::MAX;
@@ -75,7 +76,7 @@ pub(crate) struct InstanceRecord {
     /// The rows of the matrix; the fourth column is the translation, relative to the centre of the
     /// sector.
     pub to_world: [[f32; 4]; 3],
-    /// Bits, and from [`GENERATION_SHIFT`] on the generation of the slot.
+    /// Bits, and from [`BIRTH_SHIFT`] on the birth number of the instance.
     pub flags: u32,
     /// The tree's first record in the tree pool.
     pub tree: u32,
@@ -239,6 +240,11 @@ impl LightRecord {
         }
     }
 
+    /// The same record with a birth number.
+    pub fn with_birth(self, birth: u32) -> Self {
+        Self { kind: self.kind | birth << BIRTH_SHIFT, ..self }
+    }
+
     /// The record of a directional light.
     pub fn directional(light: &DirectionalLight) -> Self {
         Self {
@@ -284,14 +290,9 @@ impl InstanceRecord {
         padding: 0,
     };
 
-    /// The record of an instance that is not shown.
-    pub fn hidden(generation: u32) -> Self {
-        Self { flags: generation << GENERATION_SHIFT, ..Self::NONE }
-    }
-
-    /// The same record with the generation of its slot.
-    pub fn with_generation(self, generation: u32) -> Self {
-        Self { flags: self.flags | generation << GENERATION_SHIFT, ..self }
+    /// The same record with a birth number.
+    pub fn with_birth(self, birth: u32) -> Self {
+        Self { flags: self.flags | birth << BIRTH_SHIFT, ..self }
     }
 
     /// The record of an instance with this placement and appearance, whose tree and parts start at

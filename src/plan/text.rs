@@ -54,15 +54,14 @@ pub fn wgsl_with_target(group: u32, effects: Effects, target: &TargetHook) -> St
 /// buffers of the last frame: [`LightPlanner::previous_bindings`](super::LightPlanner::previous_bindings).
 ///
 /// ```wgsl
-/// // The probability of a light in the last frame, as light_pmf returned it then. 0 for an
-/// // instance that did not exist.
+/// // The probability of a light in the last frame, as light_pmf returned it then. 0 for a light that
+/// // did not exist.
 /// fn light_pmf_previous(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
 /// ```
 ///
 /// The shading point is in the space of the last frame's [`LightWorld::origin`]. Lights
 /// and placements are those of the last frame, and the number of splits is that of the variable
-/// `light_splits_previous`. Learnt visibility is left out. For a light that was added to a tree since
-/// then, the result is some number in [0, 1].
+/// `light_splits_previous`. Learnt visibility is left out.
 ///
 /// [`LightWorld::origin`]: crate::LightWorld::origin
 #[must_use]
@@ -70,8 +69,10 @@ pub fn wgsl_previous(group: u32, effects: Effects) -> String {
     let text = functions(group, effects, Extras { previous: true, ..Extras::default() }, None);
     // Shaders name the constants that they use.
     let steps = format!("const LIGHT_MAX_STEPS: u32 = {MAX_STEPS}u;\n");
-    let present = "fn light_present_generation(instance: u32) -> u32 {\n    return light_generation(instance);\n}\n";
-    steps + present + &renamed(&text, "light_pmf", "_previous")
+    let parameters = "instance: u32, light: u32";
+    let body = "return light_births(instance, light);";
+    let present = format!("fn light_present_births({parameters}) -> vec3<u32> {{\n    {body}\n}}\n");
+    steps + &present + &renamed(&text, "light_pmf", "_previous")
 }
 
 /// Nodes that a walk through the buffers of the last frame climbs at most, in both levels together.
@@ -208,12 +209,12 @@ pub(crate) fn constants() -> String {
         ("KIND_SPHERE", layout::KIND_SPHERE),
         ("KIND_DIRECTIONAL", layout::KIND_DIRECTIONAL),
         ("TWO_SIDED", layout::TWO_SIDED),
+        ("BIRTH_SHIFT", layout::BIRTH_SHIFT),
         ("LIVE", layout::LIVE),
         ("NON_RIGID", layout::NON_RIGID),
         ("OPENING", layout::OPENING),
         ("STANDS_IN", layout::STANDS_IN),
         ("STAND_IN", layout::STAND_IN),
-        ("GENERATION_SHIFT", layout::GENERATION_SHIFT),
         ("PART", part::PART),
         ("SINGLE", part::SINGLE),
         ("PART_BITS", part::PART_BITS),

@@ -15,9 +15,10 @@ use super::room::{Room, TreeRoom};
 use super::scatter::{MAX_TARGETS, Scattered, scatter};
 use super::tree_writes::{Source, TreeRuns, written_records};
 use crate::effects::Effects;
-use crate::keys::{generation_of, slot_of};
+use crate::keys::slot_of;
+use crate::math::dice::hash;
 use crate::tree::{ChildRef, LEAF, Node};
-use crate::world::LightWorld;
+use crate::world::{LightWorld, birth_of_directional};
 
 /// Commands and bytes of a plan besides the records of the large pools: parts and parameters.
 const MORE_COMMANDS: usize = 32;
@@ -86,7 +87,9 @@ impl Reservation<'_> {
         planner.lists.keep(writes, runs.instances);
         if changes.directionals {
             let run = planner.trees.directionals.clone();
-            let records = world.directional_lights().map(|(_, light)| LightRecord::directional(light));
+            let records = world
+                .directional_lights()
+                .map(|(key, light)| LightRecord::directional(light).with_birth(birth_of_directional(key)));
             planner.trees.lights.write(commands, &mut Scattered::default(), run, records);
         }
         planner.scatter(commands, staged);
@@ -220,8 +223,15 @@ impl LightPlanner {
             for run in &runs[light_runs.clone()] {
                 let range = run.start as usize..run.end as usize;
                 report.lights += range.len();
-                let lights = tree.lights()[range.clone()].iter().zip(&tree.leaves()[range]);
-                let fill = lights.map(|(light, place)| LightRecord::of(light, stored_place(*place, openings)));
+                let birth = |light| match write.source {
+                    // The draw depends on the tree alone.
+                    Source::StandIns(_) => hash(write.slot).wrapping_add(entry.log.revision() as u32),
+                    Source::Tree | Source::Piece => entry.births.of(light),
+                };
+                let lights = run.clone().zip(&tree.lights()[range.clone()]).zip(&tree.leaves()[range]);
+                let fill = lights.map(|((index, light), place)| {
+                    LightRecord::of(light, stored_place(*place, openings)).with_birth(birth(index))
+                });
                 let target = light_base + run.start..light_base + run.end;
                 self.trees.lights.write(commands, &mut staged.lights, target, fill);
             }
@@ -250,9 +260,9 @@ impl LightPlanner {
 
     fn instance_record(&self, slot: u32, world: &LightWorld) -> InstanceRecord {
         let Some(key) = world.instance_at(slot) else { return InstanceRecord::NONE };
-        let generation = generation_of(key);
         let Some(instance) = world.instance(key) else { return InstanceRecord::NONE };
-        let Some(placed) = instance.shown() else { return InstanceRecord::hidden(generation) };
+        // No generation either, if it is hidden.
+        let Some(placed) = instance.shown() else { return InstanceRecord::NONE };
         let state = self.trees.residency.get(slot_of(instance.tree));
         let parts = self.instances.parts.range(slot);
         let stands_in = state.form == Form::StandIns;
@@ -264,7 +274,7 @@ impl LightPlanner {
             part: parts.start,
             stands_in,
         };
-        InstanceRecord::of(placed, &instance.appearance, bases).with_generation(generation)
+        InstanceRecord::of(placed, &instance.appearance, bases).with_birth(instance.birth)
     }
 
     /// Sends the staged records, if there are any.

@@ -2,8 +2,9 @@
 //!
 //! Twin of `light_sample_along` and `light_along_pdf` in `shaders/along.wgsl`.
 
+use crate::keys::LightId;
 use crate::math::dice::clamp_unit;
-use crate::sampling::sample::{LightId, LightSampler};
+use crate::sampling::sample::LightSampler;
 use crate::shading::segment::LocalSegment;
 use crate::shading::shading_point::ShadingPoint;
 

@@ -2,7 +2,8 @@
 
 use glam::Mat3;
 
-use crate::sampling::sample::{LightId, LightSampler};
+use crate::keys::LightId;
+use crate::sampling::sample::LightSampler;
 use crate::sampling::walk::LeafPath;
 use crate::shading::shading_point::ShadingPoint;
 use crate::tree::WIDTH;

@@ -8,10 +8,11 @@ use std::f32::consts::PI;
 use glam::Vec3;
 
 use crate::instance::transform::InstanceTransform;
+use crate::keys::LightId;
 use crate::light::{Light, Shape, range_window};
 use crate::math::solid_angle::NearSurface;
 use crate::sampling::emit::{CLOSE, MIN_DIST_SQ, is_density, is_lit_side};
-use crate::sampling::sample::{LightId, LightSampler};
+use crate::sampling::sample::LightSampler;
 use crate::shading::segment::LocalSegment;
 use crate::shading::shading_point::ShadingPoint;
 

@@ -8,7 +8,7 @@ use std::fmt;
 use glam::Mat3;
 
 use crate::instance::part::{Part, SINGLE};
-use crate::keys::{DirectionalKey, InstanceKey, slot_of};
+use crate::keys::{InstanceKey, LightId, slot_of};
 use crate::light::{DirectionalLight, luminance};
 use crate::math::dice::{choice_pmf, clamp_unit, hashed_unit};
 use crate::math::simd::with_vectors;
@@ -25,21 +25,6 @@ use crate::top::TopLevel;
 use crate::tree::{ChildRef, Lanes, LightTree, NO_LEAF, Node, WIDTH};
 use crate::visibility::{CellGrid, LearntCell, VisibilityTable};
 use crate::world::LightWorld;
-
-/// The name of a light that can be sampled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-#[non_exhaustive]
-pub enum LightId {
-    /// A light of an instance's tree.
-    Local {
-        /// The instance.
-        instance: InstanceKey,
-        /// The light's index in the tree.
-        light: u32,
-    },
-    /// A directional light of the world.
-    Directional(DirectionalKey),
-}
 
 /// A light that [`LightSampler::pick`] chose.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use super::births::Births;
 use super::staged::StagedLights;
 use super::{Instance, LightWorld, TreeEntry};
 use crate::effects::Effects;
@@ -282,7 +283,13 @@ impl LightWorld {
 
     /// Puts a tree whose nodes are up to date in the place of another one, which is returned.
     fn exchange(&mut self, tree: TreeKey, by: LightTree) -> LightTree {
+        let birth = self.scene.births.next();
         let entry = &mut self.scene.trees[tree];
+        entry.births = Births::default();
+        for key in &entry.instances {
+            self.scene.instances[*key].birth = birth;
+            self.log.altered(slot_of(*key));
+        }
         self.effects.change(|counts| {
             counts.add_all(by.effects());
             counts.remove_all(entry.tree.effects());
@@ -327,13 +334,15 @@ impl LightWorld {
         let placement = placement.into();
         let placed = Placed::new(&placement, self.scene.origin.anchor())?;
         let appearance = Appearance::default();
-        let instance = Instance { tree, placement, policy, appearance, placed, index_in_tree: 0, region: None };
+        let instance =
+            Instance { tree, placement, policy, appearance, placed, birth: 0, index_in_tree: 0, region: None };
         Ok(self.insert_instance(instance, false))
     }
 
     /// Adds an instance that has been checked. O(1), but for a build of its tree if it is the first
     /// one; `builds_later` leaves that to later updates.
-    pub(super) fn insert_instance(&mut self, instance: Instance, builds_later: bool) -> InstanceKey {
+    pub(super) fn insert_instance(&mut self, mut instance: Instance, builds_later: bool) -> InstanceKey {
+        instance.birth = self.scene.births.next();
         let (tree, policy) = (instance.tree, instance.policy);
         self.effects.change(|counts| counts.add(instance.effects()));
         let key = self.scene.instances.insert(instance);
@@ -404,7 +413,7 @@ impl LightWorld {
             return Ok(shared);
         }
         let copy = entry.tree.clone();
-        let (history, staged) = (entry.history, entry.staged.clone());
+        let (history, staged, births) = (entry.history, entry.staged.clone(), entry.births.clone());
         let has_new_policy = entry.has_new_policy;
         let own = self.add_tree(copy);
         if !staged.is_empty() || has_new_policy {
@@ -414,6 +423,7 @@ impl LightWorld {
         entry.has_new_policy = has_new_policy;
         entry.history = history;
         entry.staged = staged;
+        entry.births = births;
         entry.recount(&mut self.sums);
         self.rebuilds.scheduler.copy(shared, own);
         let (crowds, mut edit) = self.crowds();

@@ -3,6 +3,7 @@
 
 mod appearance;
 mod attention;
+mod births;
 mod build_thread;
 mod change_log;
 mod crowds;
@@ -42,6 +43,7 @@ use std::sync::{Arc, OnceLock};
 use glam::Vec3;
 
 #[cfg(feature = "gpu-plan")]
+pub(crate) use births::{BIRTH_BITS, birth_of_directional};
 pub(crate) use change_log::TreeChanges;
 pub use log::{Changes, Revision};
 pub use memory::WorldMemory;
@@ -56,7 +58,7 @@ use crate::cluster::Cluster;
 use crate::effects::{EffectCounts, Effects, HeldEffects};
 use crate::instance::part::Part;
 use crate::instance::placement::Placement;
-use crate::keys::{DirectionalKey, InstanceKey, TreeKey, generation_of, slot_of};
+use crate::keys::{DirectionalKey, InstanceKey, LightId, TreeKey, slot_of};
 use crate::light::DirectionalLight;
 use crate::policy::Policy;
 use crate::scheduler::{Clock, SystemClock};
@@ -249,12 +251,26 @@ impl LightWorld {
         self.scene.instances.contains_key(instance).then(|| slot_of(instance))
     }
 
-    /// A number that shaders read with `light_generation(slot)`, at least 1; `None` for a stale key.
-    /// It changes when the slot gets another instance, so a sample that was kept from an earlier
-    /// frame still means the same instance if its slot has the same generation. It repeats after
-    /// 2²⁴ - 1 instances of one slot.
-    pub fn generation(&self, instance: InstanceKey) -> Option<u32> {
-        self.scene.instances.contains_key(instance).then(|| generation_of(instance))
+    /// A number that shaders read with `light_generation(instance, light)`, at least 1 and below 2²⁴;
+    /// `None` for a light that is not shown or that there is not. Shaders read 0 where no instance is
+    /// shown, and some number of another light for an index beyond those of the tree. O(1).
+    ///
+    /// A slot and an index name the same light for as long as this number stays the same. Another
+    /// instance in the slot, another tree, other lights in the tree, or a light that was added at the
+    /// index of one that was removed all change it; two lights have the same number by chance once in
+    /// 2²⁴.
+    pub fn generation(&self, light: LightId) -> Option<u32> {
+        match light {
+            LightId::Local { instance, light } => {
+                let Instance { tree, birth, .. } = self.instance(instance).filter(|shown| shown.shown().is_some())?;
+                let entry = &self.scene.trees[*tree];
+                ((light as usize) < entry.tree.lights().len())
+                    .then(|| births::generation(*birth, entry.births.of(light)))
+            }
+            LightId::Directional(key) => {
+                self.scene.directionals.contains_key(key).then(|| births::generation(0, birth_of_directional(key)))
+            }
+        }
     }
 
     /// The live instance that shaders refer to by this number; `None` if there is none.

@@ -93,6 +93,9 @@ impl LightWorld {
         entry.tree = tree;
         entry.staged = staged;
         entry.log = log;
+        if !added.is_empty() {
+            entry.births.add(&added, entry.tree.lights().len(), self.scene.births.next());
+        }
         let (lights, may_open) = (entry.tree.light_count(), entry.may_open());
         if lights != former_lights {
             self.rebuilds.scheduler.was_resized(key, lights);

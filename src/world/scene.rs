@@ -2,6 +2,7 @@
 
 use slotmap::SlotMap;
 
+use super::births::{BirthCounter, Births};
 use super::change_log::ChangeLog;
 use super::memory::WorldMemory;
 use super::origin::Origin;
@@ -22,6 +23,7 @@ pub(super) struct Scene {
     pub trees: SlotTable<TreeKey, TreeEntry>,
     pub instances: SlotTable<InstanceKey, Instance>,
     pub directionals: SlotMap<DirectionalKey, DirectionalLight>,
+    pub births: BirthCounter,
     pub origin: Origin,
 }
 
@@ -31,6 +33,7 @@ pub(super) const CROWD_UNIT: f64 = 1.0 / 256.0;
 /// A tree of a world.
 pub(crate) struct TreeEntry {
     pub tree: LightTree,
+    pub births: Births,
     pub instances: Vec<InstanceKey>,
     /// The policies of all instances.
     pub policies: PolicySet,
@@ -73,6 +76,8 @@ pub(crate) struct Instance {
     /// `None` while the instance is hidden by a scale of zero. [`Instance::shown`] tells whether
     /// its lights shine.
     pub placed: Option<Placed>,
+    /// The number of the edit that added it, or that put another tree in the place of its tree.
+    pub birth: u32,
     /// Its index in its tree's list of instances.
     pub index_in_tree: usize,
     /// The region that it was added with.
@@ -82,6 +87,7 @@ pub(crate) struct Instance {
 impl TreeEntry {
     pub fn new(tree: LightTree) -> Self {
         Self {
+            births: Births::default(),
             history: AttributeHistory::start(tree.attributes()),
             tree,
             instances: Vec::new(),
@@ -116,7 +122,8 @@ impl TreeEntry {
             successors: self.successor.as_ref().map_or(0, |tree| size_of_val(&**tree) + tree.memory_bytes()),
             edits: self.staged.memory_bytes() + self.log.memory_bytes(),
             lists: size_of::<InstanceKey>() * self.instances.capacity()
-                + size_of::<Opening>() * self.openings.capacity(),
+                + size_of::<Opening>() * self.openings.capacity()
+                + self.births.memory_bytes(),
             tables: 0,
         };
         let instances = self.instances.len();

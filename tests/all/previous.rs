@@ -1,10 +1,12 @@
 //! The probabilities of the last frame.
 
+use std::collections::HashMap;
+
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
 use girandole::{
-    Effects, FrameBudget, InstanceKey, Light, LightTree, LightWorld, ORIGIN_GRID, OriginMode, Placement, Policy,
-    TreeKey, wgpu,
+    DirectionalLight, Effects, FrameBudget, InstanceKey, Light, LightId, LightTree, LightWorld, ORIGIN_GRID,
+    OriginMode, Placement, Policy, TreeKey, wgpu,
 };
 use wgpu::util::DeviceExt;
 
@@ -24,13 +26,13 @@ const TEXT: &str = "
         let at = light_surface_point(q.position, vec3(0.0, 1.0, 0.0));
         answers[id.x] = vec4(
             light_pmf(at, q.instance, q.light), light_pmf_previous(at, q.instance, q.light),
-            f32(light_generation(q.instance)), 0.0,
+            f32(light_generation(q.instance, q.light)), 0.0,
         );
     }
 ";
 
 #[repr(C)]
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 struct Query {
     position: [f32; 3],
     instance: u32,
@@ -127,89 +129,150 @@ impl Asker {
     }
 }
 
+fn light(rng: &mut Rng, round: u32) -> Light {
+    let (at, emission) = (rng.position(4.0), Vec3::splat(rng.between(1.0, 9.0)));
+    match round {
+        // Other layouts of nodes and lights.
+        8.. => Light::spot(at, Vec3::NEG_Y, 0.2, 1.4, emission).with_range(300.0),
+        _ => Light::point(at, emission),
+    }
+}
+
 fn tree(world: &mut LightWorld, rng: &mut Rng, round: u32) -> TreeKey {
-    let light = |rng: &mut Rng| {
-        let (at, emission) = (rng.position(4.0), Vec3::splat(rng.between(1.0, 9.0)));
-        match round {
-            // Other layouts of nodes and lights.
-            8.. => Light::spot(at, Vec3::NEG_Y, 0.2, 1.4, emission).with_range(300.0),
-            _ => Light::point(at, emission),
-        }
-    };
     let count = 4 + 60 * (round as usize % 3);
-    world.add_tree(LightTree::new((0..count).map(|_| light(rng)).collect()).expect("valid"))
+    world.add_tree(LightTree::new((0..count).map(|_| light(rng, round)).collect()).expect("valid"))
+}
+
+/// A number for each light that ever was. A light keeps it while it is changed, and in copies of its tree.
+#[derive(Default)]
+struct Names {
+    count: u64,
+    of_trees: HashMap<TreeKey, Vec<u64>>,
+}
+
+impl Names {
+    fn name(&mut self, tree: TreeKey, light: usize) {
+        let names = self.of_trees.entry(tree).or_default();
+        names.resize(names.len().max(light + 1), 0);
+        self.count += 1;
+        names[light] = self.count;
+    }
+
+    /// All lights of a tree are new.
+    fn name_all(&mut self, tree: TreeKey, world: &LightWorld) {
+        self.of_trees.remove(&tree);
+        (0..world.tree(tree).expect("it lives").lights().len()).for_each(|light| self.name(tree, light));
+    }
+
+    /// Which light a shader means; `None` if it is not shown.
+    fn of(&self, query: &Query, world: &LightWorld) -> Option<(u64, u64)> {
+        if query.instance == u32::MAX {
+            return world.directionals().nth(query.light as usize).map(|key| (u64::MAX, key.into()));
+        }
+        let key = world.instance_at(query.instance)?;
+        let is_shown = world.is_enabled(key)?;
+        let name = self.of_trees[&world.instance_tree(key)?].get(query.light as usize)?;
+        is_shown.then_some((key.into(), *name))
+    }
 }
 
 #[test]
 fn the_last_frames_probabilities_are_those_that_it_had() {
     let (mut asker, mut world, mut rng) = (Asker::new(), LightWorld::new(), Rng(71));
-    let mut instances: Vec<(InstanceKey, u32)> = Vec::new();
-    let mut before: Option<(Vec<Query>, Vec<[f32; 4]>)> = None;
-    let (mut compared, mut gone) = (0, 0);
-    for round in 0..20 {
+    let (mut instances, mut names): (Vec<InstanceKey>, _) = (Vec::new(), Names::default());
+    let mut suns = Vec::new();
+    // The queries of the last frame, which lights they meant then, and their probabilities.
+    type Asked = Vec<(Query, Option<(u64, u64)>, f32)>;
+    let mut before: Asked = Vec::new();
+    let (mut compared, mut new) = (0, 0);
+    for round in 0..30 {
         // Growth, moves, removals whose slots are used again, edits, and frames without any change.
         if round % 5 != 4 {
             for _ in 0..1 + round % 7 * 9 {
                 let tree = tree(&mut world, &mut rng, round);
-                let lights = world.tree(tree).expect("it lives").lights().len() as u32;
+                names.name_all(tree, &world);
                 let at = Placement::at(rng.position(30.0).as_dvec3());
-                let key = world.add_instance(tree, at, Policy::Budgeted).expect("valid");
-                instances.push((key, lights));
+                instances.push(world.add_instance(tree, at, Policy::Budgeted).expect("valid"));
             }
-            for i in 0..instances.len() {
-                match rng.bits() % 10 {
+            for (i, key) in instances.iter().enumerate() {
+                let tree = world.instance_tree(*key).expect("it lives");
+                match rng.bits() % 14 {
                     0 => {
                         let scale = Mat3::IDENTITY * if round > 12 { 2.0 } else { 1.0 };
                         let at = Placement { linear: scale, ..Placement::at(rng.position(30.0).as_dvec3()) };
-                        world.move_instance(instances[i].0, at).expect("valid");
+                        world.move_instance(*key, at).expect("valid");
                     }
-                    1 => {
-                        let tree = world.instance_tree(instances[i].0).expect("it lives");
-                        world.set_emission(tree, 1, Vec3::splat(rng.between(1.0, 50.0))).expect("valid");
+                    1 => world.set_emission(tree, 1, Vec3::splat(rng.between(1.0, 50.0))).unwrap_or_default(),
+                    2 if i % 3 == 0 => world.set_enabled(*key, rng.bits() % 2 == 0).expect("it lives"),
+                    3 => {
+                        // The first comes back as others at the next addition, and the tree grows.
+                        world.remove_lights(tree, &[0]).unwrap_or_default();
                     }
-                    2 if i % 3 == 0 => world.set_enabled(instances[i].0, rng.bits() % 2 == 0).expect("it lives"),
+                    4 | 5 => {
+                        let lights: Vec<Light> = (0..3).map(|_| light(&mut rng, round)).collect();
+                        let added = world.add_lights(tree, &lights).expect("valid");
+                        added.into_iter().for_each(|light| names.name(tree, light as usize));
+                    }
+                    6 if i % 2 == 0 => {
+                        let lights = (0..2 + i % 90).map(|_| light(&mut rng, round)).collect();
+                        world.replace_lights(tree, lights).expect("valid");
+                        names.name_all(tree, &world);
+                    }
+                    7 if i % 2 == 0 => {
+                        let other = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+                        let own = world.make_unique(*key).expect("it lives");
+                        let same = names.of_trees[&tree].clone();
+                        names.of_trees.insert(own, same);
+                        world.remove_instance(other).expect("it lives");
+                    }
                     _ => {}
                 }
             }
             if round % 3 == 1 {
                 for _ in 0..instances.len() / 3 {
                     let index = (rng.bits() % instances.len() as u64) as usize;
-                    world.remove_instance(instances.swap_remove(index).0).expect("it lives");
+                    world.remove_instance(instances.swap_remove(index)).expect("it lives");
+                }
+            }
+            if round > 9 {
+                let sun = DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::splat(0.01) };
+                suns.push(world.add_directional(sun).expect("valid"));
+                if suns.len() > 3 {
+                    world.remove_directional(suns.remove(0)).expect("it lives");
                 }
             }
         }
         // The queries of the last frame first, then others.
-        let asked = before.as_ref().map_or(0, |(queries, _)| queries.len());
-        let mut queries = before.as_ref().map_or_else(Vec::new, |(queries, _)| queries.clone());
-        let fresh: Vec<Query> = (0..200)
-            .map(|_| {
-                let (key, lights) = instances[(rng.bits() % instances.len() as u64) as usize];
-                Query {
-                    position: rng.position(30.0).to_array(),
-                    instance: world.slot(key).expect("it lives"),
-                    light: rng.bits() as u32 % lights,
-                    padding: [0; 3],
-                }
-            })
-            .collect();
-        queries.extend(&fresh);
+        let fresh = (0..200).map(|i| {
+            let key = instances[(rng.bits() % instances.len() as u64) as usize];
+            let lights = &names.of_trees[&world.instance_tree(key).expect("it lives")];
+            let light = (rng.bits() % lights.len() as u64) as u32;
+            let (instance, light) = if i < 4 { (u32::MAX, i) } else { (world.slot(key).expect("it lives"), light) };
+            Query { position: rng.position(30.0).to_array(), instance, light, padding: [0; 3] }
+        });
+        let queries: Vec<Query> = before.iter().map(|(query, ..)| *query).chain(fresh).collect();
         let answers = asker.frame(&mut world, &queries);
-        if let Some((_, then)) = &before {
-            for ((query, now), then) in queries.iter().zip(&answers).zip(then).take(asked) {
-                let generation = world.instance_at(query.instance).and_then(|key| world.generation(key)).unwrap_or(0);
-                assert_eq!(now[2], generation as f32);
-                if now[2] == then[2] {
-                    compared += usize::from(then[0] > 0.0);
-                    assert_eq!(now[1], then[0], "round {round}");
-                } else {
-                    gone += 1;
-                    assert_eq!(now[1], 0.0, "round {round}");
-                }
+        for (query, now) in queries.iter().zip(&answers) {
+            let light = match (query.instance, world.instance_at(query.instance)) {
+                (u32::MAX, _) => world.directionals().nth(query.light as usize).map(LightId::Directional),
+                (_, instance) => instance.map(|instance| LightId::Local { instance, light: query.light }),
+            };
+            let generation = light.and_then(|light| world.generation(light));
+            // A shader does not know how many lights a tree has.
+            if generation.is_some() || names.of(query, &world).is_some() {
+                assert_eq!(generation.map(|generation| generation as f32), Some(now[2]), "round {round}: {query:?}");
             }
         }
-        before = Some((fresh, answers[asked..].to_vec()));
+        for ((query, then, pmf), now) in before.iter().zip(&answers) {
+            let is_same = then.is_some() && *then == names.of(query, &world);
+            compared += usize::from(is_same && *pmf > 0.0);
+            new += usize::from(!is_same && now[0] > 0.0);
+            assert_eq!(now[1], if is_same { *pmf } else { 0.0 }, "round {round}: {query:?}");
+        }
+        let asked = queries.iter().zip(&answers).skip(before.len());
+        before = asked.map(|(query, now)| (*query, names.of(query, &world), now[0])).collect();
     }
-    assert!(compared > 1000 && gone > 50, "{compared} {gone}");
+    assert!(compared > 2000 && new > 50, "{compared} {new}");
 }
 
 #[test]
@@ -219,7 +282,8 @@ fn before_the_first_frame_there_were_no_lights() {
     let key = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
     let query = Query { position: [0.0; 3], instance: world.slot(key).expect("it lives"), light: 0, padding: [0; 3] };
     let answers: Vec<_> = (0..3).map(|_| asker.frame(&mut world, &[query])[0]).collect();
-    assert_eq!(answers, [[1.0, 0.0, 1.0, 0.0], [1.0, 1.0, 1.0, 0.0], [1.0, 1.0, 1.0, 0.0]]);
+    let probabilities: Vec<_> = answers.iter().map(|answer| [answer[0], answer[1]]).collect();
+    assert_eq!(probabilities, [[1.0, 0.0], [1.0, 1.0], [1.0, 1.0]]);
 }
 
 #[test]

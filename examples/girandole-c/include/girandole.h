@@ -1044,12 +1044,10 @@ GirandoleStatus girandole_world_set_policy(struct GirandoleWorld *world,
                                            uint64_t instance,
                                            const struct GirandolePolicy *policy);
 
-// Stores the slot of an instance, which is its number in shaders, and the generation of the slot, which
-// changes when the slot gets another instance. Either pointer may be NULL.
+// Stores the slot of an instance, which is its number in shaders.
 GirandoleStatus girandole_world_instance_slot(const struct GirandoleWorld *world,
                                               uint64_t instance,
-                                              uint32_t *slot,
-                                              uint32_t *generation);
+                                              uint32_t *slot);
 
 // Stores the key of the instance in a slot; 0 if there is none.
 GirandoleStatus girandole_world_instance_at(const struct GirandoleWorld *world,
@@ -1161,6 +1159,13 @@ GirandoleStatus girandole_world_pmf(const struct GirandoleWorld *world,
                                     const struct GirandoleLightId *light_ids,
                                     size_t count,
                                     float *pmf);
+
+// Stores numbers that change when the names of light_ids[i] come to mean other lights, as light_generation
+// returns them in shaders: at least 1, or 0 for a light that is not shown or that there is not.
+GirandoleStatus girandole_world_generations(const struct GirandoleWorld *world,
+                                            const struct GirandoleLightId *light_ids,
+                                            size_t count,
+                                            uint32_t *generations);
 
 // Stores the density with which girandole_world_sample chooses light_ids[i] and the direction to hits[i], a
 // point on that light in metres relative to the origin: pmf * pdf, per steradian. For multiple importance

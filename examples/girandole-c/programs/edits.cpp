@@ -313,7 +313,9 @@ void far_away() {
     const auto below = girandole_surface_point(vec3(static_cast<float>(1.0e6 + 1.0 - origin.x), 0, 0), vec3(0, 1, 0));
     require_near(exhaustive_lux(world.get(), below), 2.0, "a lamp far away");
     uint32_t slot = 0, generation = 0;
-    check(girandole_world_instance_slot(world.get(), instance, &slot, &generation));
+    check(girandole_world_instance_slot(world.get(), instance, &slot));
+    const GirandoleLightId lamp = {instance, GIRANDOLE_ID_INSTANCE, 0};
+    check(girandole_world_generations(world.get(), &lamp, 1, &generation));
     uint64_t same = 0;
     check(girandole_world_instance_at(world.get(), slot, &same));
     require(same == instance && generation >= 1, "slots");

@@ -2,7 +2,7 @@
 
 use girandole::{InstanceKey, LightWorld, Placement, Policy, TreeKey, WorldError};
 
-use crate::memory::{array, object, result, wanted};
+use crate::memory::{array, object, result};
 use crate::place::{GirandolePlacement, GirandolePolicy};
 use crate::status::{Failure, GirandoleStatus, call};
 use crate::vectors::{GirandoleVec3, flag};
@@ -147,24 +147,18 @@ pub unsafe extern "C" fn girandole_world_set_policy(
     })
 }
 
-/// Stores the slot of an instance, which is its number in shaders, and the generation of the slot, which
-/// changes when the slot gets another instance. Either pointer may be NULL.
+/// Stores the slot of an instance, which is its number in shaders.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_instance_slot(
     world: *const GirandoleWorld,
     instance: u64,
     slot: *mut u32,
-    generation: *mut u32,
 ) -> GirandoleStatus {
     call(|| {
         // SAFETY: see the crate's documentation.
-        let world = unsafe { object(world, "world")?.read()? };
-        // SAFETY: see the crate's documentation.
-        let (slot, generation) = unsafe { (wanted(slot, "slot")?, wanted(generation, "generation")?) };
+        let (world, slot) = unsafe { (object(world, "world")?.read()?, result(slot, "slot")?) };
         let key = InstanceKey::from(instance);
-        let both = world.slot(key).zip(world.generation(key)).ok_or(WorldError::NoSuchInstance(key))?;
-        slot.set(both.0);
-        generation.set(both.1);
+        slot.set(world.slot(key).ok_or(WorldError::NoSuchInstance(key))?);
         Ok(())
     })
 }

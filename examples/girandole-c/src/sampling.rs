@@ -218,6 +218,25 @@ pub unsafe extern "C" fn girandole_world_pmf(
     })
 }
 
+/// Stores numbers that change when the names of light_ids[i] come to mean other lights, as light_generation
+/// returns them in shaders: at least 1, or 0 for a light that is not shown or that there is not.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn girandole_world_generations(
+    world: *const GirandoleWorld,
+    light_ids: *const GirandoleLightId,
+    count: usize,
+    generations: *mut u32,
+) -> GirandoleStatus {
+    call(|| {
+        // SAFETY: see the crate's documentation.
+        let (world, ids) = unsafe { (object(world, "world")?.read()?, ids(light_ids, count)?) };
+        // SAFETY: see the crate's documentation.
+        let generations: Output<'_, u32> = unsafe { output(generations, count, "generations")? };
+        generations.fill(ids.into_iter().map(|id| id.and_then(|id| world.generation(id)).unwrap_or(0)));
+        Ok(())
+    })
+}
+
 /// Stores the density with which girandole_world_sample chooses light_ids[i] and the direction to hits[i], a
 /// point on that light in metres relative to the origin: pmf * pdf, per steradian. For multiple importance
 /// sampling of rays that hit lights.

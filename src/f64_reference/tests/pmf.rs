@@ -4,9 +4,9 @@ use glam::{DVec3, Mat3, Vec3};
 
 use super::{direction, exact, light, segment, shading_point, size, turn, view};
 use crate::f64_reference::ROUNDING;
+use crate::keys::LightId;
 use crate::keys::slot_of;
 use crate::light::luminance;
-use crate::sampling::sample::LightId;
 use crate::shading::shading_point::ShadingPoint;
 use crate::tree::ChildRef;
 use crate::tree::testing::Rng;
