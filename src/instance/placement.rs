@@ -26,13 +26,11 @@ pub const MAX_DISTANCE: f64 = 1.0e9;
 /// keep their radiance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
-    /// The linear part. Its columns are the images of the axes. It is one of two kinds:
+    /// The linear part. Its columns are the images of the axes. Entries are at most [`MAX_SCALE`].
     ///
-    /// - It has an inverse. Entries are at most [`MAX_SCALE`] and scales at least 1 /
-    ///   [`MAX_SCALE`].
-    /// - All its entries are exactly 0. The instance is hidden: it keeps its key, slot and policy,
-    ///   and contributes nothing until it is moved to a placement of the first kind. Engines hide
-    ///   objects by a scale of zero.
+    /// If it has no inverse in single precision, or a scale below 1 / [`MAX_SCALE`], the instance is
+    /// hidden: it keeps its key, slot and policy, and contributes nothing until it is moved to another
+    /// placement. Engines hide objects by a scale of zero, and animate scales through it.
     pub linear: Mat3,
     /// The translation to the world, in metres: along each axis at most [`MAX_DISTANCE`] from
     /// [`LightWorld::origin`](crate::LightWorld::origin), or from zero where the origin lies on a
@@ -100,26 +98,22 @@ pub(crate) struct Placed {
 }
 
 impl Placed {
-    /// Checks a placement and derives the rest; `None` for a linear part of all zeros, which hides
-    /// the instance.
+    /// Checks a placement and derives the rest; `None` for a linear part that hides the instance.
     pub fn new(placement: &Placement, anchor: Anchor) -> Result<Option<Self>, PlacementError> {
         check_entries(&placement.linear)?;
         let place = place(placement.translation, anchor)?;
-        if placement.linear == Mat3::ZERO {
-            return Ok(None);
-        }
         let exact = placement.linear.as_dmat3();
         let determinant = exact.determinant() as f32;
         // Normal numbers only: a denormal determinant has lost the digits that the inverse needs.
         // Checked before anything is inverted, since glam's assertions panic where there is no
         // inverse.
         if !determinant.is_normal() {
-            return Err(PlacementError::Singular { determinant });
+            return Ok(None);
         }
         let to_local = exact.inverse().as_mat3();
         let linear = Linear::new(placement.linear);
         if !(to_local.is_finite() && linear.least_scale >= 1.0 / MAX_SCALE) {
-            return Err(PlacementError::Singular { determinant });
+            return Ok(None);
         }
         Ok(Some(Self { linear, to_local, determinant, is_rigid: linear.is_rigid(), place }))
     }
@@ -258,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn scales_are_accepted_up_to_the_limits_and_refused_beyond_them() {
+    fn scales_are_refused_above_the_limit_and_hide_below_it() {
         let placed = place(scaled(MAX_SCALE, MAX_SCALE, MAX_SCALE)).unwrap().unwrap();
         assert!(placed.linear.flux(1.0, 1.0, Vec3::X).is_finite());
         let above = MAX_SCALE.next_up();
@@ -266,16 +260,16 @@ mod tests {
         let least = 1.001 / MAX_SCALE;
         assert!(place(scaled(least, least, least)).unwrap().unwrap().linear.is_similarity);
         let below = 0.9 / MAX_SCALE;
-        assert!(matches!(place(scaled(below, below, below)), Err(PlacementError::Singular { .. })));
+        assert!(place(scaled(below, below, below)).unwrap().is_none());
     }
 
     #[test]
-    fn a_linear_part_of_all_zeros_hides_and_any_other_singular_one_is_refused() {
-        assert!(place(scaled(0.0, 0.0, 0.0)).unwrap().is_none());
-        assert!(place(scaled(-0.0, 0.0, -0.0)).unwrap().is_none());
+    fn a_linear_part_without_inverse_hides() {
         let least = f32::from_bits(1);
         let rank_2 = Mat3::from_cols(Vec3::X, Vec3::Y, Vec3::X + Vec3::Y);
         let singular = [
+            scaled(0.0, 0.0, 0.0),
+            scaled(-0.0, 0.0, -0.0),
             scaled(1.0, 0.0, 1.0),
             scaled(0.0, 0.0, 1.0),
             scaled(0.0, least, 0.0),
@@ -284,7 +278,7 @@ mod tests {
             Placement { linear: Mat3::from_cols(Vec3::ONE, Vec3::ONE, Vec3::ONE), ..Placement::IDENTITY },
         ];
         for placement in singular {
-            assert!(matches!(place(placement), Err(PlacementError::Singular { .. })), "{placement:?}");
+            assert!(place(placement).unwrap().is_none(), "{placement:?}");
         }
     }
 

@@ -313,7 +313,7 @@ impl LightWorld {
         former
     }
 
-    /// Adds an instance of a tree to the world. A linear part of all zeros hides it, see
+    /// Adds an instance of a tree to the world. A linear part without inverse hides it, see
     /// [`Placement::linear`].
     ///
     /// O(1), but for the only instance of a tree of more than eight lights if it is stretched, by a

@@ -7,7 +7,7 @@ use crate::instance::placement::Placement;
 use crate::keys::{InstanceKey, slot_of};
 
 impl LightWorld {
-    /// Moves an instance, at once. A linear part of all zeros hides it, see [`Placement::linear`].
+    /// Moves an instance, at once. A linear part without inverse hides it, see [`Placement::linear`].
     /// A placement that equals the present one changes nothing. O(1).
     ///
     /// # Errors

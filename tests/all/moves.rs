@@ -253,13 +253,13 @@ fn a_refused_move_is_named_and_no_other_move_is_done() {
     let far = Placement::at(DVec3::X * MAX_DISTANCE.next_up());
     let distance = MAX_DISTANCE.next_up();
     let too_far = WorldError::Placement(PlacementError::TooFar { distance, limit: MAX_DISTANCE });
-    let singular = Placement { linear: Mat3::from_diagonal(Vec3::X), translation: DVec3::ZERO };
+    let large = Placement { linear: Mat3::from_diagonal(Vec3::MAX), translation: DVec3::ZERO };
     for (at, count) in [(0, 9), (1, 2000), (1600, 2000), (2000, 2000)] {
         let mut refuse = |key, placement, source: WorldError| {
             let mut moves = good[..count].to_vec();
             // Later moves that are refused, and one that supersedes the refused one, change nothing.
             let first = good[0].0;
-            moves.splice(at..at, [(key, placement), (gone, far), (first, singular), (first, Placement::IDENTITY)]);
+            moves.splice(at..at, [(key, placement), (gone, far), (first, large), (first, Placement::IDENTITY)]);
             assert_eq!(source.code(), WorldError::Move { index: at, source: Box::new(source.clone()) }.code());
             assert_eq!(world.move_instances(&moves), Err(WorldError::Move { index: at, source: Box::new(source) }));
             assert_eq!(update(&mut world)[0], 0);

@@ -250,7 +250,7 @@ fn a_world_that_refuses_a_region_is_unchanged_names_the_culprit_and_returns_the_
     let index = filled.add_instance(RegionInstance { tree: first_tree(), ..instance }).expect("valid in itself");
     let RefusedRegion { region: filled, error } = world.add_region(filled).expect_err("too far");
     assert!(matches!(&error, WorldError::RegionInstance { index: 8, .. }) && index == 8, "{error}");
-    assert_eq!((error.code(), WorldError::from(RefusedRegion { region: filled, error }).code()), (303, 303));
+    assert_eq!((error.code(), WorldError::from(RefusedRegion { region: filled, error }).code()), (302, 302));
 
     assert_eq!((state(&world), world.revision()), before);
     // Once the origin is nearer, the same region is accepted.

@@ -63,7 +63,7 @@ fn a_refused_call_leaves_the_world_as_it_was() {
 
     let bad_light = Light::point(Vec3::ZERO, Vec3::new(0.0, -1.0, 0.0));
     let nan = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, f32::NAN, 1.0)), ..Placement::IDENTITY };
-    let flat = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 1.0, 0.0)), ..Placement::IDENTITY };
+    let large = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 1.0, 1.0e10)), ..Placement::IDENTITY };
     let bad_policy = Policy::Ratio { attribute: Attribute::Overlap, factor: f32::NAN };
     let bad_moon = DirectionalLight { direction: Vec3::ZERO, illuminance: Vec3::ONE };
     let moon = world.directionals().next().expect("two directional lights");
@@ -76,7 +76,7 @@ fn a_refused_call_leaves_the_world_as_it_was() {
         world.set_lights(tree, &[(0, lamp(0.0)), (20, lamp(0.0))]).err(),
         world.set_lights(gone.0, &[]).err(),
         world.add_instance(tree, nan, Policy::Static).err(),
-        world.add_instance(tree, flat, Policy::Static).err(),
+        world.add_instance(tree, large, Policy::Static).err(),
         world.add_instance(tree, at(0.0), bad_policy).err(),
         world.add_instance(gone.0, at(0.0), Policy::Static).err(),
         world.move_instance(instance, nan).err(),
@@ -585,12 +585,14 @@ fn a_hidden_instance_takes_part_in_edits_like_any_other() {
     let incident = world.sampler().sample_light(&shading_point, lamp, [0.0; 2]).expect("it is shown");
     assert_eq!((incident.dist, incident.direction), (2.0, Vec3::NEG_Y));
     assert!(world.sampler().pmf(&shading_point, lamp) > 0.0);
-    // Hidden again, refused placements leave it hidden.
-    world.move_instance(first, hidden(1.0)).expect("zero hides");
-    assert_eq!(world.effect_counts().of(Effects::NON_RIGID), 0);
-    let flat = Placement { linear: Mat3::from_diagonal(Vec3::new(0.0, 0.0, 1.0)), ..at(1.0) };
-    assert!(matches!(world.move_instance(first, flat), Err(WorldError::Placement(PlacementError::Singular { .. }))));
-    assert_eq!(world.sampler().pmf(&shading_point, lamp), 0.0);
+    // An animated scale passes through what has no inverse: it hides too.
+    for scale in [Vec3::ZERO, Vec3::Z, Vec3::splat(1.0e-10), Vec3::new(1.0e-20, 1.0, 1.0)] {
+        world.move_instance(first, mirror).expect("valid");
+        let flat = Placement { linear: Mat3::from_diagonal(scale), ..at(1.0) };
+        world.move_instance(first, flat).expect("it hides");
+        assert_eq!(world.effect_counts().of(Effects::NON_RIGID), 0);
+        assert_eq!((world.placement(first), world.sampler().pmf(&shading_point, lamp)), (Some(flat), 0.0));
+    }
 }
 
 #[test]
