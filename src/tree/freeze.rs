@@ -9,6 +9,15 @@ use super::refitted::RefittedNodes;
 use super::tasks::RefitTasks;
 use super::wide::WideCluster;
 
+/// The data that only refits need. Nobody reads them: freeing them takes time, and may wait.
+pub struct RefitData {
+    _wide: Vec<WideCluster>,
+    _attribute_sums: Vec<AttributeSums>,
+    _dirty: DirtyNodes,
+    _refitted: RefittedNodes,
+    _tasks: RefitTasks,
+}
+
 impl LightTree {
     /// Drops the data that only refits need: the clusters at full precision and each subtree's part
     /// of the attributes, some 100 bytes per light. Refits first if lights have changed since the
@@ -20,14 +29,21 @@ impl LightTree {
     /// [`LightWorld`](crate::LightWorld) freezes its trees once their lights have not changed for a
     /// while. O(1) apart from the refit.
     pub fn freeze(&mut self) {
+        drop(self.freeze_into());
+    }
+
+    /// Freezes the tree, and returns the data that it then does without.
+    pub(crate) fn freeze_into(&mut self) -> RefitData {
         if self.dirty.len() > 0 {
             self.refit_without_attributes();
         }
-        self.wide = Vec::new();
-        self.attribute_sums = Vec::new();
-        self.dirty = DirtyNodes::default();
-        self.refitted = RefittedNodes::default();
-        self.tasks = RefitTasks::default();
+        RefitData {
+            _wide: std::mem::take(&mut self.wide),
+            _attribute_sums: std::mem::take(&mut self.attribute_sums),
+            _dirty: std::mem::take(&mut self.dirty),
+            _refitted: std::mem::take(&mut self.refitted),
+            _tasks: std::mem::take(&mut self.tasks),
+        }
     }
 
     /// Whether the tree is frozen; never for a tree without lights.

@@ -31,24 +31,31 @@ impl LightTree {
     }
 
     /// Replaces this tree by one that was built from an earlier state of its lights. Lights that
-    /// have changed since are set again. Returns whether there are any; the tree then needs a
-    /// refit, unless it was built again for lights that were added or removed.
+    /// have changed since are set again, and those that were added or removed are added and removed.
+    /// Returns the former tree, and whether there are any; the tree then needs a refit, unless it
+    /// was built again for lights that were added or removed.
     ///
-    /// O(lights). Each light that changed costs as much as ten others.
-    ///
-    /// Lights that were added or removed since are added and removed.
-    pub(crate) fn succeed(&mut self, mut built: Self) -> bool {
-        let differs = |(index, light): &(u32, Light)| match built.lights.get(*index as usize) {
-            Some(then) => then != light,
-            None => !light.is_removed(),
+    /// `changed` are all lights that may have changed; if they are not known, all lights are compared.
+    /// O(changed).
+    pub(crate) fn succeed(&mut self, mut built: Self, changed: Option<Vec<u32>>) -> (Self, bool) {
+        let change = |index: u32| {
+            let light = self.lights[index as usize];
+            let differs = match built.lights.get(index as usize) {
+                Some(then) => *then != light,
+                None => !light.is_removed(),
+            };
+            differs.then_some((index, light))
         };
-        let changes: Vec<(u32, Light)> = (0..).zip(self.lights.iter().copied()).filter(differs).collect();
+        let changes: Vec<(u32, Light)> = match changed {
+            Some(changed) => changed.into_iter().filter_map(change).collect(),
+            None => (0..self.lights.len() as u32).filter_map(change).collect(),
+        };
         let is_built_again = built.apply(&changes);
         if let Some(last) = self.lights.len().checked_sub(1) {
             built.hold_index(last as u32);
         }
-        *self = built;
-        self.dirty.len() > 0 || is_built_again
+        let former = std::mem::replace(self, built);
+        (former, self.dirty.len() > 0 || is_built_again)
     }
 }
 
@@ -70,6 +77,28 @@ mod tests {
 
     fn random_tree(rng: &mut Rng, count: usize) -> LightTree {
         LightTree::build((0..count).map(|_| lamp(position(rng, 100.0))).collect())
+    }
+
+    #[test]
+    fn a_successor_gets_the_lights_that_changed_whether_all_are_compared_or_those_alone() {
+        let mut rng = Rng(4);
+        let copy = random_tree(&mut rng, 500);
+        let mut present = copy.clone();
+        let lights: Vec<u32> = (0..40).map(|i| i * 12).collect();
+        let light = |i: &u32| (*i, if i % 5 == 0 { Light::REMOVED } else { lamp(position(&mut rng, 100.0)) });
+        let mut changes: Vec<(u32, Light)> = lights.iter().map(light).collect();
+        changes.extend((500..520).map(|i| (i, lamp(Vec3::splat(i as f32)))));
+        present.apply(&changes);
+        let changed: Vec<u32> = changes.iter().map(|(light, _)| *light).chain([7, 499]).collect();
+        let results = [None, Some(changed), Some(vec![0])].map(|changed| {
+            let (mut tree, built) = (present.clone(), LightTree::build(copy.lights.clone()));
+            let (former, is_outdated) = tree.succeed(built, changed);
+            tree.refit();
+            assert!(is_outdated && former.lights == present.lights);
+            tree
+        });
+        assert_eq!(results[0].lights, present.lights);
+        assert!(results[0].nodes() == results[1].nodes() && results[0].nodes() != results[2].nodes());
     }
 
     #[test]

@@ -12,6 +12,10 @@ use web_time::Instant;
 use crate::scheduler::Work;
 use crate::tree::{LightTree, TreeBuild};
 
+/// The nodes of the smallest tree whose data are freed on the thread. Those of smaller ones take some 50 us.
+#[cfg(feature = "parallel")]
+const FREED_ON_THREAD: usize = 1024;
+
 /// A build that runs or waits to be installed.
 #[derive(Debug)]
 pub(super) struct RunningBuild {
@@ -98,6 +102,20 @@ impl BuildThread {
             result.is_done.notify_all();
         });
         running
+    }
+
+    /// Frees the data of a tree of so many nodes. Those of a million lights take ten milliseconds, so those
+    /// of large trees are freed on the thread.
+    #[cfg_attr(not(feature = "parallel"), expect(unused_variables, reason = "there is no thread"))]
+    pub fn free<T: Send + 'static>(&mut self, data: T, nodes: usize) {
+        #[cfg(feature = "parallel")]
+        if nodes >= FREED_ON_THREAD
+            && self.is_available()
+            && let Some(pool) = &self.pool
+        {
+            return pool.spawn(move || drop(data));
+        }
+        drop(data);
     }
 
     #[cfg(not(feature = "parallel"))]

@@ -23,7 +23,6 @@ pub(crate) struct ChangeLog {
 }
 
 /// The nodes and lights that changed: ascending indices, each once.
-#[cfg(any(feature = "gpu-plan", test))]
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct TreeChanges {
     pub nodes: Vec<u32>,
@@ -74,7 +73,6 @@ impl ChangeLog {
 
     /// What changed after a revision; `None` if that was everything, or if it is not known any
     /// more.
-    #[cfg(any(feature = "gpu-plan", test))]
     pub fn since(&self, revision: u64) -> Option<TreeChanges> {
         let read = usize::try_from(revision.checked_sub(self.start)?).ok()?;
         let mut entries: Vec<u32> = self.entries.range(read.min(self.entries.len())..).copied().collect();

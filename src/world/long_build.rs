@@ -22,7 +22,10 @@ impl Rebuilds {
     ) -> Duration {
         let mut build = match std::mem::take(&mut self.long_builder.state) {
             LongBuildState::InFrames(of, build) if of == tree => build,
-            _ => Box::new(TreeBuild::new(entry.tree.lights().len(), entry.tree.reference())),
+            _ => {
+                entry.build_since = entry.log.revision();
+                Box::new(TreeBuild::new(entry.tree.lights().len(), entry.tree.reference()))
+            }
         };
         let LongBuilder { state, thread, is_kept_in_frames } = &mut self.long_builder;
         let goes_to_background = !*is_kept_in_frames && thread.is_available();

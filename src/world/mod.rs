@@ -43,7 +43,9 @@ use std::sync::{Arc, OnceLock};
 use glam::Vec3;
 
 #[cfg(feature = "gpu-plan")]
-pub(crate) use births::{BIRTH_BITS, birth_of_directional};
+pub(crate) use births::BIRTH_BITS;
+pub(crate) use births::birth_of_directional;
+#[cfg(feature = "gpu-plan")]
 pub(crate) use change_log::TreeChanges;
 pub use log::{Changes, Revision};
 pub use memory::WorldMemory;

@@ -61,6 +61,7 @@ impl LightWorld {
             if self.rebuilds.jobs.is_empty() { Duration::ZERO } else { elapsed.saturating_sub(report.budget) };
         report.longest_wait = report.longest_wait.max(self.rebuilds.scheduler.longest_wait());
         report.waiting_trees = self.rebuilds.scheduler.waiting_trees();
+        report.sliced_builds = usize::from(self.rebuilds.long_builder.is_in_frames());
         report.background.running = usize::from(self.rebuilds.long_builder.is_in_background());
     }
 

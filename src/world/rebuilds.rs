@@ -54,6 +54,17 @@ pub(super) enum LongBuildState {
 }
 
 impl LongBuilder {
+    /// Frees the data of a tree of so many nodes, outside of the frame if they are many and threads are
+    /// allowed.
+    pub fn free<T: Send + 'static>(&mut self, data: T, nodes: usize) {
+        if self.is_kept_in_frames { drop(data) } else { self.thread.free(data, nodes) }
+    }
+
+    /// Whether a build goes on in slices.
+    pub fn is_in_frames(&self) -> bool {
+        matches!(self.state, LongBuildState::InFrames(..))
+    }
+
     /// Whether a build runs in the background or waits to be installed.
     pub fn is_in_background(&self) -> bool {
         matches!(self.state, LongBuildState::InBackground(..))

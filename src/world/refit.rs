@@ -67,6 +67,8 @@ impl LightWorld {
                 log: std::mem::take(&mut entry.log),
                 refit_nodes: 0,
                 successor,
+                build_since: entry.build_since,
+                former: None,
                 swap: None,
                 is_newly_measured: false,
                 features: None,
@@ -81,7 +83,11 @@ impl LightWorld {
     fn finish_refit(&mut self, job: RefitJob) {
         let (changes_nodes, is_as_built) = (job.changes_nodes(), job.is_as_built());
         let RefitJob { key, is_edited, former_effects, former_lights, could_open, .. } = job;
-        let RefitJob { tree, staged, log, swap, features, added, removed, .. } = job;
+        let RefitJob { tree, staged, log, swap, features, added, removed, former, .. } = job;
+        if let Some(former) = former {
+            let nodes = former.nodes().len();
+            self.rebuilds.long_builder.free(former, nodes);
+        }
         if *tree.effects() != former_effects {
             self.effects.change(|counts| {
                 counts.add_all(tree.effects());
@@ -158,6 +164,10 @@ struct RefitJob {
     refit_nodes: usize,
     /// The tree that was built in slices or in the background and replaces this one.
     successor: Option<Box<LightTree>>,
+    /// See [`TreeEntry::build_since`](super::scene::TreeEntry::build_since).
+    build_since: u64,
+    /// The tree that was replaced.
+    former: Option<LightTree>,
     /// What the replacement changed.
     swap: Option<Swap>,
     /// The attributes were not up to date before, though no light changed.
@@ -196,7 +206,10 @@ impl RefitJob {
         if let Some(built) = self.successor.take() {
             let features = TreeFeatures::of(&built);
             let history = AttributeHistory::start(built.attributes());
-            self.swap = Some(Swap { features, history, is_outdated: self.tree.succeed(*built) });
+            let changed = self.log.since(self.build_since).map(|changes| changes.lights);
+            let (former, is_outdated) = self.tree.succeed(*built, changed);
+            self.former = Some(former);
+            self.swap = Some(Swap { features, history, is_outdated });
         }
         self.tree.forget_refitted();
         self.list_added_and_removed();

@@ -24,6 +24,8 @@ pub struct FrameReport {
     /// Trees that request a rebuild and wait for a later frame, without the tree whose build is
     /// under way: in slices, or in the background.
     pub waiting_trees: usize,
+    /// Builds in slices that are under way, 0 or 1.
+    pub sliced_builds: usize,
     /// [Placeholders](crate::LightTree::new_placeholder) that have yet to be built, those whose build is
     /// under way included.
     pub placeholder_trees: usize,

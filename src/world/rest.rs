@@ -3,7 +3,6 @@
 
 use super::LightWorld;
 use super::rest_timers::MAX_FREEZES;
-use super::staged::StagedLights;
 use crate::effects::Effects;
 use crate::keys::TreeKey;
 
@@ -38,9 +37,9 @@ impl LightWorld {
         for _ in 0..MAX_FREEZES {
             let Some(tree) = self.rest_timers.take_due() else { break };
             let entry = &mut self.scene.trees[tree];
-            entry.tree.freeze();
-            entry.staged = StagedLights::default();
+            let dropped = (entry.tree.freeze_into(), std::mem::take(&mut entry.staged));
             entry.recount(&mut self.sums);
+            self.rebuilds.long_builder.free(dropped, entry.tree.nodes().len());
         }
     }
 }

@@ -53,6 +53,8 @@ pub(crate) struct TreeEntry {
     /// The tree that was built in slices or in the background. It replaces this one at the next
     /// refit.
     pub successor: Option<Box<LightTree>>,
+    /// The revision of the log at which that build was begun.
+    pub build_since: u64,
     /// What the sums over all trees hold of this one.
     pub(super) counted: Sums,
 }
@@ -99,6 +101,7 @@ impl TreeEntry {
             crowd: 0,
             openings: Vec::new(),
             successor: None,
+            build_since: 0,
             counted: Sums::default(),
         }
     }

@@ -171,7 +171,7 @@ fn a_large_placeholder_is_built_in_slices_or_in_the_background() {
         let lights = lamps(&mut test.rng, LARGE);
         let key = test.world.add_tree(LightTree::new_placeholder(lights.clone()).expect("valid"));
         test.world.add_instance(key, Placement::IDENTITY, Policy::Static).expect("valid");
-        let mut frames = 0;
+        let (mut frames, mut in_slices) = (0, 0);
         loop {
             let report = test.frame(MICROS);
             assert!(report.overrun <= Duration::from_micros(20), "{report:?}");
@@ -180,10 +180,14 @@ fn a_large_placeholder_is_built_in_slices_or_in_the_background() {
             if report.placeholder_trees == 0 {
                 break;
             }
+            in_slices += report.sliced_builds;
+            assert_eq!(report.waiting_trees, 0, "its build is under way");
             assert!(frames < 40, "{frames} frames for a build of four");
         }
         // In the background, the first one copies and starts, and the second installs.
         assert_eq!(frames > 3, !is_background, "{frames}");
+        // The last slice is done in the frame before the one that installs the build.
+        assert_eq!(in_slices, if is_background { 0 } else { frames - 2 });
         assert!(is_built_as(&test.world, key, &built(&lights)));
         let report = test.frame(MICROS);
         assert_eq!((report.waiting_trees, report.background.running, test.world.jobs().len()), (0, 0, 0));
