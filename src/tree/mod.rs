@@ -1,5 +1,6 @@
 //! The bottom level: one light tree per object.
 
+mod apply;
 mod attributes;
 #[cfg(feature = "bake")]
 mod bake;
@@ -55,7 +56,7 @@ use std::fmt;
 
 use attributes::AttributeSums;
 use dirty::DirtyNodes;
-use edited::{Edited, make_room};
+use edited::Edited;
 use refitted::RefittedNodes;
 use tasks::RefitTasks;
 
@@ -194,100 +195,6 @@ impl LightTree {
     /// the same side or to all sides, or if it has fewer than 16 or more than 256 lights.
     pub fn sides(&self) -> &[Cluster] {
         &self.sides
-    }
-
-    /// Replaces lights. `changes` are pairs of a light's index and its new value; of several
-    /// values for one light the last one counts. The nodes change at the next [`LightTree::refit`].
-    /// O(changes); in a frozen tree O(lights), with allocations.
-    ///
-    /// # Errors
-    /// [`WorldError::NoSuchLight`] for an index outside the tree, [`WorldError::RemovedLight`] for
-    /// that of a light that was removed, [`WorldError::Light`] for an invalid light. No light has
-    /// then changed.
-    pub fn set_lights(&mut self, changes: &[(u32, Light)]) -> Result<(), WorldError> {
-        check_indices(changes.iter().map(|(index, _)| *index), self.lights.len(), |index| self.lights.get(index))?;
-        check_lights(changes.iter().map(|(index, light)| (*index as usize, light)))?;
-        self.apply(changes);
-        Ok(())
-    }
-
-    /// Applies changes that have been checked. A light at the index of a removed one, or beyond the
-    /// last index, is added; [`Light::REMOVED`] removes a light. Each added or removed light occurs
-    /// once. Returns whether the tree was built again for that, with all nodes up to date.
-    pub(crate) fn apply(&mut self, changes: &[(u32, Light)]) -> bool {
-        let is_vacant = |index: u32| self.lights.get(index as usize).is_none_or(Light::is_removed);
-        let [mut added, mut removed] = [0, 0];
-        for (index, light) in changes {
-            added += usize::from(is_vacant(*index) && !light.is_removed());
-            removed += usize::from(!is_vacant(*index) && light.is_removed());
-        }
-        if added + removed > 0 && self.is_built_for(added, removed) {
-            self.edit_list(changes);
-            self.rebuild();
-            return true;
-        }
-        if !changes.is_empty() {
-            self.thaw();
-        }
-        // Removals make room for additions.
-        for (index, light) in changes {
-            match (self.lights.get(*index as usize).is_none_or(Light::is_removed), light.is_removed()) {
-                (false, false) => self.set(*index, light),
-                (false, true) => self.remove(*index),
-                (true, _) => {}
-            }
-        }
-        if added == 0 {
-            return false;
-        }
-        let before = self.edited.builds();
-        for (index, light) in changes {
-            if !light.is_removed() && self.lights.get(*index as usize).is_none_or(Light::is_removed) {
-                self.insert(*index, light);
-            }
-        }
-        if !self.sides.is_empty() {
-            // A build on the way has divided the tree into sides, and lights that came later have not
-            // been considered.
-            self.rebuild();
-        }
-        self.edited.builds() != before
-    }
-
-    /// Whether a tree is built again for additions and removals: if it is divided into sides, which
-    /// builds choose, if most lights are new, and if none are left.
-    fn is_built_for(&self, added: usize, removed: usize) -> bool {
-        let present = self.light_count();
-        !self.sides.is_empty() || added > present - removed || added + present == removed
-    }
-
-    /// Writes changes to the list of lights only, before a build.
-    fn edit_list(&mut self, changes: &[(u32, Light)]) {
-        for (index, light) in changes {
-            self.hold_index(*index);
-            self.lights[*index as usize] = *light;
-            self.edited.set_vacant(*index, light.is_removed());
-        }
-    }
-
-    /// Lengthens the list of lights so that it has an index. The new indices are vacant.
-    pub(super) fn hold_index(&mut self, index: u32) {
-        for vacant in self.lights.len() as u32..=index {
-            make_room(&mut self.lights);
-            self.lights.push(Light::REMOVED);
-            self.leaves.push(NO_LEAF);
-            self.edited.set_vacant(vacant, true);
-        }
-    }
-
-    /// Replaces one light.
-    fn set(&mut self, index: u32, light: &Light) {
-        let former = std::mem::replace(&mut self.lights[index as usize], *light);
-        self.effects.remove(former.effects());
-        self.effects.add(light.effects());
-        let place = self.leaves[index as usize] as usize;
-        self.wide[place / WIDTH].set(place % WIDTH, &light.cluster());
-        self.dirty.insert(place / WIDTH);
     }
 
     /// The indices without a light, in ascending order.

@@ -119,7 +119,13 @@ fn an_edit_and_a_refit_of_a_tree_ask_for_no_memory() {
             // A clone has as much capacity as the tree itself.
             for mut tree in [tree.clone(), tree] {
                 for changed in [1, count.div_ceil(50), count] {
-                    let mut change = || ((rng.bits() % count as u64) as u32, rng.light(50.0));
+                    // Lights that jump get other places in the tree, which asks for memory.
+                    let mut change = || {
+                        let index = (rng.bits() % count as u64) as usize;
+                        let mut light = tree.lights()[index];
+                        light.emission = rng.light(50.0).emission;
+                        (index as u32, light)
+                    };
                     let changes: Vec<_> = (0..changed).map(|_| change()).collect();
                     for refit in [LightTree::refit, LightTree::refit_without_attributes] {
                         let requests = requests(|| {
