@@ -355,7 +355,11 @@ fn light_split_next(cut: ptr<function, LightCut>) -> bool {
 // weights of all unresolved candidates together, relative to the other candidates and the directional
 // lights. Twin of `Cut::new`.
 fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_point: LightShadingPoint) {
-    var local: LightLocalShadingPoint;
+    // A read before the loop: see `a_shader_may_choose_lights_where_some_invocations_have_returned`.
+    if light_params.slots == 0u {
+        return;
+    }
+    var local = light_local_to_top(shading_point);
     var local_instance = LIGHT_NO_INSTANCE;
     var node = 0u;
     var skipped = 0u;
@@ -365,7 +369,7 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
     // #endif
     loop {
         let place = light_cut_place((*cut).links, node);
-        if node == 0u || place.instance != local_instance {
+        if place.instance != local_instance {
             local = light_local_to(place.instance, shading_point);
             local_instance = place.instance;
         }

@@ -85,7 +85,7 @@ mod tests {
         let copy = random_tree(&mut rng, 500);
         let mut present = copy.clone();
         let lights: Vec<u32> = (0..40).map(|i| i * 12).collect();
-        let light = |i: &u32| (*i, if i % 5 == 0 { Light::REMOVED } else { lamp(position(&mut rng, 100.0)) });
+        let light = |i: &u32| (*i, if i.is_multiple_of(5) { Light::REMOVED } else { lamp(position(&mut rng, 100.0)) });
         let mut changes: Vec<(u32, Light)> = lights.iter().map(light).collect();
         changes.extend((500..520).map(|i| (i, lamp(Vec3::splat(i as f32)))));
         present.apply(&changes);
