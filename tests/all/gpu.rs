@@ -291,9 +291,9 @@ fn a_shader_may_choose_lights_where_some_invocations_have_returned() {
     );
     let (device, queue) = gpu();
     let mut rng = Rng(47);
-    let mut world = rng.varied_world(20, 60, 5, 30.0);
+    let world = rng.varied_world(20, 60, 5, 30.0);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    lights.upload(&mut world).expect("room enough");
+    lights.upload(&world).expect("room enough");
     let requests = with_splits(&requests(&mut rng, 512, 40.0), SplitCount::DEFAULT);
     let effects = lights.effects();
     let all = sample_by(effects, &mut lights, &requests);

@@ -4,21 +4,23 @@ use glam::{Affine3A, Quat, Vec3};
 
 use super::twin::check;
 use super::{Built, TopRig, build, placement, world_of};
-use crate::cluster::Cluster;
 use crate::cluster::cone::angle;
+use crate::cluster::{Aabb, Cluster};
 use crate::gpu::testing::random_vec;
 use crate::light::UNLIMITED_RANGE;
 use crate::tree::{CAP_STEPS, ChildRef, NO_PARENT, WIDTH};
 use crate::{Light, LightTree, LightWorld, Policy};
 
 /// The first property of `inner` that `outer` does not hold; `outer` is decoded as sampling decodes
-/// it.
+/// it. Of coordinates, drivers may flush what is below the least normal number.
 fn violated_bound(outer: &Cluster, inner: &Cluster) -> Option<&'static str> {
     let between = f64::from(angle(outer.axis.normalize_or_zero(), inner.axis.normalize_or_zero()));
     let half_angle = |c: &Cluster| f64::from(c.cos_half_angle).acos();
     let is_all = outer.cos_half_angle <= -1.0;
+    let Aabb { min, max } = outer.aabb;
+    let bounds = Aabb { min: min - f32::MIN_POSITIVE, max: max + f32::MIN_POSITIVE };
     [
-        (!outer.aabb.contains(&inner.aabb), "box"),
+        (!bounds.contains(&inner.aabb), "box"),
         (outer.range < inner.range.min(UNLIMITED_RANGE), "range"),
         (!is_all && (inner.cos_half_angle <= -1.0 || between + half_angle(inner) > half_angle(outer)), "cap"),
     ]

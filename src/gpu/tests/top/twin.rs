@@ -171,8 +171,8 @@ fn rows_and_grids_of_equal_lamps_make_the_same_tree_as_on_the_cpu() {
 fn chains_of_single_units_make_the_same_tree_as_on_the_cpu() {
     let mut top = TopRig::new();
     // The instances of a site halve their distance one by one, so each split of a site separates its
-    // farthest instance.
-    for per_site in [16, 30, 256] {
+    // farthest instance. Squares of shorter distances are not normal numbers: drivers may flush them.
+    for per_site in [16, 30, 110] {
         let place = |i: u32| {
             let (site, k) = (i / per_site, i % per_site);
             let corner = 1000.0 * DVec3::new(f64::from(site % 8), 0.0, f64::from(site / 8));
