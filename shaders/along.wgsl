@@ -245,7 +245,7 @@ fn light_sample_picked_along(shading_point: LightShadingPoint, pick: LightPick, 
     base = select(base, light_params.directional_base, pick.instance == LIGHT_DIRECTIONAL);
     // #endif
     light_along = chosen.along;
-    let hashed = f32(light_hash(bitcast<u32>(u.x) ^ light_hash(bitcast<u32>(u.y))) >> 8u) * LIGHT_U_STEP;
+    let hashed = f32(light_hash_both(u.x, u.y) >> 8u) * LIGHT_U_STEP;
     let seen_from = light_point_along(shading_point, chosen.along);
     var incident = light_incident(light_record(base + pick.light), instance, seen_from, vec2(u.y, hashed));
     // #if FACTORS

@@ -20,6 +20,11 @@ fn light_clamp_unit(u: f32) -> f32 {
     return bitcast<f32>(select(0u, min(bits, LIGHT_ONE_MINUS_EPSILON_BITS), bits <= LIGHT_INFINITY_BITS));
 }
 
+// A hash of two random numbers, which count as what they are clamped to. Twin of `hash_both`.
+fn light_hash_both(u: f32, more: f32) -> u32 {
+    return light_hash(bitcast<u32>(light_clamp_unit(u)) ^ light_hash(bitcast<u32>(light_clamp_unit(more))));
+}
+
 // A random number below 2^-24.
 fn light_fresh(state: u32) -> f32 {
     return f32(state >> 8u) * LIGHT_U_STEP * LIGHT_U_STEP;
@@ -27,7 +32,7 @@ fn light_fresh(state: u32) -> f32 {
 
 // Twin of `Dice::new`.
 fn light_dice(u: f32, more: f32) -> LightDice {
-    let state = light_hash(bitcast<u32>(u) ^ light_hash(bitcast<u32>(more)));
+    let state = light_hash_both(u, more);
     return LightDice(light_clamp_unit(light_clamp_unit(u) + light_fresh(state)), state);
 }
 

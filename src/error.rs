@@ -17,7 +17,7 @@
 //! | 600 to 699 | `gpu::GpuError`, `plan::PlanError` |
 //! | 700 to 799 | `gltf::GltfError` |
 //! | 800 | `tree::CheckError` |
-//! | 900 | `plan::TargetHookError` |
+//! | 900 | `plan::ShaderNameError` |
 //! | 1000 to 1001 | [`VisibilityError`] |
 //! | 1100 to 1106 | `tree::BakeError` |
 

@@ -77,7 +77,7 @@ use crate::effects::Effects;
 use crate::plan::layout::ParamsRecord;
 use crate::plan::pool::Growth;
 use crate::plan::{Commands, KERNELS, LightPlanner, PlanLimits, ShaderBuffers};
-pub use crate::plan::{GpuMemory, TargetHook, TargetHookError, UploadReport, wgsl};
+pub use crate::plan::{GpuMemory, ShaderNameError, TargetHook, UploadReport, wgsl, with_prefix};
 use crate::world::{LightWorld, Revision};
 
 /// The lights of one [`LightWorld`] on a GPU: the buffers and the bind group that shaders read, and

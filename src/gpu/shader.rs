@@ -100,7 +100,8 @@ use crate::plan::text;
 ///
 /// The text binds one uniform buffer and four read-only storage buffers, at `group`. Of WebGPU's
 /// default limits, that leaves an engine three bind groups, and four storage buffers and eleven
-/// uniform buffers in each stage. All names in the text start with `light_`, `Light` or `LIGHT_`.
+/// uniform buffers in each stage. All names in the text start with `light_`, `Light` or `LIGHT_`;
+/// [`with_prefix`](super::with_prefix) puts a prefix before them.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct LightShader {
@@ -172,7 +173,7 @@ impl LightShader {
     ///
     /// ```
     /// use girandole::Effects;
-    /// use girandole::gpu::{GpuLights, TargetHook, TargetHookError};
+    /// use girandole::gpu::{GpuLights, TargetHook, ShaderNameError};
     ///
     /// const ENGINE: &str = "
     /// struct Material { base_color: vec3<f32>, toward_eye: vec3<f32>, shininess: f32 }
@@ -197,7 +198,7 @@ impl LightShader {
     ///     return reflected(at, material, kept.chosen) * kept.weight;
     /// }";
     ///
-    /// fn text(lights: &GpuLights) -> Result<String, TargetHookError> {
+    /// fn text(lights: &GpuLights) -> Result<String, ShaderNameError> {
     ///     let hook = TargetHook::new("reflected_luminance", "Material")?;
     ///     Ok(lights.shader(1, Effects::all()).with_target(hook).join(ENGINE))
     /// }

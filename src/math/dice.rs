@@ -39,7 +39,7 @@ impl Dice {
     /// The number stands for an interval of 2^-24, so fresh bits follow its own. Otherwise 0 would
     /// choose the first of all children, however improbable it is.
     pub fn new(u: f32, more: f32) -> Self {
-        let state = hash(u.to_bits() ^ hash(more.to_bits()));
+        let state = hash_both([u, more]);
         Self { u: clamp_unit(clamp_unit(u) + fresh(state)), state }
     }
 
@@ -61,15 +61,20 @@ fn fresh(state: u32) -> f32 {
     (state >> 8) as f32 * U_STEP * U_STEP
 }
 
-/// Clamps to [0, 1). NaN becomes 0: `max` returns the other operand, while `clamp` would keep it.
-#[allow(clippy::manual_clamp, reason = "not the same for NaN")]
+/// Clamps to [0, 1). NaN and -0 become 0: their bits are above those of infinity.
 pub(crate) fn clamp_unit(u: f32) -> f32 {
-    u.max(0.0).min(ONE_MINUS_EPSILON)
+    let bits = u.to_bits();
+    if bits <= f32::INFINITY.to_bits() { f32::from_bits(bits.min(ONE_MINUS_EPSILON.to_bits())) } else { 0.0 }
+}
+
+/// A hash of two random numbers, which count as what they are clamped to.
+fn hash_both([u, more]: [f32; 2]) -> u32 {
+    hash(clamp_unit(u).to_bits() ^ hash(clamp_unit(more).to_bits()))
 }
 
 /// A number in [0, 1) with 24 bits from a hash of two others.
 pub(crate) fn hashed_unit(u: [f32; 2]) -> f32 {
-    (hash(u[0].to_bits() ^ hash(u[1].to_bits())) >> 8) as f32 * U_STEP
+    (hash_both(u) >> 8) as f32 * U_STEP
 }
 
 /// Source: Jarzynski and Olano, Hash Functions for GPU Rendering (JCGT 2020), the 1-D PCG hash.
@@ -106,13 +111,15 @@ mod tests {
     fn zero_chooses_a_child_as_often_as_it_is_probable() {
         // 65,536 numbers that stand for the interval from 0 to 2^-24. A quarter of it holds a share of
         // 0.25 +- 0.01, but for a probability of 4e-9.
-        let below = |i: u32| Dice::new(0.0, i as f32).point(1.0) < 0.25 * U_STEP;
+        let below = |i: u32| Dice::new(0.0, i as f32 / 65_536.0).point(1.0) < 0.25 * U_STEP;
         let share = (0..65_536).filter(|i| below(*i)).count() as f64 / 65_536.0;
         assert!((share - 0.25).abs() < 0.01, "{share}");
     }
 
     #[test]
     fn numbers_outside_the_unit_interval_and_nan_are_clamped_into_it() {
+        let clamped = [-0.0, -1.0, f32::NAN, -f32::NAN, 1.0, f32::INFINITY].map(clamp_unit).map(f32::to_bits);
+        assert_eq!(clamped, [0.0, 0.0, 0.0, 0.0, ONE_MINUS_EPSILON, ONE_MINUS_EPSILON].map(f32::to_bits));
         for u in [0.0, ONE_MINUS_EPSILON, 1.0, -1.0, f32::NAN, f32::INFINITY] {
             let mut dice = Dice::new(u, u);
             for _ in 0..100 {

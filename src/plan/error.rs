@@ -34,18 +34,18 @@ impl PlanError {
     }
 }
 
-/// A name of a [`TargetHook`](super::TargetHook) is not an ASCII identifier of WGSL. Code 900.
+/// A name for shaders is not an ASCII identifier of WGSL. Code 900.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the {what} of a target hook is named {name:?}, which is not an ASCII identifier of WGSL")]
+#[error("the {what} is {name:?}, which is not an ASCII identifier of WGSL")]
 #[non_exhaustive]
-pub struct TargetHookError {
-    /// What is named: `"function"` or `"argument"`.
+pub struct ShaderNameError {
+    /// What is named: `"function"` or `"argument"` of a [`TargetHook`](super::TargetHook), or `"prefix"`.
     pub what: &'static str,
     /// The given name.
     pub name: String,
 }
 
-impl TargetHookError {
+impl ShaderNameError {
     /// The stable code, see [`error`](crate::error).
     pub fn code(&self) -> u32 {
         900
@@ -62,6 +62,6 @@ mod tests {
             [PlanError::Full { what: "nodes", needed: 2, limit: 1 }, PlanError::OutOfOrder { expected: 3, given: 5 }];
         assert_eq!(errors.map(|error| error.code()), [600, 604]);
         assert_eq!(errors[1].to_string(), "the plan with number 5 was given; number 3 comes next");
-        assert_eq!(TargetHookError { what: "function", name: String::new() }.code(), 900);
+        assert_eq!(ShaderNameError { what: "function", name: String::new() }.code(), 900);
     }
 }

@@ -2,6 +2,9 @@
 
 use std::collections::{HashMap, HashSet};
 
+use super::error::ShaderNameError;
+use super::target_hook::is_identifier;
+
 /// Returns a copy of the function `root` under another name, with `suffix` added, that works on
 /// variables of its own.
 ///
@@ -35,6 +38,33 @@ pub(super) fn renamed(text: &str, root: &str, suffix: &str) -> String {
         copy.push('\n');
     }
     copy
+}
+
+/// Returns a text of this crate in which the names of all functions, types, constants and variables begin
+/// with `prefix`: for engines that use names such as `light_sample` themselves.
+///
+/// With the prefix `gi_`, `light_sample` becomes `gi_light_sample`, and `LightSample` becomes
+/// `gi_LightSample`; members of types keep their names. The texts of one shader are joined before: those
+/// of [`wgsl`](super::wgsl), of [`wgsl_previous`](super::wgsl_previous) and of `LightShader`, whose field
+/// `wgsl` takes the result. Then [`LightShader::with_effects`](crate::gpu::LightShader::with_effects) and
+/// others make texts without a prefix again. O(text).
+///
+/// # Errors
+/// [`ShaderNameError`] for a prefix that is not an identifier of WGSL, as for
+/// [`TargetHook::new`](super::TargetHook::new).
+pub fn with_prefix(text: &str, prefix: &str) -> Result<String, ShaderNameError> {
+    if !is_identifier(prefix) {
+        return Err(ShaderNameError { what: "prefix", name: prefix.to_owned() });
+    }
+    let names: HashSet<&str> = text.lines().filter_map(declared_name).collect();
+    let mut prefixed = String::with_capacity(text.len() + text.len() / 8);
+    let mut end = 0;
+    for (start, _) in words(text).filter(|(_, word)| names.contains(word)) {
+        prefixed += &text[end..start];
+        prefixed += prefix;
+        end = start;
+    }
+    Ok(prefixed + &text[end..])
 }
 
 /// What can be reached from some items, these included.
@@ -86,6 +116,12 @@ fn name_of(line: &str) -> Option<&str> {
         None => return None,
     };
     rest.split(|c: char| !c.is_alphanumeric() && c != '_').next()
+}
+
+/// The name of what a line begins to declare at module scope.
+fn declared_name(line: &str) -> Option<&str> {
+    let rest = ["struct ", "const "].into_iter().find_map(|word| line.strip_prefix(word));
+    rest.map_or_else(|| name_of(line), |rest| words(rest).next().map(|(_, name)| name))
 }
 
 /// The identifiers of a text outside of comments, with their places. Members, which follow a dot,

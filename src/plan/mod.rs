@@ -99,8 +99,9 @@ pub use buffers::{BufferId, BufferKind, NewBuffer, ShaderBuffers};
 pub use changes::UploadReport;
 pub use commands::{Command, Commands};
 pub use cursor::PlanCursor;
-pub use error::{PlanError, TargetHookError};
+pub use error::{PlanError, ShaderNameError};
 pub use frame::FramePlan;
+pub use items::with_prefix;
 pub use kernel::{Binding, Kernel, UNIFORM_ALIGNMENT};
 #[cfg(test)]
 pub(crate) use limits::MAX_LARGEST_BUFFER;

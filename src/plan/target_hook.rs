@@ -1,6 +1,6 @@
 //! The engine's function that weighs candidates in its shader.
 
-use super::error::TargetHookError;
+use super::error::ShaderNameError;
 
 /// Names of an engine's WGSL: the function that weighs candidates, and the type of its argument.
 ///
@@ -11,7 +11,7 @@ use super::error::TargetHookError;
 /// use girandole::plan::TargetHook;
 /// let hook = TargetHook::new("reflected_luminance", "Material")?;
 /// # assert_eq!((hook.function(), hook.argument()), ("reflected_luminance", "Material"));
-/// # Ok::<(), girandole::plan::TargetHookError>(())
+/// # Ok::<(), girandole::plan::ShaderNameError>(())
 /// ```
 ///
 /// ```wgsl
@@ -45,14 +45,14 @@ impl TargetHook {
     /// known when its shader is compiled.
     ///
     /// # Errors
-    /// [`TargetHookError`] for a name that is not an identifier of WGSL: ASCII letters, digits and
+    /// [`ShaderNameError`] for a name that is not an identifier of WGSL: ASCII letters, digits and
     /// `_`, without a digit first, without two `_` first, neither `_` alone nor a keyword or
     /// reserved word. WGSL allows letters beyond ASCII; here they are refused. Names that start
     /// with `light_` may collide with the library's own.
-    pub fn new(function: &str, argument: &str) -> Result<Self, TargetHookError> {
+    pub fn new(function: &str, argument: &str) -> Result<Self, ShaderNameError> {
         for (what, name) in [("function", function), ("argument", argument)] {
             if !is_identifier(name) {
-                return Err(TargetHookError { what, name: name.to_owned() });
+                return Err(ShaderNameError { what, name: name.to_owned() });
             }
         }
         Ok(Self { function: function.to_owned(), argument: argument.to_owned() })
@@ -70,7 +70,7 @@ impl TargetHook {
 }
 
 /// Whether WGSL accepts an ASCII name.
-fn is_identifier(name: &str) -> bool {
+pub(super) fn is_identifier(name: &str) -> bool {
     let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let starts_well = name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_');
     let is_reserved = RESERVED.split_whitespace().any(|word| word == name);
@@ -113,16 +113,13 @@ mod tests {
     fn names_that_are_no_identifiers_are_refused_and_named() {
         let bad = ["", "_", "__x", "9a", "a b", "a-b", "a;", "vec3<f32>", "f(", "a\n", "target", "fn", "größe", "a//"];
         for name in bad {
-            let error = TargetHookError { what: "function", name: name.to_owned() };
+            let error = ShaderNameError { what: "function", name: name.to_owned() };
             assert_eq!(TargetHook::new(name, "Material"), Err(error.clone()));
-            let error = TargetHookError { what: "argument", ..error };
+            let error = ShaderNameError { what: "argument", ..error };
             assert_eq!(TargetHook::new("brdf_target", name), Err(error));
         }
         let error = TargetHook::new("brdf_target", "vec3<f32>").expect_err("no identifier");
-        assert_eq!(
-            error.to_string(),
-            "the argument of a target hook is named \"vec3<f32>\", which is not an ASCII identifier of WGSL"
-        );
+        assert_eq!(error.to_string(), "the argument is \"vec3<f32>\", which is not an ASCII identifier of WGSL");
     }
 
     #[test]

@@ -366,6 +366,7 @@ pub(crate) fn variant(text: &str, effects: Effects, extras: Extras) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::with_prefix;
 
     #[test]
     fn constants_are_written_as_numbers_of_32_bits() {
@@ -485,6 +486,37 @@ mod tests {
         }
         let fold = module(&wgsl_of_visibility_fold());
         assert_eq!(fold.entry_points[0].workgroup_size, [visibility::BINS as u32 / 4, 1, 1]);
+    }
+
+    #[test]
+    fn every_name_of_every_variant_takes_a_prefix() {
+        for effects in text_variants() {
+            let hook = TargetHook::new("light_of_engine", "LightOfEngine").expect("identifiers");
+            let text = wgsl_with_target(0, effects, &hook) + &wgsl_previous(1, effects);
+            let prefixed = with_prefix(&text, "gi_").expect("an identifier");
+            let engine = "
+                struct LightOfEngine { scale: f32 }
+                struct LightSample { mine: f32 }
+                fn light_of_engine(at: gi_LightShadingPoint, argument: LightOfEngine, s: gi_LightSample) -> f32 {
+                    return argument.scale * s.radiance.x;
+                }
+                fn light_sample(at: gi_LightShadingPoint) -> f32 {
+                    return gi_light_sample(at, vec4(0.5)).pmf + gi_light_pmf_previous(at, 0u, 0u);
+                }";
+            let plain = module_names(
+                &(text.clone()
+                    + "struct LightOfEngine { scale: f32 }
+                fn light_of_engine(at: LightShadingPoint, a: LightOfEngine, s: LightSample) -> f32 { return 1.0; }"),
+            );
+            let names = module_names(&(prefixed + engine));
+            let is_ours =
+                |name: &&String| !name.contains('.') && !name.contains("f_engine") && !name.contains("fEngine");
+            for name in plain.iter().filter(is_ours) {
+                assert!(names.contains(&format!("gi_{name}")), "{name} with {effects:?}");
+            }
+        }
+        let error = with_prefix("", "gi-").expect_err("no identifier");
+        assert_eq!((error.what, error.code()), ("prefix", 900));
     }
 
     #[test]

@@ -442,7 +442,8 @@ impl LightWorld {
         Ok(own)
     }
 
-    /// Adds a directional light.
+    /// Adds a directional light. A few are meant, such as sun and moon: each choice of a light weighs all of
+    /// them, in linear time.
     ///
     /// # Errors
     /// [`WorldError::Directional`].

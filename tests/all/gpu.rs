@@ -270,6 +270,22 @@ fn the_gpu_chooses_the_same_lights_with_the_same_probabilities() {
     }
 }
 
+#[test]
+fn numbers_outside_the_unit_interval_choose_alike_on_both_sides() {
+    let (device, queue) = gpu();
+    let mut rng = Rng(48);
+    let mut world = rng.varied_world(6, 60, 5, 30.0);
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut requests = requests(&mut rng, 2048, 40.0);
+    for (i, request) in requests.iter_mut().enumerate() {
+        let outside = [-0.0, -1.0, 1.0, 7.5, f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
+        request.u[i % 4] = outside[i / 4 % 8];
+    }
+    let records = sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests);
+    let mismatches = compare(&world, SplitCount::DEFAULT, &requests, &records);
+    assert!(mismatches as f64 <= OTHER_PICKS * 2048.0, "{mismatches} of 2048");
+}
+
 /// Llvmpipe of Mesa 26.1.6 runs short branches that no invocation of a vector takes, and then reads the
 /// descriptors that the first one loaded: none, if that one has returned before. It crashed wherever the
 /// library's loop over a cut was the first to load descriptors of the bind group.

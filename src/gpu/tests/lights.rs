@@ -23,7 +23,7 @@ fn every_public_type_has_a_debug_form_and_may_be_shared_by_threads() {
     check::<SampleRecord>();
     check::<SampleRequest>();
     check::<TargetHook>();
-    check::<TargetHookError>();
+    check::<ShaderNameError>();
     check::<UploadReport>();
     let (device, queue) = gpu();
     let lights = GpuLights::new(&device, &queue).expect("default limits are enough");
