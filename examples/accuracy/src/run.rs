@@ -39,9 +39,9 @@ pub fn run(options: &Options) -> Result<Measured, SceneError> {
     write("stages.svg", &plots.stages)?;
     write("equal_time.svg", &crops.svg())?;
     write("accuracy.html", &page(options, &measured, &answers, &plots, &crops))?;
-    println!("The front of least error:\n\n{}", markdown_head(&FRONT_COLUMNS));
-    front(&answers).iter().for_each(|fields| println!("| {} |", fields.join(" | ")));
-    println!(
+    testbed::say!("The front of least error:\n\n{}", markdown_head(&FRONT_COLUMNS));
+    front(&answers).iter().for_each(|fields| testbed::say!("| {} |", fields.join(" | ")));
+    testbed::say!(
         "\n{} settings of {}: open {}",
         measured.rows.len(),
         options.scene.name(),

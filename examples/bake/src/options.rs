@@ -23,15 +23,14 @@ pub struct Options {
     pub out: PathBuf,
 }
 
-#[allow(clippy::print_stdout, reason = "a program talks to its user")]
 pub fn run(options: &Options) -> Result<(), SceneError> {
     let baked = write(&options.scene, &options.out)?;
     let loaded = load(&options.out)?;
     let world = &baked.world;
     let lights: usize = world.trees().filter_map(|key| world.tree(key)).map(|tree| tree.lights().len()).sum();
-    println!("{} trees of {lights} lights, {} instances", world.tree_count(), world.instance_count());
-    println!("baked files      {:9.3} MB", baked.bytes as f64 * 1.0e-6);
-    let line = |what: &str, time: Duration| println!("{what:16} {:9.3} ms", time.as_secs_f64() * 1.0e3);
+    testbed::say!("{} trees of {lights} lights, {} instances", world.tree_count(), world.instance_count());
+    testbed::say!("baked files      {:9.3} MB", baked.bytes as f64 * 1.0e-6);
+    let line = |what: &str, time: Duration| testbed::say!("{what:16} {:9.3} ms", time.as_secs_f64() * 1.0e3);
     line("build", baked.building);
     line("bake", baked.baking);
     line("copy of files", loaded.copying);
@@ -41,6 +40,6 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
     if equal < SAMPLES {
         return Err(SceneError(format!("{} of {SAMPLES} samples differ", SAMPLES - equal)));
     }
-    println!("{SAMPLES} samples of both worlds agree");
+    testbed::say!("{SAMPLES} samples of both worlds agree");
     Ok(())
 }

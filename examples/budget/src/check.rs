@@ -26,7 +26,7 @@ pub fn run(kind: SceneKind, seed: u64, shading_points: usize) -> Result<(), Scen
         "near trees",
         "in view",
     ];
-    println!("{}", markdown_head(&columns));
+    testbed::say!("{}", markdown_head(&columns));
     for motion in Motion::ALL {
         let mut stage =
             Stage::new(&StageOptions { kind, motion, seed, shading_points }, Arc::new(SystemClock::default()))?;
@@ -48,7 +48,7 @@ pub fn run(kind: SceneKind, seed: u64, shading_points: usize) -> Result<(), Scen
         };
         let rise = |halves: &[usize]| format!("{:+.1} %", 100.0 * (sum(&refitted, halves) / sum(&fresh, halves) - 1.0));
         let mean = |sigmas: &[f64]| sum(sigmas, &[0, 1]) / sigmas.len() as f64;
-        println!(
+        testbed::say!(
             "| {} | {} | {deforming} | {} | {:.3} | {:.3} ({}) | {} | {} |",
             stage.name,
             stage.world.light_count(),

@@ -171,7 +171,7 @@ fn points(observations: &[Observation], features: Features, target: Target, spli
 /// Prints all tables.
 pub fn run() -> Result<(), WorldError> {
     let observations = observations::all()?;
-    println!("{} observations of {} trees", observations.len(), trees(&observations).len());
+    testbed::say!("{} observations of {} trees", observations.len(), trees(&observations).len());
     kinds_table(&observations);
     for splits in 0..SPLITS.len() {
         models(&observations, splits);
@@ -203,11 +203,12 @@ fn trees(observations: &[Observation]) -> Vec<Vec<usize>> {
 
 /// Prints the noise of each kind of tree, refitted and fresh.
 fn kinds_table(observations: &[Observation]) {
-    println!(
+    testbed::say!(
         "\n| kind | lights | s2 fresh, {} splits | refitted | s2 fresh, {} splits | refitted | mean ln ratio | deviation |",
-        SPLITS[0], SPLITS[1]
+        SPLITS[0],
+        SPLITS[1]
     );
-    println!("|---|---|---|---|---|---|---|---|");
+    testbed::say!("|---|---|---|---|---|---|---|---|");
     for kind in Kind::ALL {
         let own = || observations.iter().filter(move |o| o.kind == kind);
         let [plain, cut] = [0, 1].map(|splits| {
@@ -219,7 +220,7 @@ fn kinds_table(observations: &[Observation]) {
         let deviation = mean(own().map(|o| (Target::LogRatio.of(o, 1) - ratio).powi(2))).sqrt();
         let lights = mean(own().map(|o| o.lights as f64));
         let (least, most) = own().fold((usize::MAX, 0), |(low, high), o| (low.min(o.lights), high.max(o.lights)));
-        println!(
+        testbed::say!(
             "| {} | {lights:.0} ({least} to {most}) | {plain} | {cut} | {ratio:.2} | {deviation:.2} |",
             kind.name()
         );
@@ -231,14 +232,14 @@ fn kinds_table(observations: &[Observation]) {
 fn models(observations: &[Observation], splits: usize) {
     let kinds: Vec<Kind> = observations.iter().map(|o| o.kind).collect();
     let gain: Vec<f64> = observations.iter().map(|o| Target::Difference.of(o, splits)).collect();
-    println!("\n{} splits, {} observations\n", SPLITS[splits], observations.len());
-    println!("{}", markdown_head(&COLUMNS));
+    testbed::say!("\n{} splits, {} observations\n", SPLITS[splits], observations.len());
+    testbed::say!("{}", markdown_head(&COLUMNS));
     let worsening: Vec<f64> = observations.iter().map(worsening).collect();
     for target in Target::ALL {
         let y: Vec<f64> = observations.iter().map(|o| target.of(o, splits)).collect();
         let rank = spearman(&worsening, &y);
         let [of_gain, tenth] = [spearman(&worsening, &gain), best_tenth(&worsening, &gain)];
-        println!("| {} | largest relative rise | | | {rank:.3} | | | {of_gain:.3} | {tenth:.3} |", target.name());
+        testbed::say!("| {} | largest relative rise | | | {rank:.3} | | | {of_gain:.3} | {tenth:.3} |", target.name());
         for features in Features::ALL {
             let points = points(observations, features, target, splits);
             for (name, set) in SETS {
@@ -246,7 +247,7 @@ fn models(observations: &[Observation], splits: usize) {
                 let ranks = [spearman(&predicted, &gain), best_tenth(&predicted, &gain)];
                 let numbers = own.into_iter().chain(held_out).chain(ranks).chain(coefficients);
                 let numbers: Vec<String> = numbers.map(|number| format!("{number:.3}")).collect();
-                println!("| {} | {} | {name} | {} |", target.name(), features.name(), numbers.join(" | "));
+                testbed::say!("| {} | {} | {name} | {} |", target.name(), features.name(), numbers.join(" | "));
             }
         }
     }
@@ -258,7 +259,7 @@ fn models(observations: &[Observation], splits: usize) {
 fn prior(observations: &[Observation], features: Features, name: &str, set: &[usize]) {
     let points = points(observations, features, Target::LogRatio, 1);
     let coefficients = fit(&points.iter().collect::<Vec<_>>(), set);
-    println!("\n{}, {name}: coefficients {coefficients:.3?}", features.name());
+    testbed::say!("\n{}, {name}: coefficients {coefficients:.3?}", features.name());
     let visible = |(point, observation): (&Point, &Observation)| Point {
         y: predict(&coefficients, &Features::Drops.of(observation)),
         ..*point
@@ -271,15 +272,15 @@ fn prior(observations: &[Observation], features: Features, name: &str, set: &[us
             trees(observations).into_iter().map(|tree| tree.into_iter().map(|i| &points[i]).collect()).collect();
         let spread = spread(&groups, &coefficients, set);
         let residual = mean(points.iter().map(|p| (p.y - predict(&coefficients, &p.x)).powi(2))).sqrt();
-        println!("{what}: residual {residual:.3}, with coefficients of each tree's own {:.3}", spread.noise);
-        println!("deviations of coefficients across trees and their correlations:");
+        testbed::say!("{what}: residual {residual:.3}, with coefficients of each tree's own {:.3}", spread.noise);
+        testbed::say!("deviations of coefficients across trees and their correlations:");
         for i in set {
             let deviation = |i: usize| spread.covariance[i][i].sqrt();
             let row: Vec<String> = set
                 .iter()
                 .map(|j| format!("{:.2}", spread.covariance[*i][*j] / (deviation(*i) * deviation(*j)).max(1.0e-12)))
                 .collect();
-            println!("| {:.3} | {} |", deviation(*i), row.join(" | "));
+            testbed::say!("| {:.3} | {} |", deviation(*i), row.join(" | "));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The tool's own modules, in the order in which data passes through them. `main.rs` and a test
 //! include this file.
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program talks to its user")]
+#![allow(clippy::print_stderr, reason = "a program talks to its user")]
 
 use testbed::measuring::{lights, sigma};
 

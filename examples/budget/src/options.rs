@@ -157,7 +157,7 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
     };
     costs.write(&out.join("costs.csv"))?;
     let costs = Arc::new(costs);
-    println!("{}", markdown_head(&report::COLUMNS));
+    testbed::say!("{}", markdown_head(&report::COLUMNS));
     for kind in scenes {
         let mut plan = plan(kind, is_quick);
         if !options.strategies.is_empty() {
@@ -176,7 +176,7 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
             let start = Instant::now();
             let (scene, rows) = measure(kind, *motion, &plan, &costs)?;
             tables.add(&scene, &rows)?;
-            rows.iter().for_each(|row| println!("| {} |", row.fields().join(" | ")));
+            rows.iter().for_each(|row| testbed::say!("| {} |", row.fields().join(" | ")));
             eprintln!("{} {}: {:.0} s", scene.scene, scene.motion, start.elapsed().as_secs_f64());
             of_scene.extend(rows);
         }

@@ -107,8 +107,8 @@ pub fn run(observations: &[Observation], splits: usize) {
         fresh: of(|o, splits| point(o.lights, &o.fresh_shape, o.fresh[splits])),
         rebuilt: of(|o, splits| point(o.lights, &o.rebuilt, o.fresh[splits])),
     };
-    println!("\nln(s2) of a tree as it is, {} splits, {} trees\n", SPLITS[splits], 2 * observations.len());
-    println!("{}", markdown_head(&COLUMNS));
+    testbed::say!("\nln(s2) of a tree as it is, {} splits, {} trees\n", SPLITS[splits], 2 * observations.len());
+    testbed::say!("{}", markdown_head(&COLUMNS));
     let both: Vec<&Point> = trees.now.iter().chain(&trees.fresh).collect();
     let y: Vec<f64> = both.iter().map(|p| p.y).collect();
     let folds: [(&str, Fold); 2] = [("kinds", by_kind), ("trees", by_tree)];
@@ -130,7 +130,7 @@ pub fn run(observations: &[Observation], splits: usize) {
             line.constant,
         ];
         let all: Vec<String> = numbers.into_iter().chain(line.coefficients).map(number).collect();
-        println!("| {name} | {fold_name} | {} |", all.join(" | "));
+        testbed::say!("| {name} | {fold_name} | {} |", all.join(" | "));
     }
 }
 

@@ -14,7 +14,6 @@
 //!
 //! Scenes and the renderer are in the package `testbed`, and `app` is the program. Each folder's `mod.rs` states the order in which to read its files; `app/session.rs` shows how
 //! the library is used.
-#![allow(clippy::print_stdout, reason = "a program prints for its user")]
 
 use city::app::options::{Options, Parsed};
 use std::process::ExitCode;
@@ -22,7 +21,7 @@ use testbed::scene::SceneError;
 
 #[cfg(feature = "window")]
 fn open_window(options: &Options) -> Result<(), SceneError> {
-    city::window::shell::run(options, &mut |line| println!("{line}"))
+    city::window::shell::run(options, &mut |line| testbed::say!("{line}"))
 }
 
 #[cfg(not(feature = "window"))]
@@ -35,11 +34,11 @@ fn main() -> ExitCode {
     let result = match Options::read(std::env::args_os()) {
         Ok(Parsed::Run(options)) if options.window => open_window(&options),
         Ok(Parsed::Run(options)) if options.compare => {
-            city::app::compare::run::compare(&options, &mut |line| println!("{line}")).map(drop)
+            city::app::compare::run::compare(&options, &mut |line| testbed::say!("{line}")).map(drop)
         }
-        Ok(Parsed::Run(options)) => city::app::run::run(&options, &mut |line| println!("{line}")),
+        Ok(Parsed::Run(options)) => city::app::run::run(&options, &mut |line| testbed::say!("{line}")),
         Ok(Parsed::Help(text)) => {
-            print!("{text}");
+            testbed::common::exit::print(&text);
             Ok(())
         }
         Err(error) => Err(error),

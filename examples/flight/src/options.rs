@@ -41,7 +41,6 @@ const REST: u32 = 400;
 const WORST: usize = 20;
 
 /// Flies, and writes what was measured.
-#[allow(clippy::print_stdout, reason = "a program talks to its user")]
 pub fn run(options: &Options) -> Result<(), String> {
     fs::create_dir_all(&options.out).map_err(|error| format!("cannot make {}: {error}", options.out.display()))?;
     // One thread, so that its CPU time is that of the whole frame.
@@ -49,14 +48,14 @@ pub fn run(options: &Options) -> Result<(), String> {
     if options.scale {
         let path = options.out.join("scale.csv");
         let lines = pool.install(|| scale::measure(&path, options.seed, options.quick))?;
-        lines.iter().for_each(|line| println!("{line}"));
+        lines.iter().for_each(|line| testbed::say!("{line}"));
         return Ok(());
     }
     let settings = if options.quick { Settings::quick(options.seed) } else { Settings::full(options.seed) };
     let (mut rows, ends, flight) = pool.install(|| fly(&settings)).map_err(|FlightError(text)| text)?;
     let tell_run = |rows: &[Row]| {
         let Spread { median, high, worst } = Spread::of(rows.iter().map(|row| us(row.costs.frame)));
-        println!("one run: median {median:.0} us, 99.9 % {high:.0}, worst {worst:.0} ({:.2} x)", worst / median);
+        testbed::say!("one run: median {median:.0} us, 99.9 % {high:.0}, worst {worst:.0} ({:.2} x)", worst / median);
     };
     tell_run(&rows);
     for _ in 1..options.runs {
@@ -75,7 +74,7 @@ pub fn run(options: &Options) -> Result<(), String> {
     write(&options.out.join("worst.csv"), &worst)?;
     plots::draw(&options.out.join("flight.svg"), &rows)?;
     map::draw(&options.out.join("map.svg"), &settings, &flight)?;
-    println!("{}", Summary::new(&settings, &flight, &rows, &ends));
+    testbed::say!("{}", Summary::new(&settings, &flight, &rows, &ends));
     Ok(())
 }
 

@@ -1,6 +1,5 @@
 //! The tool's own modules, in the order in which data passes through them. `main.rs` and a test
 //! include this file.
-#![allow(clippy::print_stdout, reason = "a program talks to its user")]
 
 pub mod spread;
 pub mod timer;

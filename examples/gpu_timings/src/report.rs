@@ -9,13 +9,13 @@ use super::{sampling, top_level, uploads};
 pub fn head(machine: &Machine) {
     let info = &machine.info;
     let kind = if machine.is_software() { "software, tells nothing about GPUs; " } else { "" };
-    println!("{} ({kind}{:?}; {} {})", info.name, info.backend, info.driver, info.driver_info.trim());
-    println!("Times are {} in milliseconds: median (least – greatest).", machine.timing());
+    testbed::say!("{} ({kind}{:?}; {} {})", info.name, info.backend, info.driver, info.driver_info.trim());
+    testbed::say!("Times are {} in milliseconds: median (least – greatest).", machine.timing());
 }
 
 /// Prints what was compared.
 pub fn checks(all: &[Check]) {
-    println!("\nComparisons before any time is taken.\n");
+    testbed::say!("\nComparisons before any time is taken.\n");
     line(["comparison", "found", "result"].map(String::from));
     line(["---"; 3].map(String::from));
     for check in all {
@@ -26,7 +26,7 @@ pub fn checks(all: &[Check]) {
 
 /// Prints what was measured beside the goals.
 pub fn verdicts(machine: &Machine, all: &[Verdict]) {
-    println!("\nGoals.\n");
+    testbed::say!("\nGoals.\n");
     line(["goal", "at most", "measured", "outcome"].map(String::from));
     line(["---", "---:", "---:", "---"].map(String::from));
     for verdict in all {
@@ -38,7 +38,7 @@ pub fn verdicts(machine: &Machine, all: &[Verdict]) {
 
 /// Prints the table of uploads.
 pub fn uploads(instances: u32, rows: &[uploads::Row]) {
-    println!(
+    testbed::say!(
         "\nUpload of moved instances, of {}: the call on the CPU, then the transfer.\n",
         grouped(instances.into())
     );
@@ -58,7 +58,7 @@ pub fn top_levels(rows: &[top_level::Row]) {
             names.push(stage.name);
         }
     }
-    println!("\nThe top-level build by stage, each in a pass of its own.\n");
+    testbed::say!("\nThe top-level build by stage, each in a pass of its own.\n");
     let columns = ["instances", "dispatches"].into_iter().chain(names.iter().copied());
     let columns: Vec<_> = columns.chain(["total", "sort alone", "total / sort alone"]).map(String::from).collect();
     let count = columns.len();
@@ -69,7 +69,7 @@ pub fn top_levels(rows: &[top_level::Row]) {
         let built = match &row.built {
             Ok(built) => built,
             Err(refusal) => {
-                println!("| {instances} | refused: {refusal} |");
+                testbed::say!("| {instances} | refused: {refusal} |");
                 continue;
             }
         };
@@ -86,7 +86,7 @@ pub fn top_levels(rows: &[top_level::Row]) {
 
 /// Prints the head of the table of sampling.
 pub fn sampling_head() {
-    println!(
+    testbed::say!(
         "\nOne sample per pixel of a picture of the city, without shadow rays; of several candidates one is chosen.\n"
     );
     let columns = [
@@ -122,7 +122,7 @@ pub fn sampling(row: &sampling::Row) {
 
 fn line(fields: impl IntoIterator<Item = String>) {
     let fields: Vec<_> = fields.into_iter().collect();
-    println!("| {} |", fields.join(" | "));
+    testbed::say!("| {} |", fields.join(" | "));
 }
 
 /// A number with commas between thousands.

@@ -50,7 +50,6 @@ pub struct Options {
 }
 
 /// Compiles all kernels, and writes the table.
-#[allow(clippy::print_stdout, reason = "a program talks to its user")]
 pub fn run(options: &Options) -> Result<(), String> {
     if options.child {
         return rows_of_this_chip(options);
@@ -63,7 +62,7 @@ pub fn run(options: &Options) -> Result<(), String> {
             .map_err(|error| format!("cannot write {}: {error}", path.display()));
     }
     let Some(manifest) = manifest() else {
-        println!("skipped: Mesa's driver RADV is not installed (Debian: mesa-vulkan-drivers)");
+        testbed::say!("skipped: Mesa's driver RADV is not installed (Debian: mesa-vulkan-drivers)");
         return Ok(());
     };
     let mut table = options.out.as_deref().map(|path| Table::create(path, &COLUMNS)).transpose()?;
@@ -79,7 +78,7 @@ pub fn run(options: &Options) -> Result<(), String> {
         bar.inc(1);
     }
     bar.finish_and_clear();
-    println!("{}", limits::summary(&rows));
+    testbed::say!("{}", limits::summary(&rows));
     let exceeded = limits::exceeded(&rows);
     match exceeded.first() {
         Some(_) if options.check => Err(exceeded.join("; ")),
@@ -123,12 +122,11 @@ fn in_a_process(chip: &str, manifest: &Path, options: &Options) -> Result<Vec<Ro
     text.lines().map(|line| Row::parse(line).ok_or_else(|| format!("{chip}: \"{line}\" is no row"))).collect()
 }
 
-#[allow(clippy::print_stdout, reason = "the process that started this one reads it")]
 fn rows_of_this_chip(options: &Options) -> Result<(), String> {
     let chip = options.chip.first().ok_or("a chip is missing")?;
     let device = NullDevice::open().map_err(|error| format!("RADV cannot be opened: {error}"))?;
     for subject in subjects::all().iter().filter(|subject| subject.kernel.contains(&options.kernel)) {
-        println!("{}", row(&device, subject, chip, options)?.line());
+        testbed::say!("{}", row(&device, subject, chip, options)?.line());
     }
     Ok(())
 }

@@ -29,9 +29,8 @@ pub struct Options {
 const SHADING_POINTS: [usize; 2] = [200, 32];
 
 /// Measures all steps of all sweeps, and writes the table and the picture.
-#[allow(clippy::print_stdout, reason = "a program talks to its user")]
 pub fn run(options: &Options) -> Result<(), String> {
-    println!("{}", summary(&measure_all(options)?));
+    testbed::say!("{}", summary(&measure_all(options)?));
     Ok(())
 }
 

@@ -95,7 +95,6 @@ fn measure(lit: &Lit) -> Result<Vec<[String; 5]>, SceneError> {
 }
 
 /// Measures, prints the table and writes it.
-#[allow(clippy::print_stdout, reason = "a program talks to its user")]
 pub fn run(size: Size, gltf: Option<&Path>, count: usize, out: &Path) -> Result<(), SceneError> {
     let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
     let [city, _] = stages::city(size, count)?;
@@ -103,10 +102,10 @@ pub fn run(size: Size, gltf: Option<&Path>, count: usize, out: &Path) -> Result<
     if let Some(path) = gltf {
         scenes.push(stages::gltf(path, count)?);
     }
-    println!("{}", markdown_head(&COLUMNS));
+    testbed::say!("{}", markdown_head(&COLUMNS));
     for scene in &scenes {
         for row in measure(scene)? {
-            println!("| {} |", row.join(" | "));
+            testbed::say!("| {} |", row.join(" | "));
             table.add(row).map_err(SceneError)?;
         }
     }

@@ -173,17 +173,16 @@ impl Row {
 }
 
 /// Measures all scenes and strategies, prints the table and writes it.
-#[allow(clippy::print_stdout, reason = "a program talks to its user")]
 pub fn run(gltf_path: Option<&Path>, count: usize, out: &Path) -> Result<(), SceneError> {
     let mut motions = vec![swarm(count)?, city(count)?];
     if let Some(path) = gltf_path {
         motions.push(gltf(path, count)?);
     }
     let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
-    println!("{}", markdown_head(&COLUMNS));
+    testbed::say!("{}", markdown_head(&COLUMNS));
     for motion in &motions {
         for row in measure(motion)? {
-            println!("| {} |", row.fields().join(" | "));
+            testbed::say!("| {} |", row.fields().join(" | "));
             table.add(row.fields()).map_err(SceneError)?;
         }
     }

@@ -45,7 +45,6 @@ fn nanoseconds(chooser: &dyn Chooser, points: &[ShadingPoint]) -> f64 {
 }
 
 /// Measures one scene. `points` returns the shading points for a surface.
-#[allow(clippy::print_stdout, reason = "a program talks to its user")]
 fn measure(
     name: &str,
     world: &LightWorld,
@@ -88,7 +87,11 @@ fn measure(
                 means.push((sigma.mean, ns));
             }
             let cells: Vec<String> = means.iter().map(|(mean, ns)| format!("{mean:.2} ({ns:.0} ns)")).collect();
-            println!("| {name} | {surface} | {roughness} | {} | {:.2} |", cells.join(" | "), means[0].0 / means[1].0);
+            testbed::say!(
+                "| {name} | {surface} | {roughness} | {} | {:.2} |",
+                cells.join(" | "),
+                means[0].0 / means[1].0
+            );
         }
     }
     Ok(())
@@ -110,10 +113,9 @@ fn seen(points: &[ShadingPoint], gloss: Gloss) -> Vec<ShadingPoint> {
 }
 
 /// Measures, prints a table and writes it.
-#[allow(clippy::print_stdout, reason = "a program talks to its user")]
 pub fn run(size: Size, count: usize, out: &Path) -> Result<(), SceneError> {
     let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
-    println!("{}", markdown_head(&SUMMARY));
+    testbed::say!("{}", markdown_head(&SUMMARY));
     for scene in torture::scenes()?.iter().filter(|scene| scene.name == "glossy floor") {
         measure("glossy floor", &scene.world, |floor| gloss::with_floor(scene, floor), &mut table)?;
     }

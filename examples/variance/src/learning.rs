@@ -141,10 +141,9 @@ impl Learner<'_> {
 }
 
 /// Measures, prints the table and writes it.
-#[allow(clippy::print_stdout, reason = "a program talks to its user")]
 pub fn run(count: usize, out: &Path) -> Result<(), SceneError> {
     let mut csv = Table::create(out, &COLUMNS).map_err(SceneError)?;
-    println!("{}", markdown_head(&COLUMNS));
+    testbed::say!("{}", markdown_head(&COLUMNS));
     let mut report = |name: &str, rows: &[Row]| {
         for row in rows {
             let (sigma, without) = (row.sigma, rows[0].sigma);
@@ -153,7 +152,7 @@ pub fn run(count: usize, out: &Path) -> Result<(), SceneError> {
             let head = [name.to_owned(), row.what.clone(), format!("{:.0}", row.samples_per_cell)];
             let tail = gains.map(|gain| format!("{gain:.2}")).into_iter().chain([row.cells.to_string()]);
             let fields: Vec<String> = head.into_iter().chain(sigmas).chain(tail).collect();
-            println!("| {} |", fields.join(" | "));
+            testbed::say!("| {} |", fields.join(" | "));
             csv.add(fields).map_err(SceneError)?;
         }
         Ok::<(), SceneError>(())
@@ -173,7 +172,10 @@ pub fn run(count: usize, out: &Path) -> Result<(), SceneError> {
             report(learner.name, &learner.measure(&mut learnt, &format!("{edge} m, ")))?;
             if *edge == 1.0 {
                 let [plain, with, record] = learner.nanoseconds(&learnt);
-                println!("{}: {plain:.0} ns a pick, {with:.0} ns with the table, {record:.0} ns a record", place.name);
+                testbed::say!(
+                    "{}: {plain:.0} ns a pick, {with:.0} ns with the table, {record:.0} ns a record",
+                    place.name
+                );
             }
         }
         if is_rooms {

@@ -1,5 +1,4 @@
 //! What the program measures, one file for each form of its command line.
-#![allow(clippy::print_stdout, reason = "a program talks to its user")]
 
 pub mod stages;
 pub mod shading_points;

@@ -28,13 +28,12 @@ pub fn fields(row: &Row) -> [String; 10] {
 
 /// Prints one scene's rows as a Markdown table. Its last column counts the shading points where
 /// some light contributes and is never chosen.
-#[allow(clippy::print_stdout, reason = "a program talks to its user")]
 pub fn print(measured: &Measured) {
     let Measured { rows, lights, instances, lit_shading_points } = measured;
-    println!("\n{lights} lights in {instances} instances, {lit_shading_points} lit shading points\n");
+    testbed::say!("\n{lights} lights in {instances} instances, {lit_shading_points} lit shading points\n");
     let columns: Vec<&str> = COLUMNS.into_iter().chain(["unreached"]).collect();
-    println!("{}", markdown_head(&columns));
+    testbed::say!("{}", markdown_head(&columns));
     for row in rows {
-        println!("| {} | {} |", fields(row).join(" | "), row.sigma.unreached);
+        testbed::say!("| {} | {} |", fields(row).join(" | "), row.sigma.unreached);
     }
 }

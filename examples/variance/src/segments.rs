@@ -149,7 +149,6 @@ fn nanoseconds<const N: usize>(chooser: &dyn Chooser, sets: [&[ShadingPoint]; N]
     best
 }
 
-#[allow(clippy::print_stdout, reason = "a program talks to its user")]
 fn measure(name: &str, stage: &Stage, count: usize, table: &mut Table) -> Result<(), SceneError> {
     let world = &stage.world;
     let (lights, sampler) = (carried(world), world.sampler());
@@ -176,7 +175,10 @@ fn measure(name: &str, stage: &Stage, count: usize, table: &mut Table) -> Result
             (sum(coarse) / sum(&lit(3, at)) - 1.0).abs()
         };
         let error = segments.par_iter().zip(&light).take(20).map(error).reduce(|| 0.0, f64::max);
-        println!("quadrature: the integrals of {} change by at most {error:.1e} with three times the points", cut.name);
+        testbed::say!(
+            "quadrature: the integrals of {} change by at most {error:.1e} with three times the points",
+            cut.name
+        );
         let [of_segments, of_points] = nanoseconds(ours.as_ref(), [&segments, &middles]);
         let mut rows = Vec::new();
         let choices: [(&str, &dyn Chooser, &[ShadingPoint], f64); 4] = [
@@ -224,7 +226,7 @@ fn measure(name: &str, stage: &Stage, count: usize, table: &mut Table) -> Result
             let Summary { mean, median, p95, unreached, .. } = sigma;
             let ns = if ns.is_nan() { String::new() } else { format!("{ns:.0}") };
             let cells = [name, cut.name, what, sampler].map(String::from);
-            println!("| {} | {mean:.2}, {median:.2}, {p95:.2} ({unreached}) | {ns} |", cells.join(" | "));
+            testbed::say!("| {} | {mean:.2}, {median:.2}, {p95:.2} ({unreached}) | {ns} |", cells.join(" | "));
             let numbers = [mean, median, p95].map(|sigma| format!("{sigma:.3}"));
             let row = cells.into_iter().chain(numbers).chain([unreached.to_string(), ns]);
             table.add(row).map_err(SceneError)?;
@@ -234,10 +236,9 @@ fn measure(name: &str, stage: &Stage, count: usize, table: &mut Table) -> Result
 }
 
 /// Measures, prints a table and writes it.
-#[allow(clippy::print_stdout, reason = "a program talks to its user")]
 pub fn run(size: Size, gltf: Option<&Path>, count: usize, out: &Path) -> Result<(), SceneError> {
     let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
-    println!("{}", markdown_head(&SUMMARY));
+    testbed::say!("{}", markdown_head(&SUMMARY));
     let city = moved(procedural::stage(&CityOptions { size, cars: None, seed: 1 })?)?;
     measure(&format!("city {size:?}"), &city, count, &mut table)?;
     if let Some(path) = gltf {

@@ -32,14 +32,13 @@ fn summary(rows: &[TortureRow]) -> Option<String> {
 }
 
 /// Measures, prints the summary and writes the table.
-#[allow(clippy::print_stdout, reason = "a program talks to its user")]
 pub fn run(out: &Path) -> Result<(), SceneError> {
     let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
-    println!("{}", markdown_head(&SUMMARY));
+    testbed::say!("{}", markdown_head(&SUMMARY));
     for scene in torture::scenes()? {
         let measured = rows(&scene)?;
         measured.iter().try_for_each(|row| table.add(fields(row))).map_err(SceneError)?;
-        summary(&measured).iter().for_each(|line| println!("{line}"));
+        summary(&measured).iter().for_each(|line| testbed::say!("{line}"));
     }
     Ok(())
 }
@@ -48,15 +47,14 @@ pub fn run(out: &Path) -> Result<(), SceneError> {
 const CLIFF_SUMMARY: [&str; 4] = ["scene", "two levels", "flat", "of flat"];
 
 /// As [`run`], for the scenes in which two levels were far worse than one tree.
-#[allow(clippy::print_stdout, reason = "a program talks to its user")]
 pub fn run_cliffs(out: &Path) -> Result<(), SceneError> {
     let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
-    println!("{}", markdown_head(&CLIFF_SUMMARY));
+    testbed::say!("{}", markdown_head(&CLIFF_SUMMARY));
     for scene in cliffs::scenes()? {
         let measured = own_rows(&scene)?;
         measured.iter().try_for_each(|row| table.add(fields(row))).map_err(SceneError)?;
         let [two, flat] = measured.map(|row| row.sigma.mean);
-        println!("| {} | {two:.3} | {flat:.3} | {:.2} |", scene.name, two / flat);
+        testbed::say!("| {} | {two:.3} | {flat:.3} | {:.2} |", scene.name, two / flat);
     }
     Ok(())
 }

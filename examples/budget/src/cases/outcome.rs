@@ -24,16 +24,16 @@ pub fn show<O: Outcome>(outcomes: &[O], table: &mut Table) -> Result<(), SceneEr
     let Some(first) = outcomes.first() else { return Ok(()) };
     let columns: Vec<&str> =
         ["scene", "variant"].into_iter().chain(first.values().iter().map(|(name, _)| *name)).collect();
-    println!("{}", markdown_head(&columns));
+    testbed::say!("{}", markdown_head(&columns));
     for outcome in outcomes {
         let (variant, values) = (outcome.variant(), outcome.values());
         let shown: Vec<String> = values.iter().map(|(_, value)| text(*value)).collect();
-        println!("| {} | {variant} | {} |", O::SCENE, shown.join(" | "));
+        testbed::say!("| {} | {variant} | {} |", O::SCENE, shown.join(" | "));
         for ((name, _), value) in values.iter().zip(&shown) {
             table.add([O::SCENE, &variant, name, value]).map_err(SceneError)?;
         }
     }
-    println!();
+    testbed::say!("");
     Ok(())
 }
 

@@ -3,7 +3,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 /// Runs the program.
 fn city(arguments: &[&str]) -> Output {
@@ -179,4 +179,21 @@ fn gltf_files_with_infinite_numbers_are_refused() {
         fs::write(&path, text.replacen(from, to, 1)).expect("a writable target folder");
         assert_refused(name, &["--gltf", path.to_str().expect("UTF-8")], &format!("{name}.gltf"));
     }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_reader_that_has_gone_and_a_full_disk_end_the_program_without_a_panic() {
+    let run = |stdout: Stdio| {
+        let mut city = Command::new(env!("CARGO_BIN_EXE_city"));
+        let output = city.arg("--help").stdout(stdout).output().expect("a binary that starts");
+        (output.status.code(), String::from_utf8(output.stderr).expect("text"))
+    };
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    assert_eq!(run(writer.into()), (Some(141), String::new()));
+    let full = fs::File::options().write(true).open("/dev/full").expect("Linux has it");
+    let (code, error) = run(full.into());
+    assert_eq!((code, error.lines().count()), (Some(2), 1), "{error}");
+    assert!(error.starts_with("error: cannot write to stdout: No space left"), "{error}");
 }

@@ -2,6 +2,7 @@
 
 use clap::Parser;
 use std::fmt::Display;
+use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
 /// Turns the result of a program into its exit code. An error is printed to stderr as one line, and
@@ -19,14 +20,37 @@ pub fn exit_code<E: Display>(result: Result<(), E>) -> ExitCode {
 
 /// Reads the options and runs a program with them. A bad argument is printed to stderr as one line,
 /// and the exit code is 2; `--help` and `--version` are printed to stdout.
-#[allow(clippy::print_stdout, reason = "a program talks to its user")]
 pub fn run_program<T: Parser, E: Display>(run: impl FnOnce(&T) -> Result<(), E>) -> ExitCode {
     match T::try_parse() {
         Ok(options) => exit_code(run(&options)),
         Err(error) if error.use_stderr() => exit_code(Err(one_line(&error))),
         Err(help) => {
-            print!("{help}");
+            print(&help.to_string());
             ExitCode::SUCCESS
+        }
+    }
+}
+
+/// The exit code of a program whose reader has gone, as shells report it for the signal SIGPIPE.
+const READER_HAS_GONE: i32 = 141;
+
+/// Prints a line to stdout, with the arguments of `format!`, as [`print`](crate::common::exit::print) does.
+#[macro_export]
+macro_rules! say {
+    ($($argument:tt)*) => { $crate::common::exit::print(&(format!($($argument)*) + "\n")) };
+}
+
+/// Prints a text to stdout. If that is not possible, the program ends: without a word where the reader has
+/// gone, as in `city | head -1`, and otherwise with one line, as on a full disk.
+#[allow(clippy::print_stderr, clippy::exit, reason = "a program talks to its user, and ends")]
+pub fn print(text: &str) {
+    let mut stdout = std::io::stdout().lock();
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        Ok(()) => {}
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => std::process::exit(READER_HAS_GONE),
+        Err(error) => {
+            eprintln!("error: cannot write to stdout: {error}");
+            std::process::exit(2)
         }
     }
 }

@@ -26,7 +26,6 @@ use testbed::scene::SceneError;
 
 /// Measures the scenes, prints the table and writes it. `count` is the number of shading points in
 /// each scene.
-#[allow(clippy::print_stdout, reason = "a program talks to its user")]
 pub fn run(gltf: Option<&Path>, count: usize, out: &Path) -> Result<(), SceneError> {
     let mut table = Table::create(out, &table::COLUMNS).map_err(SceneError)?;
     let mut places = vec![places::street()?, places::rooms()?];
@@ -36,10 +35,10 @@ pub fn run(gltf: Option<&Path>, count: usize, out: &Path) -> Result<(), SceneErr
     for place in &places {
         let measured = measure::measure(place, count)?;
         let lights = place.world.light_count();
-        println!("\n{}: {lights} lights in {} instances\n", place.name, place.world.instance_count());
-        println!("{}", markdown_head(&table::COLUMNS));
+        testbed::say!("\n{}: {lights} lights in {} instances\n", place.name, place.world.instance_count());
+        testbed::say!("{}", markdown_head(&table::COLUMNS));
         for row in table::rows(&measured) {
-            println!("| {} |", row.join(" | "));
+            testbed::say!("| {} |", row.join(" | "));
             table.add(row).map_err(SceneError)?;
         }
     }
