@@ -10,7 +10,7 @@ use super::changes::FrameChanges;
 use super::error::PlanError;
 use super::layout::TreeRecord;
 use super::pool::{Demand, Growth};
-use super::residency::{Form, Incoming, NOT_WEIGHED, TreeState, has_room};
+use super::residency::{Form, Incoming, NOT_WEIGHED, TreeState, has_room, with_growth};
 use super::room::TreeRoom;
 use super::runs::runs;
 use super::stand_in::{may_stand_in, stand_ins};
@@ -429,10 +429,12 @@ impl TreeStore {
         let subject = Subject::of(world, incoming.slot).filter(|subject| subject.key == incoming.key);
         let Some(subject) = subject else { return Ok(()) };
         let counts = subject.counts();
-        if !has_room(&incoming.nodes, counts[0]) || !has_room(&incoming.lights, counts[1]) {
-            return Ok(());
+        let has_room = has_room(&incoming.nodes, counts[0]) && has_room(&incoming.lights, counts[1]);
+        if !has_room {
+            let Ok(ranges) = self.alloc(with_growth(counts), Demand::May, room.growth) else { return Ok(()) };
+            [incoming.nodes, incoming.lights] = ranges;
         }
-        if subject.entry.log.since(incoming.revision).is_none() {
+        if !has_room || subject.entry.log.since(incoming.revision).is_none() {
             incoming.sent = [0; 2];
             incoming.revision = subject.entry.log.revision();
             incoming.restarts += 1;

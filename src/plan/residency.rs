@@ -77,13 +77,18 @@ impl TreeState {
     /// the pools once for each quarter of its lights.
     pub fn room_for(&self, [nodes, lights]: [usize; 2]) -> [u32; 2] {
         let has_grown = self.form == Form::Whole && (nodes > self.nodes.len() || lights > self.lights.len());
-        [nodes, lights].map(|count| if has_grown { count + count / 4 + 16 } else { count } as u32)
+        if has_grown { with_growth([nodes, lights]) } else { [nodes, lights].map(|count| count as u32) }
     }
 
     /// The ranges of nodes, lights and records.
     pub fn ranges(&self) -> [&Range<u32>; 3] {
         [&self.nodes, &self.lights, &self.records]
     }
+}
+
+/// The lengths of ranges for a tree that grows: a quarter more.
+pub(super) fn with_growth(counts: [usize; 2]) -> [u32; 2] {
+    counts.map(|count| (count + count / 4 + 16) as u32)
 }
 
 /// Whether a range has room for this many records, and not more than about twice as many.

@@ -102,8 +102,7 @@ fn a_large_tree_comes_in_pieces_and_what_changes_meanwhile_comes_with_the_last()
     let expected = bytes(&world, keys[0]).div_ceil(budget);
     let mut frames = 0;
     while played.planner.stands_in(keys[0]) {
-        let changed = lamp(&mut rng);
-        world.set_lights(keys[0], &[(frames * 7, changed)]).expect("valid");
+        world.set_emission(keys[0], frames * 7, Vec3::splat(rng.between(1.0, 100.0))).expect("valid");
         update(&mut world);
         let plan = played.frame(&world);
         assert!(plan.report.bytes <= budget + STAND_IN_BYTES + 20_000, "{:?}", plan.report);
@@ -133,6 +132,27 @@ fn a_large_tree_comes_in_pieces_and_what_changes_meanwhile_comes_with_the_last()
         assert_eq!(plan.report.bytes > bytes(&world, keys[0]), frame == 4, "frame {frame}: {:?}", plan.report);
         check(&played, &world);
     }
+}
+
+#[test]
+fn a_tree_that_grows_while_it_comes_in_pieces_gets_room_and_starts_again_once() {
+    let mut rng = Rng(28);
+    let (mut world, keys) = row(&mut rng, 1, 20_000);
+    let budget = 64_000;
+    let mut played = played(PlanLimits::default().with_frame_bytes(budget));
+    update(&mut world);
+    played.frame(&world);
+    let expected = bytes(&world, keys[0]).div_ceil(budget);
+    let mut frames = 0;
+    while played.planner.stands_in(keys[0]) {
+        world.add_lights(keys[0], &lamps(&mut rng, 3)).expect("valid");
+        update(&mut world);
+        played.frame(&world);
+        check(&played, &world);
+        frames += 1;
+    }
+    assert!((expected - 1..=expected + 3).contains(&frames), "{frames} frames of {expected}");
+    assert_eq!(check(&played, &world).stand_ins, 0);
 }
 
 #[test]
