@@ -3,7 +3,11 @@
 
 use std::path::Path;
 
+use girandole::glam::{DVec2, dvec2};
+
 use super::SceneError;
+use super::footprints::utm_zone;
+use super::source;
 
 /// A lamp.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,18 +31,22 @@ const COLUMNS: [(&str, f64, f64); 4] = [
     ("est_lumens", 0.0, 1e8),
 ];
 
+/// Lamps whose positions could be degrees have degrees if they are all within this: five degrees are 500 km, and
+/// lamps within five metres no town.
+const LEAST_EXTENT: f64 = 5.0;
+
 /// Reads all lamps.
 pub fn read(path: &Path) -> Result<Vec<LampRecord>, SceneError> {
     let fail = |what: String| SceneError(format!("{}: {what}", path.display()));
     // A row that is too short is reported below, with the column that it lacks.
     let mut builder = csv::ReaderBuilder::new();
-    let reader = builder.flexible(true).trim(csv::Trim::All).from_path(path);
-    let mut reader = reader.map_err(|error| fail(one_line(error)))?;
+    let mut reader = builder.flexible(true).trim(csv::Trim::All).from_reader(source::open(path)?);
     let headers = reader.headers().map_err(|error| fail(one_line(error)))?.clone();
     let mut places = [0; COLUMNS.len()];
     for (place, (name, ..)) in places.iter_mut().zip(COLUMNS) {
         let found = headers.iter().position(|header| header == name);
-        *place = found.ok_or_else(|| fail(format!("line 1: there is no column \"{name}\"")))?;
+        let all = || headers.iter().collect::<Vec<_>>().join(", ");
+        *place = found.ok_or_else(|| fail(format!("line 1: there is no column \"{name}\" among: {}", all())))?;
     }
     let mut lamps = Vec::new();
     for record in reader.records() {
@@ -59,7 +67,23 @@ pub fn read(path: &Path) -> Result<Vec<LampRecord>, SceneError> {
     if lamps.is_empty() {
         return Err(fail("it contains no lamps".into()));
     }
+    let positions = lamps.iter().map(LampRecord::position);
+    let [low, high] = positions.fold([lamps[0].position(); 2], |[low, high], at| [low.min(at), high.max(at)]);
+    let limit = dvec2(180.0, 90.0);
+    let are_degrees = low.cmpge(-limit).all() && high.cmple(limit).all() && (high - low).max_element() < LEAST_EXTENT;
+    if lamps.len() > 1 && are_degrees {
+        let epsg = utm_zone(low);
+        return Err(fail(format!(
+            "the positions are degrees of longitude and latitude; project them to metres, for example to EPSG:{epsg}"
+        )));
+    }
     Ok(lamps)
+}
+
+impl LampRecord {
+    fn position(&self) -> DVec2 {
+        dvec2(self.east, self.north)
+    }
 }
 
 /// The message of an error on one line.
@@ -105,6 +129,16 @@ mod tests {
         assert!(message.contains("no column \"est_height_m\""), "{message}");
         assert!(read_text("none", "x_m,y_m,est_height_m,est_lumens\n").is_err());
         assert!(read(Path::new("/nowhere/lamps.csv")).is_err());
+    }
+
+    #[test]
+    fn degrees_are_refused_and_a_byte_order_mark_is_skipped() {
+        let head = "x_m,y_m,est_height_m,est_lumens\n";
+        let SceneError(message) =
+            read_text("degrees", &format!("{head}12.37,45.45,8,9000\n12.39,45.47,8,9000\n")).unwrap_err();
+        assert!(message.contains("degrees") && message.contains("EPSG:32633"), "{message}");
+        let near = format!("\u{feff}{head}1,2,8,9000\n1,8,8,9000\n");
+        assert_eq!(read_text("near", &near).unwrap().len(), 2);
     }
 
     #[test]

@@ -16,14 +16,20 @@ const GZIP: [u8; 2] = [0x1f, 0x8b];
 /// The content of a file, without compression.
 pub type Source = Box<dyn BufRead + Send>;
 
-/// Opens a file. Its content decides whether it is compressed, not its name.
+/// The mark that some programs put before text in UTF-8.
+const BYTE_ORDER_MARK: [u8; 3] = [0xef, 0xbb, 0xbf];
+
+/// Opens a file. Its content decides whether it is compressed, not its name. A byte order mark is skipped.
 pub fn open(path: &Path) -> Result<Source, SceneError> {
     let fail = |error: std::io::Error| SceneError(format!("{}: {error}", path.display()));
     let mut file = BufReader::with_capacity(CHUNK, File::open(path).map_err(fail)?);
     let is_compressed = file.fill_buf().map_err(fail)?.starts_with(&GZIP);
-    Ok(if is_compressed {
-        Box::new(BufReader::with_capacity(CHUNK, MultiGzDecoder::new(file)))
-    } else {
-        Box::new(file)
-    })
+    let mut source: Source = match is_compressed {
+        true => Box::new(BufReader::with_capacity(CHUNK, MultiGzDecoder::new(file))),
+        false => Box::new(file),
+    };
+    if source.fill_buf().map_err(fail)?.starts_with(&BYTE_ORDER_MARK) {
+        source.consume(BYTE_ORDER_MARK.len());
+    }
+    Ok(source)
 }
