@@ -272,6 +272,8 @@ fn a_tree_for_a_stretched_instance_keeps_its_division_through_a_file() {
 
     let same = LightTree::new_for(lights.clone(), Placement::IDENTITY).expect("valid");
     assert_eq!(same.nodes(), plain.nodes());
-    let flat = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 1.0, 0.0)), ..Placement::IDENTITY };
-    assert!(matches!(LightTree::new_for(lights, flat), Err(WorldError::Placement(_))));
+    let with_z = |z| Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 1.0, z)), ..Placement::IDENTITY };
+    let hidden = LightTree::new_for(lights.clone(), with_z(0.0)).expect("it hides");
+    assert_eq!(hidden.nodes(), plain.nodes());
+    assert!(matches!(LightTree::new_for(lights, with_z(f32::NAN)), Err(WorldError::Placement(_))));
 }
