@@ -76,7 +76,8 @@ use crate::plan::text;
 /// # Measures
 ///
 /// - `pmf` is the probability of the light among all lights, in [0, 1]. In a sample, 0 means that
-///   nothing arrives.
+///   nothing arrives; the pick of `light_pick`, which `light_sample_picked` takes, has its
+///   probability in any case.
 /// - If `is_delta` is 0, `radiance` is in nits and `pdf` is a density per steradian, seen from the
 ///   shading point.
 /// - If `is_delta` is 1 (points, spots and directional lights), `radiance` is the illuminance in
