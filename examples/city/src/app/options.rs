@@ -85,6 +85,9 @@ pub struct Options {
     /// Frames per second of the scene's time
     #[arg(long, value_name = "HZ", default_value_t = 24.0, value_parser = parse_fps, allow_negative_numbers = true)]
     pub fps: f64,
+    /// The scene's time in the first frame, in seconds: of traffic and of animations
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, value_parser = parse_start, allow_negative_numbers = true)]
+    pub start: f64,
 }
 
 /// The meaning of the arguments.
@@ -132,7 +135,8 @@ impl Options {
 
     /// The frame rate, and the budget for rebuilds.
     pub fn pace(&self) -> Pace {
-        Pace { fps: self.fps, budget: FrameBudget::new(Duration::from_secs_f64(self.budget_ms * 1e-3)) }
+        let budget = FrameBudget::new(Duration::from_secs_f64(self.budget_ms * 1e-3));
+        Pace { fps: self.fps, start: self.start, budget }
     }
 }
 
@@ -170,6 +174,13 @@ fn parse_fps(text: &str) -> Result<f64, String> {
     }
 }
 
+fn parse_start(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(start) if (0.0..=1e7).contains(&start) => Ok(start),
+        _ => Err("expected seconds, from 0 to 10000000".into()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -199,6 +210,8 @@ mod tests {
             "--budget-ms -1",
             "--budget-ms inf",
             "--fps 0",
+            "--start -1",
+            "--start nan",
             "--camera 1,2,3",
             "--camera 1,2,3,1,2,3",
             "--camera 1,2,nan,1,2,4",

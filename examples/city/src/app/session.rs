@@ -21,6 +21,8 @@ use testbed::scene::{Camera, Scene, SceneError, Stage};
 pub struct Pace {
     /// Frames per second of the scene's time.
     pub fps: f64,
+    /// The scene's time in the first frame, in seconds.
+    pub start: f64,
     /// What rebuilds of light trees may cost in each frame.
     pub budget: FrameBudget,
 }
@@ -247,7 +249,7 @@ impl Session {
         // A still animation is advanced once, and the geometry is compared with the scene once.
         let moves = number == 0 || !(self.is_frozen || animation.is_still());
         if moves {
-            animation.advance(f64::from(self.clock) / pace.fps, scene, world)?;
+            animation.advance(pace.start + f64::from(self.clock) / pace.fps, scene, world)?;
             self.clock += 1;
         }
         times.animation = laps.lap();

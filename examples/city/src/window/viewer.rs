@@ -178,7 +178,7 @@ impl Viewer {
         };
         self.session.set_settings(settings)?;
         let budget = FrameBudget::new(Duration::from_secs_f64(controls.budget_ms.max(0.0) * 1e-3));
-        self.session.set_pace(Pace { fps: self.options.fps, budget });
+        self.session.set_pace(Pace { budget, ..self.options.pace() });
         Ok(())
     }
 

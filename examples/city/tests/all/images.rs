@@ -16,7 +16,7 @@ use testbed::testing::support::Rng;
 use girandole::glam::{DVec3, Vec3};
 use girandole::{CandidateCount, FrameBudget, SplitCount};
 
-pub const PACE: Pace = Pace { fps: 24.0, budget: FrameBudget::UNLIMITED };
+pub const PACE: Pace = Pace { fps: 24.0, start: 0.0, budget: FrameBudget::UNLIMITED };
 
 fn settings(width: u32, height: u32, spp: u32, seed: u64) -> Settings {
     Settings {

@@ -80,10 +80,10 @@ pub struct RealCityOptions {
 /// close.
 const MAX_OFFSET: f64 = 50_000.0;
 
-/// Traffic within this distance of a lamp is lit by it, metres. If less than this share of the traffic
-/// is, the files probably have different coordinates.
-const LIT_DISTANCE: f32 = 150.0;
-const LEAST_LIT: f32 = 0.05;
+/// Traffic, lamps and roads of one place are within this distance of each other, metres. If less than this
+/// share is, the files probably have different coordinates.
+const NEAR: f32 = 150.0;
+const LEAST_NEAR: f32 = 0.05;
 
 /// Height of the land below the roads, metres.
 const LAND_HEIGHT: f32 = -0.06;
@@ -158,7 +158,22 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
         () if network.is_some() => positions.clone(),
         () => buildings.iter().map(|footprint| to_plane(footprint.rings[0][0] - shift)).collect(),
     };
-    let mut warnings = far_from_lamps(&lamp_positions, &driven, &driven_cells, network.is_some());
+    let roads: Vec<Vec2> = segments.iter().flat_map(|segment| [segment.from, segment.to]).collect();
+    let roads = if network.is_some() { &roads[..] } else { &[] };
+    let traffic = if driven_cells.is_empty() { &[] } else { &driven[..] };
+    let advice = match network {
+        Some(_) => "is the network of the same place, in the coordinates of the lamps?",
+        None => "netconvert moves a network to an origin of its own; name the network with --net FILE.net.xml",
+    };
+    let other_place = "are the files of the same place and network?";
+    let mut warnings: Vec<String> = [
+        apart(["traffic", "a lamp"], [traffic, &lamp_positions], advice),
+        apart(["traffic", "a road"], [traffic, roads], other_place),
+        apart(["lamps", "a road"], [&lamp_positions, roads], advice),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
     warnings.extend(footprints.iter().flat_map(Footprints::warnings));
     warnings.extend(survey.as_ref().and_then(Survey::warning));
     let middle = Grid::new(driven, 240.0).densest().map_or(Vec2::ZERO, |(middle, _)| middle);
@@ -214,27 +229,14 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     Ok(stage)
 }
 
-/// A warning if hardly any of the traffic is near a lamp.
-fn far_from_lamps(
-    lamps: &[Vec2],
-    driven: &[Vec2],
-    driven_cells: &BTreeSet<(i32, i32)>,
-    has_network: bool,
-) -> Vec<String> {
-    if lamps.is_empty() || driven_cells.is_empty() {
-        return Vec::new();
-    }
-    let grid = Grid::new(lamps.to_vec(), LIT_DISTANCE);
-    let lit = driven.iter().filter(|at| grid.near(**at, LIT_DISTANCE).next().is_some()).count();
-    let share = lit as f32 / driven.len() as f32;
-    if share >= LEAST_LIT {
-        return Vec::new();
-    }
-    let advice = match has_network {
-        true => "is the network of the same place, in the coordinates of the lamps?",
-        false => "netconvert moves a network to an origin of its own; name the network with --net FILE.net.xml",
-    };
-    vec![format!("only {:.0} % of the traffic is within {LIT_DISTANCE} m of a lamp: {advice}", (100.0 * share).floor())]
+/// A warning if hardly any of the first positions are near one of the second. None if there are no positions.
+fn apart([what, other]: [&str; 2], [of, others]: [&[Vec2]; 2], advice: &str) -> Option<String> {
+    let grid = Grid::new(others.to_vec(), NEAR);
+    let near = of.iter().filter(|at| grid.near(**at, NEAR).next().is_some()).count();
+    let share = near as f32 / of.len().max(1) as f32;
+    let are_apart = !of.is_empty() && !others.is_empty() && share < LEAST_NEAR;
+    are_apart
+        .then(|| format!("only {:.0} % of the {what} within {NEAR} m of {other}: {advice}", (100.0 * share).floor()))
 }
 
 /// A camera above the roofs that looks down along the road nearest to `middle`, from `side` metres beside
@@ -384,7 +386,15 @@ mod tests {
     fn a_network_alone_is_a_city_of_roads_and_one_of_another_place_is_warned_about() {
         let wrong = MOVED.replace("7000.00,-3000.00\"/>", "0.00,0.00\"/>");
         let apart = with_moved_traffic("wrong", (7000.0, -3000.0), Some(&wrong)).unwrap();
-        assert!(apart.scene.warnings[0].contains("same place"), "{:?}", apart.scene.warnings);
+        let told = |stage: &Stage, what: &[&str]| {
+            let warnings = &stage.scene.warnings;
+            assert_eq!(warnings.len(), what.len(), "{warnings:?}");
+            assert!(warnings.iter().zip(what).all(|(warning, what)| warning.contains(what)), "{warnings:?}");
+        };
+        told(&apart, &["of the traffic within 150 m of a lamp: is the network of the same place", "of the lamps"]);
+        // Traffic among the lamps, and the roads elsewhere.
+        let roads_apart = with_moved_traffic("roads", (0.0, 0.0), Some(&wrong)).unwrap();
+        told(&roads_apart, &["of the traffic within 150 m of a road", "of the lamps within 150 m of a road"]);
         let path = std::env::temp_dir().join(format!("girandole_net_{}.net.xml", std::process::id()));
         std::fs::write(&path, MOVED).unwrap();
         let alone = stage(&RealCityOptions { net: Some(path.clone()), cars: Some(0), ..RealCityOptions::default() });
