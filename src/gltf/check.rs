@@ -5,7 +5,7 @@ use ::gltf::Semantic;
 use ::gltf::json::camera::Type;
 use ::gltf::json::extensions::ENABLED_EXTENSIONS;
 use ::gltf::json::validation::{Checked, Validate};
-use ::gltf::json::{Path, Root, Value};
+use ::gltf::json::{Asset, Path, Root, Value};
 
 use super::error::{GltfError, document_error, shortened};
 
@@ -18,6 +18,7 @@ const MAX_NAMES: usize = 16;
 ///
 /// What passes can be read through all of the gltf crate but its readers of accessors.
 pub(super) fn check(root: &mut Root) -> Result<(), GltfError> {
+    check_version(&root.asset)?;
     check_extensions(&root.extensions_required)?;
     check_bounds(root)?;
     check_positions(root)?;
@@ -33,6 +34,17 @@ pub(super) fn check(root: &mut Root) -> Result<(), GltfError> {
     });
     root.extensions_required = required;
     first.map_or(Ok(()), |message| Err(document_error(&message)))
+}
+
+/// Refuses documents of other versions than 2.
+pub(super) fn check_version(asset: &Asset) -> Result<(), GltfError> {
+    if asset.version.starts_with("2.") {
+        return Ok(());
+    }
+    let version = shortened(&asset.version);
+    Err(document_error(&format!(
+        "it is of glTF {version}, and only glTF 2 is supported; convert it, as by gltf-pipeline"
+    )))
 }
 
 /// Refuses required extensions that are not supported: all of them in one error, each once.

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use ::gltf::json::{Extras, deserialize};
+use ::gltf::json::{Asset, Extras, deserialize};
 use ::gltf::{Document, Gltf};
 
 use super::budget::Budget;
-use super::check::{check, check_extensions};
+use super::check::{check, check_extensions, check_version};
 use super::error::{GltfError, document_error};
 use super::options::GltfOptions;
 
@@ -51,11 +51,8 @@ pub(super) fn parse_within(bytes: &[u8], budget: &mut Budget) -> Result<Gltf, Gl
     // The copy of the binary chunk.
     budget.take((bytes.len() - json.len()) as u64)?;
     let Gltf { document, blob } = Gltf::from_slice_without_validation(bytes).map_err(|error| {
-        let unsupported = required_extensions(json).map(|required| check_extensions(&required));
-        match unsupported {
-            Some(Err(unsupported)) => unsupported,
-            _ => document_error(&error.to_string()),
-        }
+        // Many extensions and other versions make a document invalid: those are the better message.
+        check_fields(json).err().unwrap_or_else(|| document_error(&error.to_string()))
     })?;
     let mut root = document.into_json();
     check(&mut root)?;
@@ -73,12 +70,15 @@ fn most_memory(json: &[u8]) -> u64 {
     objects * OBJECT_BYTES + values * VALUE_BYTES + 2 * json.len() as u64
 }
 
-/// The names of required extensions in a document that is JSON but not valid glTF. Many extensions
-/// make it so.
-fn required_extensions(json: &[u8]) -> Option<Vec<String>> {
-    let fields: BTreeMap<String, Extras> = deserialize::from_slice(json).ok()?;
-    let required = fields.get("extensionsRequired")?.as_ref()?;
-    deserialize::from_str(required.get()).ok()
+/// Checks the version and the required extensions of a document, which may be invalid, as far as they can be
+/// read.
+fn check_fields(json: &[u8]) -> Result<(), GltfError> {
+    let fields: BTreeMap<String, Extras> = deserialize::from_slice(json).unwrap_or_default();
+    let field = |name: &str| fields.get(name).and_then(|field| Some(field.as_ref()?.get()));
+    let asset: Option<Asset> = field("asset").and_then(|text| deserialize::from_str(text).ok());
+    asset.map_or(Ok(()), |asset| check_version(&asset))?;
+    let required: Option<Vec<String>> = field("extensionsRequired").and_then(|text| deserialize::from_str(text).ok());
+    required.map_or(Ok(()), |required| check_extensions(&required))
 }
 
 /// The gltf crate subtracts the size of the header from the stated length without a check.
