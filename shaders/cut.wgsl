@@ -359,7 +359,7 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
     if light_params.slots == 0u {
         return;
     }
-    var local = light_local_to_top(shading_point);
+    var local: LightLocalShadingPoint;
     var local_instance = LIGHT_NO_INSTANCE;
     var node = 0u;
     var skipped = 0u;
@@ -369,7 +369,7 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
     // #endif
     loop {
         let place = light_cut_place((*cut).links, node);
-        if place.instance != local_instance {
+        if node == 0u || place.instance != local_instance {
             local = light_local_to(place.instance, shading_point);
             local_instance = place.instance;
         }
