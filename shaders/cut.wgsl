@@ -355,7 +355,8 @@ fn light_split_next(cut: ptr<function, LightCut>) -> bool {
 // weights of all unresolved candidates together, relative to the other candidates and the directional
 // lights. Twin of `Cut::new`.
 fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_point: LightShadingPoint) {
-    // A read before the loop: see `a_shader_may_choose_lights_where_some_invocations_have_returned`.
+    // Some drivers need a read before the loop: see the test
+    // `a_shader_may_choose_lights_where_some_invocations_have_returned`.
     if light_params.slots == 0u {
         return;
     }

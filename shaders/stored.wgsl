@@ -190,7 +190,7 @@ fn light_user_data(instance: u32) -> u32 {
 }
 
 // Returns a number that changes when an instance and an index come to name another light, at least 1;
-// 0 where no instance is shown. Twin of `LightWorld::generation`.
+// 0 where no instance is shown, and where stand-ins are shown in place of its lights or the reverse. Twin of `LightWorld::generation`.
 fn light_generation(instance: u32, light: u32) -> u32 {
     let births = light_births(instance, light);
     let mixed = (births.x * 0x9e3779b1u) ^ (births.y * 0x85ebca6bu);
@@ -216,7 +216,7 @@ fn light_births(instance: u32, light: u32) -> vec3<u32> {
         of_instance = words.x >> LIGHT_BIRTH_SHIFT;
         index = words.w + light;
     }
-    // Stand-ins and other lights have different indices.
+    // The index of a stand-in, once the tree is here, or the reverse.
     if index >= arrayLength(&light_records) / light_params.light_stride {
         return vec3(0u);
     }

@@ -83,7 +83,7 @@ fn light_climb(
     var local = light_local_to_tree(slot_of_instance, shading_point);
     var pmf = 1.0;
     // #if PREVIOUS
-    // Birth numbers repeat in the end, and then a walk may lead anywhere.
+    // Birth numbers repeat in the end, and then the walk may lead anywhere.
     var steps = 0u;
     // #endif
     loop {

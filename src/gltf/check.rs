@@ -42,9 +42,7 @@ pub(super) fn check_version(asset: &Asset) -> Result<(), GltfError> {
         return Ok(());
     }
     let version = shortened(&asset.version);
-    Err(document_error(&format!(
-        "it is of glTF {version}, and only glTF 2 is supported; convert it, as by gltf-pipeline"
-    )))
+    Err(document_error(&format!("its version is {version:?}; only 2.x is supported (gltf-pipeline converts files)")))
 }
 
 /// Refuses required extensions that are not supported: all of them in one error, each once.

@@ -157,8 +157,8 @@ impl LightShader {
     ///
     /// The shading point is relative to the origin that the world had then
     /// ([`LightWorld::origin`](crate::LightWorld::origin)). The function compares what
-    /// `light_generation` returns now and returned then, so a light that was added, or that came with
-    /// another tree or instance, has a probability of 0. The number of splits is
+    /// `light_generation` returns now and returned then, so a light that was added, that came with
+    /// another tree or instance, or that is hidden now has a probability of 0. The number of splits is
     /// `light_splits_previous`, which is the default at first. Learnt visibility is left out.
     #[must_use]
     pub fn with_previous(self, group: u32) -> Self {

@@ -44,10 +44,12 @@ pub(super) fn renamed(text: &str, root: &str, suffix: &str) -> String {
 /// with `prefix`: for engines that use names such as `light_sample` themselves.
 ///
 /// With the prefix `gi_`, `light_sample` becomes `gi_light_sample`, and `LightSample` becomes
-/// `gi_LightSample`; members of types keep their names. The texts of one shader are joined before: those
-/// of [`wgsl`](super::wgsl), of [`wgsl_previous`](super::wgsl_previous) and of `LightShader`, whose field
-/// `wgsl` takes the result. Then [`LightShader::with_effects`](crate::gpu::LightShader::with_effects) and
-/// others make texts without a prefix again. O(text).
+/// `gi_LightSample`; members of types and the names of a [`TargetHook`](super::TargetHook) stay as they are.
+///
+/// Join the texts of one shader first, such as those of [`wgsl`](super::wgsl) and
+/// [`wgsl_previous`](super::wgsl_previous). For a `LightShader`, put the text of its field `wgsl` through this
+/// function last: its methods `with_effects`, `with_previous` and `with_target` make the text anew, without
+/// the prefix. O(text).
 ///
 /// # Errors
 /// [`ShaderNameError`] for a prefix that is not an identifier of WGSL, as for

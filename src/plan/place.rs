@@ -263,7 +263,7 @@ impl TreeStore {
         let bases = [state.nodes.start, state.lights.start];
         let count = TreeRecord::count(subject.openings) as usize;
         let has_new_records = state.waits || state.openings != subject.openings || state.records.len() != count;
-        if has_new_records {
+        if has_new_records || state.replaced != subject.entry.replaced {
             let state = TreeState { waits: false, ..state.clone() };
             self.set_state(world, subject, state, subject.openings, room)?;
         }
@@ -327,7 +327,7 @@ impl TreeStore {
     ) -> Result<(), PlanError> {
         let count = TreeRecord::count(openings);
         let has_records = state.records.len() as u32 == count;
-        state.openings = openings;
+        (state.openings, state.replaced) = (openings, subject.entry.replaced);
         let is_weighed = state.waits || self.residency.is_sorted();
         state.usefulness = if is_weighed { subject.usefulness(world) } else { NOT_WEIGHED };
         // First, so that the reserved ranges are released if the rest fails.
@@ -569,7 +569,10 @@ impl TreeStore {
         for (slot, state) in &room.placed {
             let former = self.residency.get(*slot);
             let is_same = former.ranges() == state.ranges() && former.form == state.form;
-            if is_same && former.key == state.key && former.openings == state.openings {
+            if is_same
+                && former.key == state.key
+                && (former.openings, former.replaced) == (state.openings, state.replaced)
+            {
                 continue;
             }
             if let Some(entry) = world.tree_at(*slot).and_then(|key| world.tree_entry(key)) {

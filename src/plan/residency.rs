@@ -35,6 +35,8 @@ pub(super) struct TreeState {
     pub openings: usize,
     /// The revision up to which the tree was written: see [`ChangeLog`](crate::world::ChangeLog).
     pub revision: u64,
+    /// [`TreeEntry::replaced`](crate::world::TreeEntry::replaced) of the version that shaders see.
+    pub replaced: u32,
     /// The error that stand-ins would make, per node and light of the tree, as the bits of a
     /// non-negative f32, which compare like the number. Or [`NOT_WEIGHED`].
     pub usefulness: u32,
@@ -58,6 +60,7 @@ impl TreeState {
         records: 0..0,
         openings: 0,
         revision: 0,
+        replaced: 0,
         usefulness: NOT_WEIGHED,
         bytes: 0,
     };

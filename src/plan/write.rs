@@ -18,7 +18,7 @@ use crate::effects::Effects;
 use crate::keys::slot_of;
 use crate::math::dice::hash;
 use crate::tree::{ChildRef, LEAF, Node};
-use crate::world::{LightWorld, birth_of_directional};
+use crate::world::{LightWorld, birth_of_directional, birth_of_instance};
 
 /// Commands and bytes of a plan besides the records of the large pools: parts and parameters.
 const MORE_COMMANDS: usize = 32;
@@ -224,7 +224,7 @@ impl LightPlanner {
                 let range = run.start as usize..run.end as usize;
                 report.lights += range.len();
                 let birth = |light| match write.source {
-                    // The draw depends on the tree alone.
+                    // Stand-ins are drawn anew when the tree changes.
                     Source::StandIns(_) => hash(write.slot).wrapping_add(entry.log.revision() as u32),
                     Source::Tree | Source::Piece => entry.births.of(light),
                 };
@@ -274,7 +274,8 @@ impl LightPlanner {
             part: parts.start,
             stands_in,
         };
-        InstanceRecord::of(placed, &instance.appearance, bases).with_birth(instance.birth)
+        InstanceRecord::of(placed, &instance.appearance, bases)
+            .with_birth(birth_of_instance(instance.birth, state.replaced))
     }
 
     /// Sends the staged records, if there are any.

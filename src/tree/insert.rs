@@ -48,8 +48,8 @@ impl LightTree {
     /// sampled at once.
     ///
     /// Each light costs O(depth) and, amortised, the build of O(log n) lights, once the tree is not
-    /// frozen. A tree that is divided into sides, which has at most 256 lights, and one of fewer
-    /// lights than are added are built again.
+    /// frozen. A tree that is divided into sides, which has at most 256 lights, is built again, and so is
+    /// one of which more than a tenth is new.
     ///
     /// # Errors
     /// [`WorldError::Light`] for the first invalid light, by its index in `lights`;

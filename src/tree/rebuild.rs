@@ -32,11 +32,11 @@ impl LightTree {
 
     /// Replaces this tree by one that was built from an earlier state of its lights. Lights that
     /// have changed since are set again, and those that were added or removed are added and removed.
-    /// Returns the former tree, and whether there are any; the tree then needs a refit, unless it
+    /// Returns the former tree, and whether lights have changed; the tree then needs a refit, unless it
     /// was built again for lights that were added or removed.
     ///
-    /// `changed` are all lights that may have changed; if they are not known, all lights are compared.
-    /// O(changed).
+    /// `changed` are all lights that may have changed. O(changed), but for such a build; O(lights) if they
+    /// are not known: then all lights are compared.
     pub(crate) fn succeed(&mut self, mut built: Self, changed: Option<Vec<u32>>) -> (Self, bool) {
         let change = |index: u32| {
             let light = self.lights[index as usize];

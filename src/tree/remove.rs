@@ -17,7 +17,7 @@ impl LightTree {
     /// ones again. Refits the nodes above the removed lights, so the tree can be sampled at once.
     ///
     /// Each light costs O(depth), once the tree is not frozen. A tree that is divided into sides,
-    /// which has at most 256 lights, is built again.
+    /// which has at most 256 lights, is built again, and so is one that loses more than a tenth.
     ///
     /// # Errors
     /// [`WorldError::NoSuchLight`] for an index outside the tree, [`WorldError::RemovedLight`] for

@@ -9,7 +9,7 @@ use crate::keys::{InstanceKey, slot_of};
 
 impl LightWorld {
     /// Enables or disables all lights of an instance, at once. A disabled instance is treated as
-    /// one that a scale of zero hides: it keeps its key, slot, placement and policy, and
+    /// one that its placement hides: it keeps its key, slot, placement and policy, and
     /// contributes nothing. Instances are enabled at first. A value that equals the present one
     /// changes nothing. O(1).
     ///

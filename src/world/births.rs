@@ -17,8 +17,7 @@ impl BirthCounter {
     }
 }
 
-/// The birth numbers of a tree's lights: 0 for those that came with the tree. When another tree takes its
-/// place, the instances get new numbers.
+/// The birth numbers of a tree's lights: 0 for those that came with the tree.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Births(Vec<u32>);
 
@@ -38,6 +37,12 @@ impl Births {
     pub fn memory_bytes(&self) -> usize {
         size_of::<u32>() * self.0.capacity()
     }
+}
+
+/// The number of the last edit that changed which lights an instance has, of the one that added it and the
+/// last one that replaced its tree.
+pub(crate) fn of_instance(birth: u32, replaced: u32) -> u32 {
+    birth.max(replaced)
 }
 
 /// The birth number of a directional light.

@@ -58,7 +58,7 @@ impl RunningBuild {
     }
 }
 
-/// The thread that builds run on; it starts with the first build.
+/// The thread that builds run on, and that frees large trees between them. It starts when it is needed.
 #[derive(Debug, Default)]
 pub(super) struct BuildThread {
     #[cfg(feature = "parallel")]

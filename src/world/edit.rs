@@ -131,11 +131,11 @@ impl LightWorld {
     /// the least first, but never in the update that removes the light: see
     /// [`LightWorld::removed_lights`].
     ///
-    /// The tree is not built again: each light is put near others, and the nodes above it are
-    /// refitted. Its policies judge by its attributes whether it needs a rebuild, as after changes
-    /// of lights. These trees are built again in the update: those that are divided into sides,
-    /// which have at most 256 lights; those of fewer lights than are added; and those that have
-    /// grown to twice their lights without a rebuild. O(lights); the update then takes O(depth) for
+    /// Each light is put near others, and the nodes above it are refitted. The tree's policies judge by
+    /// its attributes whether it needs a rebuild, as after changes of lights. These trees are built
+    /// again in the update: those that are divided into sides, which have at most 256 lights; those of
+    /// which more than a tenth comes and goes in one update; and those that have grown to twice their
+    /// lights without a rebuild. O(lights); the update then takes O(depth) for
     /// each light, and amortised the build of O(log n) lights.
     ///
     /// # Errors
@@ -286,10 +286,8 @@ impl LightWorld {
         let birth = self.scene.births.next();
         let entry = &mut self.scene.trees[tree];
         entry.births = Births::default();
-        for key in &entry.instances {
-            self.scene.instances[*key].birth = birth;
-            self.log.altered(slot_of(*key));
-        }
+        entry.replaced = birth;
+        entry.instances.iter().for_each(|key| self.log.altered(slot_of(*key)));
         self.effects.change(|counts| {
             counts.add_all(by.effects());
             counts.remove_all(entry.tree.effects());
@@ -413,7 +411,8 @@ impl LightWorld {
             return Ok(shared);
         }
         let copy = entry.tree.clone();
-        let (history, staged, births) = (entry.history, entry.staged.clone(), entry.births.clone());
+        let (history, staged) = (entry.history, entry.staged.clone());
+        let (births, replaced) = (entry.births.clone(), entry.replaced);
         let has_new_policy = entry.has_new_policy;
         let own = self.add_tree(copy);
         if !staged.is_empty() || has_new_policy {
@@ -423,7 +422,7 @@ impl LightWorld {
         entry.has_new_policy = has_new_policy;
         entry.history = history;
         entry.staged = staged;
-        entry.births = births;
+        (entry.births, entry.replaced) = (births, replaced);
         entry.recount(&mut self.sums);
         self.rebuilds.scheduler.copy(shared, own);
         let (crowds, mut edit) = self.crowds();

@@ -57,8 +57,8 @@ impl<'w> Changes<'w> {
 
     /// The slots that hold the same instance as before, in another place.
     ///
-    /// An instance that was moved away and back may be among them. Instances that are hidden by a
-    /// scale of zero, or shown again, count as moved. Not listed are new instances, those whose
+    /// An instance that was moved away and back may be among them. Instances that are hidden by
+    /// their placement, or shown again, count as moved. Not listed are new instances, those whose
     /// appearance or lights changed, and the change of all positions by a new origin
     /// ([`Changes::origin_shift`]).
     pub fn moved_instances(&self) -> impl Iterator<Item = u32> + use<'w> {

@@ -42,9 +42,9 @@ use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
 
-#[cfg(feature = "gpu-plan")]
-pub(crate) use births::BIRTH_BITS;
 pub(crate) use births::birth_of_directional;
+#[cfg(feature = "gpu-plan")]
+pub(crate) use births::{BIRTH_BITS, of_instance as birth_of_instance};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use change_log::TreeChanges;
 pub use log::{Changes, Revision};
@@ -254,8 +254,10 @@ impl LightWorld {
     }
 
     /// A number that shaders read with `light_generation(instance, light)`, at least 1 and below 2²⁴;
-    /// `None` for a light that is not shown or that there is not. Shaders read 0 where no instance is
-    /// shown, and some number of another light for an index beyond those of the tree. O(1).
+    /// `None` for a stale key, if the instance is not shown, and for an index beyond those of the tree. A
+    /// removed light keeps its number until its index is used again. Shaders read 0 where no instance is
+    /// shown or they see stand-ins of the tree, and some number of another light for an index beyond
+    /// those of the tree. O(1).
     ///
     /// A slot and an index name the same light for as long as this number stays the same. Another
     /// instance in the slot, another tree, other lights in the tree, or a light that was added at the
@@ -267,7 +269,7 @@ impl LightWorld {
                 let Instance { tree, birth, .. } = self.instance(instance).filter(|shown| shown.shown().is_some())?;
                 let entry = &self.scene.trees[*tree];
                 ((light as usize) < entry.tree.lights().len())
-                    .then(|| births::generation(*birth, entry.births.of(light)))
+                    .then(|| births::generation(births::of_instance(*birth, entry.replaced), entry.births.of(light)))
             }
             LightId::Directional(key) => {
                 self.scene.directionals.contains_key(key).then(|| births::generation(0, birth_of_directional(key)))

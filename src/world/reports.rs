@@ -24,7 +24,7 @@ pub struct FrameReport {
     /// Trees that request a rebuild and wait for a later frame, without the tree whose build is
     /// under way: in slices, or in the background.
     pub waiting_trees: usize,
-    /// Builds in slices that are under way, 0 or 1.
+    /// 1 while a build goes on in slices, or while its lights are copied for the background; otherwise 0.
     pub sliced_builds: usize,
     /// [Placeholders](crate::LightTree::new_placeholder) that have yet to be built, those whose build is
     /// under way included.

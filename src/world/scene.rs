@@ -34,6 +34,8 @@ pub(super) const CROWD_UNIT: f64 = 1.0 / 256.0;
 pub(crate) struct TreeEntry {
     pub tree: LightTree,
     pub births: Births,
+    /// The number of the last edit that put another tree in the place of this one; 0 before any.
+    pub replaced: u32,
     pub instances: Vec<InstanceKey>,
     /// The policies of all instances.
     pub policies: PolicySet,
@@ -75,10 +77,10 @@ pub(crate) struct Instance {
     pub placement: Placement,
     pub policy: Policy,
     pub appearance: Appearance,
-    /// `None` while the instance is hidden by a scale of zero. [`Instance::shown`] tells whether
+    /// `None` while the instance is hidden by its placement. [`Instance::shown`] tells whether
     /// its lights shine.
     pub placed: Option<Placed>,
-    /// The number of the edit that added it, or that put another tree in the place of its tree.
+    /// The number of the edit that added it.
     pub birth: u32,
     /// Its index in its tree's list of instances.
     pub index_in_tree: usize,
@@ -90,6 +92,7 @@ impl TreeEntry {
     pub fn new(tree: LightTree) -> Self {
         Self {
             births: Births::default(),
+            replaced: 0,
             history: AttributeHistory::start(tree.attributes()),
             tree,
             instances: Vec::new(),
@@ -150,7 +153,7 @@ impl TreeEntry {
 }
 
 impl Instance {
-    /// Where the lights shine; `None` if they do not, because a scale of zero hides the instance or
+    /// Where the lights shine; `None` if they do not, because its placement hides the instance or
     /// because of its appearance.
     pub fn shown(&self) -> Option<&Placed> {
         self.placed.as_ref().filter(|_| self.appearance.is_shown())

@@ -344,3 +344,35 @@ fn the_last_frame_keeps_the_origin_that_it_had() {
     assert!(first.iter().filter(|answer| answer[0] > 0.0).count() > 60);
     assert!(first.iter().zip(&last).any(|(first, last)| first[0] != last[0]), "the origin has moved");
 }
+
+#[test]
+fn lights_keep_their_generation_until_the_tree_that_replaces_theirs_has_come() {
+    let (mut asker, mut world, mut rng) = (Asker::new(), LightWorld::new(), Rng(73));
+    let lamps = |rng: &mut Rng| (0..3000).map(|_| light(rng, 0)).collect::<Vec<_>>();
+    let tree = world.add_tree(LightTree::new(lamps(&mut rng)).expect("valid"));
+    let key = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+    let instance = world.slot(key).expect("it lives");
+    let queries: Vec<Query> = (0..64)
+        .map(|i| Query { position: rng.position(9.0).to_array(), instance, light: 45 * i, padding: [0; 3] })
+        .collect();
+    let old = asker.frame(&mut world, &queries);
+    asker.lights.set_frame_bytes(Some(40_000));
+    world.replace_lights(tree, lamps(&mut rng)).expect("valid");
+    let (mut last, mut frames) = (old.clone(), 0);
+    loop {
+        let now = asker.frame(&mut world, &queries);
+        let has_come = !asker.lights.is_waiting(tree);
+        for ((now, last), old) in now.iter().zip(&last).zip(&old) {
+            assert_eq!(now[2] == old[2], !has_come);
+            assert_eq!(now[1], if has_come { 0.0 } else { last[0] });
+        }
+        if has_come {
+            break;
+        }
+        (last, frames) = (now, frames + 1);
+    }
+    assert!(frames > 3 && old.iter().any(|answer| answer[0] > 0.0), "{frames}");
+    let lamp = LightId::Local { instance: key, light: 45 };
+    let next = asker.frame(&mut world, &queries);
+    assert_eq!(world.generation(lamp).map(|generation| generation as f32), Some(next[1][2]));
+}

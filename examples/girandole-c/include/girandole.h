@@ -1161,7 +1161,8 @@ GirandoleStatus girandole_world_pmf(const struct GirandoleWorld *world,
                                     float *pmf);
 
 // Stores numbers that change when the names of light_ids[i] come to mean other lights, as light_generation
-// returns them in shaders: at least 1, or 0 for a light that is not shown or that there is not.
+// returns them in shaders: at least 1, or 0 for a stale key, an instance that is not shown, and an index
+// beyond those of the tree.
 GirandoleStatus girandole_world_generations(const struct GirandoleWorld *world,
                                             const struct GirandoleLightId *light_ids,
                                             size_t count,

@@ -219,7 +219,8 @@ pub unsafe extern "C" fn girandole_world_pmf(
 }
 
 /// Stores numbers that change when the names of light_ids[i] come to mean other lights, as light_generation
-/// returns them in shaders: at least 1, or 0 for a light that is not shown or that there is not.
+/// returns them in shaders: at least 1, or 0 for a stale key, an instance that is not shown, and an index
+/// beyond those of the tree.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_generations(
     world: *const GirandoleWorld,
