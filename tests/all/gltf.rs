@@ -457,7 +457,7 @@ fn a_node_whose_animated_scale_is_zero_is_hidden() {
 
 #[test]
 fn a_camera_that_is_given_replaces_that_of_the_file() {
-    let camera = Camera { eye: Vec3::ONE, target: Vec3::ZERO, vertical_fov: 1.0 };
+    let camera = Camera { eye: Vec3::ONE, target: Vec3::ZERO, vertical_fov: 1.0, up: Vec3::Y };
     assert_eq!(gltf_scene::stage(&sample("small.gltf"), Some(camera)).unwrap().scene.camera, camera);
 }
 

@@ -47,7 +47,7 @@ impl Source {
         let stage = match self {
             Self::City(size) => procedural::stage(&CityOptions { size: *size, cars: None, seed: CITY_SEED })?,
             Self::Gltf { file, camera: (eye, target), path, vehicles } => {
-                let camera = Camera { eye: *eye, target: *target, vertical_fov: FIELD_OF_VIEW };
+                let camera = Camera { eye: *eye, target: *target, vertical_fov: FIELD_OF_VIEW, up: Vec3::Y };
                 with_vehicles(gltf_scene::stage(file, Some(camera))?, *path, *vehicles)?
             }
         };

@@ -58,7 +58,7 @@ impl Flight {
 
     /// The present camera.
     pub fn camera(&self) -> Camera {
-        Camera { eye: self.eye, target: self.eye + self.forward(), vertical_fov: self.vertical_fov }
+        Camera { eye: self.eye, target: self.eye + self.forward(), vertical_fov: self.vertical_fov, up: Vec3::Y }
     }
 
     /// Metres per second without hurry.
@@ -103,7 +103,7 @@ mod tests {
     use super::*;
 
     fn flight(target: Vec3) -> Flight {
-        Flight::new(&Camera { eye: Vec3::new(1.0, 2.0, 3.0), target, vertical_fov: 1.0 })
+        Flight::new(&Camera { eye: Vec3::new(1.0, 2.0, 3.0), target, vertical_fov: 1.0, up: Vec3::Y })
     }
 
     #[test]

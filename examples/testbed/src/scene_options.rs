@@ -96,7 +96,7 @@ impl SceneOptions {
 
     /// The camera of `--camera`.
     fn camera(&self) -> Option<Camera> {
-        self.camera.map(|(eye, target)| Camera { eye, target, vertical_fov: FIELD_OF_VIEW })
+        self.camera.map(|(eye, target)| Camera { eye, target, vertical_fov: FIELD_OF_VIEW, up: Vec3::Y })
     }
 }
 

@@ -99,7 +99,7 @@ mod tests {
     use testbed::scene::Camera;
 
     fn view() -> View {
-        View::new(&Camera { eye: Vec3::ZERO, target: Vec3::NEG_Z, vertical_fov: 1.0 }, 200, 100)
+        View::new(&Camera { eye: Vec3::ZERO, target: Vec3::NEG_Z, vertical_fov: 1.0, up: Vec3::Y }, 200, 100)
     }
 
     /// Instances of a tree with lights at opposite corners of a cube of two metres.

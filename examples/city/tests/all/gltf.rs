@@ -190,6 +190,25 @@ fn still_life(size: f32, offset: [f32; 3], lamp: bool, emission: f32, floor: boo
 }
 
 #[test]
+fn a_camera_that_is_turned_about_its_axis_turns_the_picture() {
+    let rotations = [("upright", [0.0, 0.0, 0.0, 1.0]), ("rolled", [0.0, 0.0, 0.5_f32.sqrt(), 0.5_f32.sqrt()])];
+    let views = rotations.map(|(name, [x, y, z, w])| {
+        let text = still_life(2.0, [0.0; 3], true, 1.0, true).replacen(
+            "\"nodes\":[{",
+            &format!(
+                "\"cameras\":[{{\"type\":\"perspective\",\"perspective\":{{\"yfov\":0.8,\"znear\":0.1}}}}],\
+                 \"nodes\":[{{\"camera\":0,\"rotation\":[{x},{y},{z},{w}],"
+            ),
+            1,
+        );
+        View::new(&stage(name, &text).scene.camera, 100, 100)
+    });
+    // A quarter of a turn to the left: what was on the left is above.
+    assert!(views[0].up.abs_diff_eq(Vec3::Y * views[0].up.length(), 1e-5));
+    assert!(views[1].up.abs_diff_eq(-views[0].right, 1e-5) && views[1].right.abs_diff_eq(views[0].up, 1e-5));
+}
+
+#[test]
 fn files_without_a_camera_give_a_usable_picture() {
     let near = [0.0; 3];
     let cases = [

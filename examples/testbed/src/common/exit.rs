@@ -7,12 +7,11 @@ use std::process::ExitCode;
 
 /// Turns the result of a program into its exit code. An error is printed to stderr as one line, and
 /// the code is 2.
-#[allow(clippy::print_stderr, reason = "a program talks to its user")]
 pub fn exit_code<E: Display>(result: Result<(), E>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error}");
+            report(&error);
             ExitCode::from(2)
         }
     }
@@ -31,6 +30,11 @@ pub fn run_program<T: Parser, E: Display>(run: impl FnOnce(&T) -> Result<(), E>)
     }
 }
 
+/// Prints an error to stderr, if that is possible.
+fn report(error: &impl Display) {
+    let _ = writeln!(std::io::stderr(), "error: {error}");
+}
+
 /// The exit code of a program whose reader has gone, as shells report it for the signal SIGPIPE.
 const READER_HAS_GONE: i32 = 141;
 
@@ -42,14 +46,14 @@ macro_rules! say {
 
 /// Prints a text to stdout. If that is not possible, the program ends: without a word where the reader has
 /// gone, as in `city | head -1`, and otherwise with one line, as on a full disk.
-#[allow(clippy::print_stderr, clippy::exit, reason = "a program talks to its user, and ends")]
+#[allow(clippy::exit, reason = "the program ends")]
 pub fn print(text: &str) {
     let mut stdout = std::io::stdout().lock();
     match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
         Ok(()) => {}
         Err(error) if error.kind() == ErrorKind::BrokenPipe => std::process::exit(READER_HAS_GONE),
         Err(error) => {
-            eprintln!("error: cannot write to stdout: {error}");
+            report(&format!("cannot write to stdout: {error}"));
             std::process::exit(2)
         }
     }

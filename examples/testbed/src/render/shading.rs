@@ -29,7 +29,7 @@ impl View {
     /// The view of a camera whose eye and target differ.
     pub fn new(camera: &Camera, width: u32, height: u32) -> Self {
         let forward = (camera.target - camera.eye).normalize_or(Vec3::NEG_Z);
-        let right = forward.cross(Vec3::Y).try_normalize().unwrap_or(Vec3::X);
+        let right = forward.cross(camera.up).try_normalize().unwrap_or(Vec3::X);
         let half_height = (camera.vertical_fov * 0.5).tan();
         let half_width = half_height * width as f32 / height as f32;
         Self { eye: camera.eye, right: right * half_width, up: right.cross(forward) * half_height, forward }

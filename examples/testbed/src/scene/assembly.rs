@@ -44,7 +44,7 @@ impl Assembly {
 
     /// An empty scene and the given light world, which may have a clock of its own.
     pub fn with_world(world: LightWorld) -> Self {
-        let camera = Camera { eye: Vec3::Y, target: Vec3::Z, vertical_fov: 1.0 };
+        let camera = Camera { eye: Vec3::Y, target: Vec3::Z, vertical_fov: 1.0, up: Vec3::Y };
         let sky = Sky { zenith: Vec3::ZERO, horizon: Vec3::ZERO, ambient: Vec3::ZERO, haze: 0.0 };
         let scene = Scene {
             materials: Vec::new(),

@@ -114,6 +114,8 @@ pub struct Camera {
     pub target: Vec3,
     /// Radians.
     pub vertical_fov: f32,
+    /// The direction that is upward in the picture.
+    pub up: Vec3,
 }
 
 /// The radiance of the sky, and the faint light without shadows that it adds to surfaces. Nits.

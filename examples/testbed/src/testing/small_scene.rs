@@ -31,7 +31,12 @@ fn build(is_still: bool) -> Result<Stage, Box<dyn std::error::Error>> {
         textures: Vec::new(),
         meshes: Vec::new(),
         objects: Vec::new(),
-        camera: Camera { eye: Vec3::new(-9.0, 4.5, 11.0), target: Vec3::new(0.5, 1.2, -1.0), vertical_fov: 0.8 },
+        camera: Camera {
+            eye: Vec3::new(-9.0, 4.5, 11.0),
+            target: Vec3::new(0.5, 1.2, -1.0),
+            vertical_fov: 0.8,
+            up: Vec3::Y,
+        },
         sky: Sky {
             zenith: Vec3::new(0.02, 0.03, 0.08),
             horizon: Vec3::new(0.20, 0.14, 0.12),

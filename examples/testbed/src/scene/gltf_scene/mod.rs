@@ -83,7 +83,7 @@ pub fn stage(path: &Path, camera: Option<Camera>) -> Result<Stage, SceneError> {
         textures: placed.textures,
         meshes: placed.meshes,
         objects: placed.objects,
-        camera: Camera { eye: Vec3::ZERO, target: Vec3::NEG_Z, vertical_fov: viewpoint::FIELD_OF_VIEW },
+        camera: Camera { eye: Vec3::ZERO, target: Vec3::NEG_Z, vertical_fov: viewpoint::FIELD_OF_VIEW, up: Vec3::Y },
         sky: SKY,
         lamp_clearance: LAMP_CLEARANCE,
         exposure: 1.0,
@@ -198,12 +198,14 @@ fn file_camera(document: &Document) -> Result<Option<Camera>, GltfError> {
     Ok(document.nodes().find_map(perspective).and_then(|(transform, vertical_fov)| {
         let transform = to_single(transform);
         let eye = Vec3::from(transform.translation);
-        let forward = (Mat3::from(transform.matrix3) * Vec3::NEG_Z).try_normalize()?;
+        let axes = Mat3::from(transform.matrix3);
+        let forward = (axes * Vec3::NEG_Z).try_normalize()?;
         let is_usable = (0.01..3.1).contains(&vertical_fov);
         Some(Camera {
             eye,
             target: eye + forward,
             vertical_fov: if is_usable { vertical_fov } else { viewpoint::FIELD_OF_VIEW },
+            up: (axes * Vec3::Y).normalize_or(Vec3::Y),
         })
     }))
 }

@@ -117,7 +117,7 @@ fn among_lights(scene: &Scene, world: &LightWorld) -> Option<Camera> {
     let scores: Vec<f32> = views.iter().map(score).collect();
     let best = (0..views.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b])).filter(|&best| scores[best] > 0.0);
     let (eye, direction) = views[best?];
-    Some(Camera { eye, target: eye + direction * 10.0, vertical_fov: FIELD_OF_VIEW })
+    Some(Camera { eye, target: eye + direction * 10.0, vertical_fov: FIELD_OF_VIEW, up: Vec3::Y })
 }
 
 /// The height of the highest surface at (x, z) that is at least 0.5 m below `top`.
@@ -157,7 +157,12 @@ fn outside(scene: &Scene, extent: &Extent) -> Camera {
     let best =
         (0..4).max_by(|a, b| shown[*a].total_cmp(&shown[*b])).filter(|&best| shown[best] > shown[0]).unwrap_or(0);
     let (target, toward_eye) = (extent.middle(), directions[best].normalize());
-    Camera { eye: target + toward_eye * fitting_distance(extent, toward_eye), target, vertical_fov: FIELD_OF_VIEW }
+    Camera {
+        eye: target + toward_eye * fitting_distance(extent, toward_eye),
+        target,
+        vertical_fov: FIELD_OF_VIEW,
+        up: Vec3::Y,
+    }
 }
 
 /// The distance from the middle of a box, along a unit vector, from which the whole box fits into a picture

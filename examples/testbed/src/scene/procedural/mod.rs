@@ -118,7 +118,12 @@ pub fn stage_in(options: &CityOptions, world: LightWorld) -> Result<Stage, Scene
     assembly.add_night()?;
     let Assembly { mut scene, world } = assembly;
     scene.materials = palette.materials;
-    scene.camera = Camera { eye: vec3(-3.4, 4.4, 126.0), target: vec3(0.8, 11.4, 30.0), vertical_fov: 0.93 };
+    scene.camera = Camera {
+        eye: vec3(-3.4, 4.4, 126.0),
+        target: vec3(0.8, 11.4, 30.0),
+        vertical_fov: 0.93,
+        up: vec3(0.0, 1.0, 0.0),
+    };
     scene.lamp_clearance = 0.1;
     scene.exposure = 0.5;
     Ok(Stage { scene, world, animation: Box::new(City { traffic_lights, cars, festoons, swarm, signs }) })

@@ -45,7 +45,8 @@ pub fn read(path: &Path) -> Result<Vec<LampRecord>, SceneError> {
     let mut places = [0; COLUMNS.len()];
     for (place, (name, ..)) in places.iter_mut().zip(COLUMNS) {
         let found = headers.iter().position(|header| header == name);
-        let all = || headers.iter().collect::<Vec<_>>().join(", ");
+        let name_of = |header: &str| header.chars().filter(|c| !c.is_control()).take(30).collect::<String>();
+        let all = || headers.iter().take(20).map(name_of).collect::<Vec<_>>().join(", ");
         *place = found.ok_or_else(|| fail(format!("line 1: there is no column \"{name}\" among: {}", all())))?;
     }
     let mut lamps = Vec::new();

@@ -158,7 +158,12 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
         () if network.is_some() => positions.clone(),
         () => buildings.iter().map(|footprint| to_plane(footprint.rings[0][0] - shift)).collect(),
     };
-    let roads: Vec<Vec2> = segments.iter().flat_map(|segment| [segment.from, segment.to]).collect();
+    let along = |segment: &RoadSegment| {
+        let (from, to) = (segment.from, segment.to);
+        let steps = (from.distance(to) / NEAR).ceil().clamp(1.0, 1000.0) as u32;
+        (0..=steps).map(move |step| from.lerp(to, step as f32 / steps as f32))
+    };
+    let roads: Vec<Vec2> = segments.iter().flat_map(along).collect();
     let roads = if network.is_some() { &roads[..] } else { &[] };
     let traffic = if driven_cells.is_empty() { &[] } else { &driven[..] };
     let advice = match network {
@@ -167,9 +172,9 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     };
     let other_place = "are the files of the same place and network?";
     let mut warnings: Vec<String> = [
-        apart(["traffic", "a lamp"], [traffic, &lamp_positions], advice),
-        apart(["traffic", "a road"], [traffic, roads], other_place),
-        apart(["lamps", "a road"], [&lamp_positions, roads], advice),
+        apart(["traffic is", "a lamp"], [traffic, &lamp_positions], advice),
+        apart(["traffic is", "a road"], [traffic, roads], other_place),
+        apart(["lamps are", "a road"], [&lamp_positions, roads], advice),
     ]
     .into_iter()
     .flatten()
@@ -246,7 +251,12 @@ fn camera(segments: &[RoadSegment], middle: Vec2, side: f32) -> Camera {
     let along = nearest.map_or(vec2(0.0, -1.0), |segment| (segment.to - segment.from).normalize_or(vec2(0.0, -1.0)));
     let center = nearest.map_or(middle, |segment| (segment.from + segment.to) * 0.5);
     let eye = center - along * 110.0 + vec2(-along.y, along.x) * side;
-    Camera { eye: vec3(eye.x, 52.0, eye.y), target: vec3(center.x, 0.0, center.y), vertical_fov: 0.8 }
+    Camera {
+        eye: vec3(eye.x, 52.0, eye.y),
+        target: vec3(center.x, 0.0, center.y),
+        vertical_fov: 0.8,
+        up: vec3(0.0, 1.0, 0.0),
+    }
 }
 
 /// The animation of a city without traffic.
@@ -391,10 +401,10 @@ mod tests {
             assert_eq!(warnings.len(), what.len(), "{warnings:?}");
             assert!(warnings.iter().zip(what).all(|(warning, what)| warning.contains(what)), "{warnings:?}");
         };
-        told(&apart, &["of the traffic within 150 m of a lamp: is the network of the same place", "of the lamps"]);
+        told(&apart, &["of the traffic is within 150 m of a lamp: is the network of the same place", "of the lamps"]);
         // Traffic among the lamps, and the roads elsewhere.
         let roads_apart = with_moved_traffic("roads", (0.0, 0.0), Some(&wrong)).unwrap();
-        told(&roads_apart, &["of the traffic within 150 m of a road", "of the lamps within 150 m of a road"]);
+        told(&roads_apart, &["of the traffic is within 150 m of a road", "of the lamps are within 150 m of a road"]);
         let path = std::env::temp_dir().join(format!("girandole_net_{}.net.xml", std::process::id()));
         std::fs::write(&path, MOVED).unwrap();
         let alone = stage(&RealCityOptions { net: Some(path.clone()), cars: Some(0), ..RealCityOptions::default() });
