@@ -190,10 +190,11 @@ fn light_user_data(instance: u32) -> u32 {
 }
 
 // Returns a number that changes when an instance and an index come to name another light, at least 1;
-// 0 where no instance is shown, and where stand-ins are shown in place of its lights or the reverse. Twin of `LightWorld::generation`.
+// 0 where no instance is shown, and where stand-ins are shown in place of its lights or the reverse.
+// Twin of `LightWorld::generation`.
 fn light_generation(instance: u32, light: u32) -> u32 {
     let births = light_births(instance, light);
-    let mixed = (births.x * 0x9e3779b1u) ^ (births.y * 0x85ebca6bu);
+    let mixed = light_hash(births.x ^ light_hash(births.y));
     return select(0u, max(mixed >> 8u, 1u), births.z != 0u);
 }
 

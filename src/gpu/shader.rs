@@ -174,7 +174,7 @@ impl LightShader {
     ///
     /// ```
     /// use girandole::Effects;
-    /// use girandole::gpu::{GpuLights, TargetHook, ShaderNameError};
+    /// use girandole::gpu::{GpuLights, ShaderNameError, TargetHook};
     ///
     /// const ENGINE: &str = "
     /// struct Material { base_color: vec3<f32>, toward_eye: vec3<f32>, shininess: f32 }

@@ -53,8 +53,7 @@ pub(crate) fn birth_of_directional(key: DirectionalKey) -> u32 {
 
 /// A number for a light, at least 1 and below 2²⁴. Twin of `light_generation` in `shaders/stored.wgsl`.
 pub(super) fn generation(of_instance: u32, of_light: u32) -> u32 {
-    let mixed = of_instance.wrapping_mul(0x9e37_79b1) ^ of_light.wrapping_mul(0x85eb_ca6b);
-    (mixed >> 8).max(1)
+    (hash(of_instance ^ hash(of_light)) >> 8).max(1)
 }
 
 #[cfg(test)]

@@ -53,7 +53,8 @@ impl LightTree {
     /// About 100 bytes per light. Equal trees give equal bytes on every machine. The bytes hold the
     /// tree as [`LightTree::freeze`] leaves it: if lights have changed since the last refit, a copy
     /// of the tree is refitted first. If lights were added, removed or given other places by
-    /// [`LightTree::set_lights`] since the last build, or if the tree is a placeholder, a copy of the tree is built first; lights keep their indices, and
+    /// [`LightTree::set_lights`] since the last build, or if the tree is a placeholder, a copy of
+    /// the tree is built first; lights keep their indices, and
     /// those of removed lights stay vacant.
     ///
     /// O(lights), but for that build.
