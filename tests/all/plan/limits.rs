@@ -91,21 +91,29 @@ fn trees_come_within_the_bytes_of_each_frame_the_most_useful_first() {
     assert!(idle(&mut played, &world).is_empty());
 }
 
+/// The bytes of each frame for a tree that comes in pieces.
+const PIECE_BYTES: u64 = 64_000;
+
+/// A tree of 20,000 lights whose first piece has come, and the number of frames that all of it takes.
+fn in_pieces(rng: &mut Rng) -> (LightWorld, Vec<TreeKey>, Played, u64) {
+    let (mut world, keys) = row(rng, 1, 20_000);
+    let mut played = played(PlanLimits::default().with_frame_bytes(PIECE_BYTES));
+    update(&mut world);
+    played.frame(&world);
+    let expected = bytes(&world, keys[0]).div_ceil(PIECE_BYTES);
+    (world, keys, played, expected)
+}
+
 #[test]
 fn a_large_tree_comes_in_pieces_and_what_changes_meanwhile_comes_with_the_last() {
     let mut rng = Rng(22);
-    let (mut world, keys) = row(&mut rng, 1, 20_000);
-    let budget = 64_000;
-    let mut played = played(PlanLimits::default().with_frame_bytes(budget));
-    update(&mut world);
-    played.frame(&world);
-    let expected = bytes(&world, keys[0]).div_ceil(budget);
+    let (mut world, keys, mut played, expected) = in_pieces(&mut rng);
     let mut frames = 0;
     while played.planner.stands_in(keys[0]) {
         world.set_emission(keys[0], frames * 7, Vec3::splat(rng.between(1.0, 100.0))).expect("valid");
         update(&mut world);
         let plan = played.frame(&world);
-        assert!(plan.report.bytes <= budget + STAND_IN_BYTES + 20_000, "{:?}", plan.report);
+        assert!(plan.report.bytes <= PIECE_BYTES + STAND_IN_BYTES + 20_000, "{:?}", plan.report);
         check(&played, &world);
         frames += 1;
     }
@@ -137,12 +145,7 @@ fn a_large_tree_comes_in_pieces_and_what_changes_meanwhile_comes_with_the_last()
 #[test]
 fn a_tree_that_grows_while_it_comes_in_pieces_gets_room_and_starts_again_once() {
     let mut rng = Rng(28);
-    let (mut world, keys) = row(&mut rng, 1, 20_000);
-    let budget = 64_000;
-    let mut played = played(PlanLimits::default().with_frame_bytes(budget));
-    update(&mut world);
-    played.frame(&world);
-    let expected = bytes(&world, keys[0]).div_ceil(budget);
+    let (mut world, keys, mut played, expected) = in_pieces(&mut rng);
     let mut frames = 0;
     while played.planner.stands_in(keys[0]) {
         world.add_lights(keys[0], &lamps(&mut rng, 3)).expect("valid");
