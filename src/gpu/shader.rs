@@ -48,6 +48,9 @@ use crate::plan::text;
 /// // The probability of a light, and the density of a point on it.
 /// fn light_pmf(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
 /// fn light_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, point: vec3<f32>) -> f32
+/// // The first light that a ray hits before `max_dist` metres: the sample that light_sample would have
+/// // returned for this unit vector. Its radiance is 0 if there is none.
+/// fn light_hit(shading_point: LightShadingPoint, direction: vec3<f32>, max_dist: f32) -> LightSample
 /// // The 32 bits that the engine has given to an instance: see `LightWorld::set_user_data`.
 /// fn light_user_data(instance: u32) -> u32
 /// // How many clusters an invocation splits at most before it chooses a light, as in
@@ -259,7 +262,6 @@ mod tests {
     /// The functions that the guide leaves to the engine.
     const STUBS: &str = "
         struct EngineSurface { position: vec3<f32>, normal: vec3<f32> }
-        struct EngineHit { position: vec3<f32>, is_light: bool, radiance: vec3<f32>, instance: u32, light: u32 }
         fn engine_surface(pixel: vec2<u32>) -> EngineSurface { return EngineSurface(); }
         fn engine_random(seed: u32) -> vec4<f32> { return vec4(0.5); }
         fn engine_brdf(normal: vec3<f32>, direction: vec3<f32>) -> vec3<f32> { return vec3(0.3); }
@@ -267,7 +269,7 @@ mod tests {
         fn engine_sample_brdf(normal: vec3<f32>, v: vec2<f32>) -> vec3<f32> { return normal; }
         fn engine_is_occluded(from_: vec3<f32>, direction: vec3<f32>, dist: f32) -> bool { return false; }
         fn engine_shade(surface: EngineSurface, s: LightSample) -> vec4<f32> { return vec4(s.radiance, 1.0); }
-        fn engine_trace(from_: vec3<f32>, direction: vec3<f32>) -> EngineHit { return EngineHit(); }
+        fn engine_trace(from_: vec3<f32>, direction: vec3<f32>) -> f32 { return 0.0; }
     ";
 
     #[test]

@@ -18,6 +18,7 @@ use crate::sampling::counts::{self, SplitCount};
 use crate::sampling::cut;
 use crate::sampling::emit;
 use crate::sampling::equiangular;
+use crate::sampling::hit;
 use crate::sampling::resample;
 use crate::shading::gloss;
 use crate::shading::importance;
@@ -168,6 +169,7 @@ fn functions(group: u32, effects: Effects, extras: Extras, target: Option<&Targe
         include_str!("../../shaders/walk.wgsl"),
         include_str!("../../shaders/along.wgsl"),
         include_str!("../../shaders/pdf.wgsl"),
+        include_str!("../../shaders/hit.wgsl"),
         include_str!("../../shaders/resample.wgsl"),
         &resampling(target),
         if extras.learns { &learnt } else { "" },
@@ -314,6 +316,8 @@ pub(crate) fn constants() -> String {
         ("CONE_SLACK", equiangular::CONE_SLACK),
         ("CONE_MARGIN", equiangular::CONE_MARGIN),
         ("RANGE_SLACK", equiangular::RANGE_SLACK),
+        ("MIN_DIRECTION", hit::MIN_DIRECTION),
+        ("BOX_ROUNDING", hit::BOX_ROUNDING),
         ("MIN_PMF", dice::MIN_PMF),
         ("MIN_DOUBT", cut::MIN_DOUBT),
         ("FOUR_PI", 4.0 * std::f32::consts::PI),
@@ -439,6 +443,7 @@ mod tests {
             "sample_picked",
             "pmf",
             "pdf",
+            "hit",
             "user_data",
             "generation",
             "stands_in",
@@ -605,7 +610,10 @@ mod tests {
                 "light_from_surface light_from_rectangle light_from_triangle light_from_sphere light_is_density \
                  light_orthonormal light_normal_area light_volume_scale LIGHT_KIND_RECTANGLE LIGHT_KIND_TRIANGLE \
                  LIGHT_KIND_SPHERE LIGHT_TWO_SIDED LIGHT_CLOSE LIGHT_MIN_INVERSE_PDF LIGHT_TINY \
-                 light_point_pdf light_surface_pdf light_sphere_pdf light_flat_normal_area",
+                 light_point_pdf light_surface_pdf light_sphere_pdf light_flat_normal_area \
+                 light_ray light_meets light_hit_dist light_first_hit LIGHT_MIN_DIRECTION LIGHT_BOX_ROUNDING \
+                 LightRay LightRay.position LightRay.margin LightRay.inverse \
+                 LightFirstHit LightFirstHit.instance LightFirstHit.light LightFirstHit.dist",
             ),
             (Effects::SOLID_ANGLES, SOLID_ANGLE_NAMES),
             (Effects::TWO_SIDED, "LIGHT_TWO_SIDED"),

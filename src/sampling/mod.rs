@@ -6,6 +6,7 @@ pub(crate) mod cut;
 mod distribution;
 pub(crate) mod emit;
 pub(crate) mod equiangular;
+pub(crate) mod hit;
 mod learn;
 mod pdf;
 pub(crate) mod quality;

@@ -42,7 +42,7 @@ impl LightSampler<'_> {
 
 /// The density per steradian of the direction to a point on a given light; 0 if sampling never
 /// returns it.
-fn point_pdf(
+pub(crate) fn point_pdf(
     light: &Light,
     frame: &InstanceTransform,
     shading_point: &ShadingPoint,

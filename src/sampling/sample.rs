@@ -66,7 +66,8 @@ pub struct LightSample {
 /// | [`sample`](Self::sample) | a light, a point on it, and what arrives from there |
 /// | [`pick`](Self::pick) | a light and its probability |
 /// | [`pmf`](Self::pmf) | the probability of a given light |
-/// | [`pdf`](Self::pdf) | the density of a point that a ray hit, for multiple importance sampling |
+/// | [`hit`](Self::hit) | the first light that a ray hits, for multiple importance sampling |
+/// | [`pdf`](Self::pdf) | the density of a point on a given light, for the same |
 /// | [`resample`](Self::resample) | the best of several samples, weighted |
 /// | [`resample_by`](Self::resample_by) | the same, by a function of the caller |
 /// | [`distribution`](Self::distribution) | the probabilities of all lights |

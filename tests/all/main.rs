@@ -20,6 +20,7 @@ mod gltf_load;
 mod gpu;
 mod gpu_proof;
 mod hard_cases;
+mod hits;
 mod invariance;
 mod moves;
 mod openings;

@@ -125,7 +125,7 @@ fn densities_agree_very_near_lights() {
 }
 
 /// The distance along a ray to its first hit of a light, both in the light's space.
-fn hit(light: &Light, origin: DVec3, direction: DVec3) -> Option<f64> {
+pub(crate) fn hit(light: &Light, origin: DVec3, direction: DVec3) -> Option<f64> {
     let flat = |corner: DVec3, a: DVec3, b: DVec3, inside: &dyn Fn(f64, f64) -> bool| {
         let inverse = DMat3::from_cols(a, b, -direction).inverse();
         let DVec3 { x, y, z } = inverse * (origin - corner);

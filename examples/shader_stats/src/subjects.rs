@@ -20,14 +20,28 @@ fn worlds() -> [(&'static str, Effects); 3] {
 
 /// The functions that engines call, with the call of each. `q` is the question, `point` the shading
 /// point.
-const FUNCTIONS: [(&str, &str); 4] = [
+const FUNCTIONS: [(&str, &str); 7] = [
     ("light_sample", "let s = light_sample(point, q.u); answers[id.x] = vec4(s.radiance, s.pdf) * s.pmf;"),
+    // What a second call costs, and what a loop saves.
+    (
+        "light_sample_twice",
+        "let s = light_sample(point, q.u); let t = light_sample(light_volume_point(q.normal), q.u.wzyx);
+        answers[id.x] = vec4(s.radiance, s.pdf) * s.pmf + vec4(t.radiance, t.pdf) * t.pmf;",
+    ),
+    (
+        "light_sample_loop",
+        "for (var i = 0u; i < 4u; i++) {
+            let s = light_sample(light_surface_point(q.position, q.normal + f32(i)), q.u);
+            answers[id.x] += vec4(s.radiance, s.pdf) * s.pmf;
+        }",
+    ),
     (
         "light_resample",
         "let r = light_resample(point, q.u, q.choice, 8u); answers[id.x] = vec4(r.chosen.radiance, r.weight);",
     ),
     ("light_pmf", "answers[id.x] = vec4(light_pmf(point, q.instance, q.light));"),
     ("light_pdf", "answers[id.x] = vec4(light_pdf(point, q.instance, q.light, q.u.xyz));"),
+    ("light_hit", "let s = light_hit(point, q.u.xyz, q.u.w); answers[id.x] = vec4(s.radiance, s.pdf * s.pmf);"),
 ];
 
 /// A kernel that calls a function for each question.

@@ -1,0 +1,198 @@
+// The first light that a ray hits. Twin of src/sampling/hit.rs, which explains it. Reads the buffers that
+// sample.wgsl binds.
+
+// #if AREAS
+// A ray in the space of a tree, or of the top level. Its parameter is the distance in the world.
+struct LightRay {
+    position: vec3<f32>,
+    margin: f32,
+    inverse: vec3<f32>,
+}
+
+fn light_ray(position: vec3<f32>, direction: vec3<f32>, margin: f32) -> LightRay {
+    let size = max(abs(direction), vec3(LIGHT_MIN_DIRECTION));
+    return LightRay(position, margin, 1.0 / select(size, -size, direction < vec3(0.0)));
+}
+
+// Whether a ray meets the box of a child before a distance. Twin of `Ray::meets`.
+fn light_meets(ray: LightRay, head: vec4<u32>, packed: LightPackedChild, dist: f32) -> bool {
+    var local: LightLocalShadingPoint;
+    local.position = ray.position;
+    local.margin = ray.margin;
+    let view = light_node_view(head, local);
+    let low = light_low(packed);
+    let high = light_high(packed);
+    let half_step = light_half_steps(view.steps);
+    let center = view.origin + (high + low) * half_step;
+    let half_size = (high - low) * half_step + view.margin;
+    let one = (center - half_size) * ray.inverse;
+    let other = (center + half_size) * ray.inverse;
+    let nears = min(one, other);
+    let fars = max(one, other);
+    let near = max(max(nears.x, nears.y), max(nears.z, 0.0));
+    let far = min(min(fars.x, fars.y), min(fars.z, dist));
+    return light_has_flux(packed) && near <= far * LIGHT_BOX_ROUNDING;
+}
+
+// The distance at which a ray hits a light that sends light back, or a number that is not above 0.
+fn light_hit_dist(
+    light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, direction: vec3<f32>,
+) -> f32 {
+    let kind = light.kind & LIGHT_KIND_MASK;
+    if kind == LIGHT_KIND_SPHERE {
+        let radius_sq = light.c.x * light.c.x;
+        let to_center = light_into_tree(instance, light_toward(light.a, instance, shading_point));
+        let local = light_into_tree(instance, direction);
+        let length_sq = dot(local, local);
+        let along = dot(to_center, local) / length_sq;
+        let beside = to_center - local * along;
+        let beside_sq = dot(beside, beside);
+        let outside = dot(to_center, to_center) - radius_sq;
+        let half_chord = sqrt(max(radius_sq - beside_sq, 0.0) / length_sq);
+        let is_hit = outside > 0.0 && along > 0.0 && beside_sq <= radius_sq;
+        return select(0.0, outside / (length_sq * (along + half_chord)), is_hit);
+    }
+    let is_parallelogram = kind == LIGHT_KIND_RECTANGLE;
+    if !is_parallelogram && kind != LIGHT_KIND_TRIANGLE {
+        return 0.0;
+    }
+    let corner = light.a - select(vec3(0.0), light.b + light.c, is_parallelogram);
+    let to_corner = light_toward(corner, instance, shading_point);
+    let u = light_linear(instance.to_world, select(light.b - light.a, 2.0 * light.b, is_parallelogram));
+    let v = light_linear(instance.to_world, select(light.c - light.a, 2.0 * light.c, is_parallelogram));
+    let across = cross(direction, v);
+    let inverse = 1.0 / dot(u, across);
+    let a = -dot(to_corner, across) * inverse;
+    let around = cross(u, to_corner);
+    let b = dot(direction, around) * inverse;
+    var is_lit = dot(light_flat_normal_area(light, instance), to_corner) < 0.0;
+    // #if TWO_SIDED
+    is_lit = is_lit || (light.kind & LIGHT_TWO_SIDED) != 0u;
+    // #endif
+    let is_inside = a >= 0.0 && b >= 0.0 && select(a + b, max(a, b), is_parallelogram) <= 1.0;
+    return select(0.0, dot(v, around) * inverse, is_inside && is_lit);
+}
+
+// A light and its distance. `instance` is LIGHT_NO_INSTANCE if no light is hit.
+struct LightFirstHit {
+    instance: u32,
+    light: u32,
+    dist: f32,
+}
+
+// Twin of `first_hit`.
+fn light_first_hit(shading_point: LightShadingPoint, direction: vec3<f32>, max_dist: f32) -> LightFirstHit {
+    var found = LightFirstHit(LIGHT_NO_INSTANCE, 0u, max_dist);
+    if light_params.slots == 0u {
+        return found;
+    }
+    let in_world = light_ray(shading_point.position, direction, LIGHT_POSITION_MARGIN);
+    var ray = in_world;
+    var place = LightPlace(LIGHT_NO_INSTANCE, 0u);
+    var slot = 0u;
+    // The node at which a tree was entered, and the place in the top level where its part is.
+    var entry = 0u;
+    var part = 0u;
+    loop {
+        let in_top = place.instance == LIGHT_NO_INSTANCE;
+        if slot == LIGHT_WIDTH {
+            if place.index == entry {
+                if in_top {
+                    break;
+                }
+                place = LightPlace(LIGHT_NO_INSTANCE, part / LIGHT_WIDTH);
+                slot = part % LIGHT_WIDTH + 1u;
+                entry = 0u;
+                ray = in_world;
+                continue;
+            }
+            let up = light_parent(in_top, place.index);
+            place.index = up / LIGHT_WIDTH;
+            if !in_top {
+                place.index += light_node_base(place.instance);
+            }
+            slot = up % LIGHT_WIDTH + 1u;
+            continue;
+        }
+        let at = place.index * light_params.node_stride;
+        let packed = light_packed_child(in_top, at, slot);
+        slot++;
+        if !light_meets(ray, light_quad(in_top, at), packed, found.dist) {
+            continue;
+        }
+        let below = light_place_below(place, packed.child_bits);
+        if below.instance == LIGHT_NO_INSTANCE {
+            place = below;
+            slot = 0u;
+            continue;
+        }
+        let instance = light_instance(below.instance);
+        // #if MASKS
+        if (instance.mask & shading_point.mask) == 0u {
+            continue;
+        }
+        // #endif
+        if (below.index & LIGHT_LEAF) != 0u {
+            let index = below.index & ~LIGHT_LEAF;
+            let light = light_record(instance.light_base + index);
+            let dist = light_hit_dist(light, instance, shading_point, direction);
+            let dist_sq = dist * dist;
+            var reaches = dist > 0.0 && dist < found.dist && dist_sq >= LIGHT_MIN_DIST_SQ;
+            // #if RANGES
+            reaches = reaches && light_range_window(dist_sq, light.range) > 0.0;
+            // #endif
+            if reaches {
+                found = LightFirstHit(below.instance, index, dist);
+            }
+            continue;
+        }
+        if in_top {
+            part = place.index * LIGHT_WIDTH + slot - 1u;
+            entry = below.index;
+            let local = light_local_to_tree(below.instance, shading_point);
+            ray = light_ray(local.position, light_into_tree(instance, direction), local.margin);
+        }
+        place = below;
+        slot = 0u;
+    }
+    return found;
+}
+// #endif
+
+// Returns the first light that a ray from a shading point hits, before `max_dist` metres: the sample that
+// light_sample would have returned for this direction, a unit vector. Its radiance is 0 if there is none.
+// Twin of `LightSampler::hit`.
+fn light_hit(shading_point: LightShadingPoint, direction: vec3<f32>, max_dist: f32) -> LightSample {
+    var hit = LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u);
+    // #if AREAS
+    // #if SEGMENTS
+    if light_is_segment(shading_point) {
+        return hit;
+    }
+    // #endif
+    let ray = light_limited(direction);
+    if any(shading_point.normal != vec3(0.0)) && dot(shading_point.normal, ray) <= 0.0 {
+        return hit;
+    }
+    let found = light_first_hit(shading_point, ray, max_dist);
+    if found.instance == LIGHT_NO_INSTANCE {
+        return hit;
+    }
+    let instance = light_instance(found.instance);
+    let light = light_record(instance.light_base + found.light);
+    let point = shading_point.position + ray * found.dist;
+    var incident = LightIncident(ray, found.dist, light.emission, 0.0, false);
+    incident.pdf = light_point_pdf(light, instance, shading_point, point);
+    // #if RANGES
+    incident.radiance *= light_range_window(found.dist * found.dist, light.range);
+    // #endif
+    // #if FACTORS
+    incident = light_factored(incident, found.instance, instance);
+    // #endif
+    let pmf = light_pmf(shading_point, found.instance, found.light);
+    hit = LightSample(
+        incident.direction, incident.dist, incident.radiance, incident.pdf, pmf, found.instance, found.light, 0u,
+    );
+    // #endif
+    return hit;
+}

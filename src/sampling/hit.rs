@@ -1,0 +1,186 @@
+//! The first light that a ray hits.
+//!
+//! Twin of `shaders/hit.wgsl`. The trees that choose lights bound them with boxes, so a ray finds the lights
+//! that it hits in the same nodes, and an engine needs no list of lights of its own.
+
+use glam::Vec3;
+
+use crate::instance::transform::InstanceTransform;
+use crate::keys::LightId;
+use crate::light::{Light, Shape, range_window};
+use crate::sampling::emit::{Incident, MIN_DIST_SQ, is_lit_side};
+use crate::sampling::pdf::point_pdf;
+use crate::sampling::sample::{LightSample, LightSampler};
+use crate::shading::segment::LocalSegment;
+use crate::shading::shading_point::ShadingPoint;
+use crate::tree::{ChildRef, Node, WIDTH};
+
+/// Components of directions count as at least this, so that no quotient is NaN.
+pub(crate) const MIN_DIRECTION: f32 = 1.0e-30;
+
+/// How much farther than its far side the near side of a box may seem, by rounding: four roundings of a
+/// distance.
+pub(crate) const BOX_ROUNDING: f32 = 1.0 + 4.0 * f32::EPSILON;
+
+impl LightSampler<'_> {
+    /// Returns the first light that a ray from a shading point hits, for multiple importance sampling of
+    /// directions that the BSDF chose: the sample that [`LightSampler::sample`] would have returned for
+    /// this direction, with its probability and density.
+    ///
+    /// `direction` is a unit vector. Lights from `max_dist` metres on are not hit: pass the distance at which
+    /// the ray meets the scene, and a little more where the scene has the surfaces of lights too. A light is
+    /// hit where it sends light to the shading point. So rays pass through the backs of one-sided lights,
+    /// through lights out of range, hidden and masked ones, and out of spheres. Lights without size are never
+    /// hit. `None` if nothing is hit, or if the direction is below the shading point's horizon; and for a
+    /// segment, of which a ray has only one point.
+    ///
+    /// The cost is that of the nodes whose boxes the ray meets, and of [`LightSampler::pmf`] for the light
+    /// that it hits.
+    pub fn hit(&self, shading_point: &ShadingPoint, direction: Vec3, max_dist: f32) -> Option<LightSample> {
+        let is_above = shading_point.normal == Vec3::ZERO || shading_point.normal.dot(direction) > 0.0;
+        (is_above && LocalSegment::of(shading_point).is_none()).then_some(())?;
+        let (light, dist) = self.first_hit(shading_point, direction, max_dist)?;
+        let LightId::Local { instance, light: index } = light else { return None };
+        let placed = self.world.instance(instance)?;
+        let record = self.world.tree(placed.tree)?.lights().get(index as usize)?;
+        let frame = placed.shown()?.frame(self.world.home());
+        let point = shading_point.position + direction * dist;
+        let pdf = point_pdf(record, &frame, shading_point, self.world.solid_angle_sampling(), point);
+        let radiance = record.emission * range_window(dist * dist, record.range);
+        let radiance = placed.appearance.arriving(radiance)?;
+        let incident = Incident { direction, dist, radiance, pdf, is_delta: false, along: 0.0 };
+        let pmf = self.pmf(shading_point, light);
+        Some(LightSample { light, pmf, incident, user_data: self.world.user_data(instance).unwrap_or(0) })
+    }
+
+    /// The first light, and its distance.
+    fn first_hit(&self, shading_point: &ShadingPoint, direction: Vec3, max_dist: f32) -> Option<(LightId, f32)> {
+        let mut found = None;
+        let mut dist = max_dist;
+        let top = self.root(shading_point);
+        Ray::new(top.local.position, direction, top.local.margin).leaves(top.nodes, 0, &mut dist, |leaf, dist| {
+            let Some(part) = self.top.part(leaf) else { return };
+            let Some(instance) = self.world.instance_at(part.slot) else { return };
+            let Some(placed) = self.world.instance(instance) else { return };
+            let Some((tree, view)) = self.tree_view(instance, shading_point) else { return };
+            if placed.appearance.mask & shading_point.mask == 0 {
+                return;
+            }
+            let Some(frame) = placed.shown().map(|placed| placed.frame(self.world.home())) else { return };
+            let mut meet = |light: u32, dist: &mut f32| {
+                let record = tree.lights().get(light as usize);
+                if let Some(nearer) =
+                    record.and_then(|record| hit_dist(record, &frame, shading_point, direction, *dist))
+                {
+                    *dist = nearer;
+                    found = Some((LightId::Local { instance, light }, nearer));
+                }
+            };
+            match part.entry {
+                ChildRef::Leaf(light) => meet(light, dist),
+                ChildRef::Node(entry) => Ray::new(view.local.position, frame.to_local * direction, view.local.margin)
+                    .leaves(view.nodes, entry, dist, meet),
+            }
+        });
+        found
+    }
+}
+
+/// A ray in the space of a tree. Its parameter is the distance in the world.
+struct Ray {
+    origin: Vec3,
+    inverse: Vec3,
+    margin: f32,
+}
+
+impl Ray {
+    fn new(origin: Vec3, direction: Vec3, margin: f32) -> Self {
+        let inverse = direction.to_array().map(|x| 1.0 / x.abs().max(MIN_DIRECTION).copysign(x));
+        Self { origin, inverse: inverse.into(), margin }
+    }
+
+    /// Calls a function for each leaf below a node whose box the ray meets before a distance, which the
+    /// function may lower.
+    fn leaves(&self, nodes: &[Node], entry: u32, dist: &mut f32, mut meet: impl FnMut(u32, &mut f32)) {
+        let (mut index, mut slot) = (entry, 0);
+        while let Some(node) = nodes.get(index as usize) {
+            if slot == WIDTH {
+                if index == entry {
+                    return;
+                }
+                (index, slot) = (node.parent / WIDTH as u32, node.parent as usize % WIDTH + 1);
+                continue;
+            }
+            match node.child(slot).filter(|_| self.meets(node, slot, *dist)) {
+                Some(ChildRef::Node(child)) => (index, slot) = (child, 0),
+                leaf => {
+                    if let Some(ChildRef::Leaf(leaf)) = leaf {
+                        meet(leaf, dist);
+                    }
+                    slot += 1;
+                }
+            }
+        }
+    }
+
+    /// Whether the ray meets the box of a child that emits anything, before a distance.
+    fn meets(&self, node: &Node, slot: usize, dist: f32) -> bool {
+        let grid = node.grid(self.origin);
+        let child = node.unpack(slot, &grid);
+        let margin = (node.reach(&grid) + self.origin.abs().element_sum()) * self.margin;
+        let (center, half) = (Vec3::from(child.center), Vec3::from(child.half) + margin);
+        let (one, other) = ((center - half) * self.inverse, (center + half) * self.inverse);
+        let (near, far) = (one.min(other).max_element().max(0.0), one.max(other).min_element().min(dist));
+        child.flux > 0.0 && near <= far * BOX_ROUNDING
+    }
+}
+
+/// The distance at which a ray hits a light that sends light back, if it is less than `max_dist`.
+///
+/// Triangles and rectangles are intersected as by Möller and Trumbore (*Fast, Minimum Storage Ray-Triangle
+/// Intersection*, 1997), relative to the shading point.
+fn hit_dist(
+    light: &Light,
+    frame: &InstanceTransform,
+    shading_point: &ShadingPoint,
+    direction: Vec3,
+    max_dist: f32,
+) -> Option<f32> {
+    let flat = |corner: Vec3, edges: [Vec3; 2], is_parallelogram: bool, two_sided: bool| {
+        let normal_area = frame.normal_area(edges[0].cross(edges[1]));
+        let (to_corner, [u, v]) = (frame.toward(corner, shading_point), edges.map(|edge| frame.to_world * edge));
+        let across = direction.cross(v);
+        let inverse = 1.0 / u.dot(across);
+        let a = -to_corner.dot(across) * inverse;
+        let around = u.cross(to_corner);
+        let b = direction.dot(around) * inverse;
+        let dist = v.dot(around) * inverse;
+        let farthest = if is_parallelogram { a.max(b) } else { a + b };
+        let is_inside = a >= 0.0 && b >= 0.0 && farthest <= 1.0;
+        (is_inside && is_lit_side(to_corner, normal_area, two_sided)).then_some(dist)
+    };
+    let dist = match light.shape {
+        Shape::Point { .. } | Shape::Spot { .. } => None,
+        Shape::Rectangle { center, half_u, half_v, two_sided } => {
+            flat(center - half_u - half_v, [2.0 * half_u, 2.0 * half_v], true, two_sided)
+        }
+        Shape::Triangle { vertices: [p, q, r], two_sided } => flat(p, [q - p, r - p], false, two_sided),
+        Shape::Sphere { center, radius } => {
+            let to_center = frame.to_local * frame.toward(center, shading_point);
+            let local = frame.to_local * direction;
+            let length_sq = local.length_squared();
+            let along = to_center.dot(local) / length_sq;
+            // From the ray to the centre: a difference of squares would lose digits.
+            let beside_sq = (to_center - local * along).length_squared();
+            let outside = to_center.length_squared() - radius * radius;
+            let half_chord = ((radius * radius - beside_sq).max(0.0) / length_sq).sqrt();
+            let is_hit = outside > 0.0 && along > 0.0 && beside_sq <= radius * radius;
+            is_hit.then(|| outside / (length_sq * (along + half_chord)))
+        }
+    };
+    let reaches = |dist: &f32| {
+        let dist_sq = dist * dist;
+        *dist > 0.0 && *dist < max_dist && dist_sq >= MIN_DIST_SQ && range_window(dist_sq, light.range) > 0.0
+    };
+    dist.filter(reaches).filter(|_| light.flux() > 0.0)
+}
