@@ -1,0 +1,123 @@
+// Temporal reuse: each pixel keeps one sample from frame to frame. `docs/reuse.md` explains it.
+
+struct Frame {
+    number: u32,
+    pixels_per_edge: u32,
+    most_frames: f32,
+    // The least target of a sample, in lux.
+    least: f32,
+}
+
+// A kept sample: a light, the numbers that choose the point on it, and a weight instead of 1 / pmf.
+struct Kept {
+    instance: u32,
+    light: u32,
+    generation: u32,
+    weight: f32,
+    u: vec2<f32>,
+    // How many samples it stands for.
+    frames: f32,
+    // The illuminance by this sample, and by the sample that was drawn in this frame, in lux.
+    reused: f32,
+    drawn: f32,
+    padding: array<u32, 3>,
+}
+
+@group(0) @binding(0) var<storage, read_write> kept: array<Kept>;
+@group(0) @binding(1) var<uniform> frame: Frame;
+
+fn numbers(invocation: u32) -> array<f32, 5> {
+    var state = light_hash(invocation ^ light_hash(frame.number));
+    var u: array<f32, 5>;
+    for (var i = 0; i < 5; i++) {
+        state = light_hash(state);
+        u[i] = f32(state >> 8u) / 16777216.0;
+    }
+    return u;
+}
+
+// Whether a wall is in the way. Twin of `is_occluded` in main.rs.
+fn is_occluded(origin: vec3<f32>, direction: vec3<f32>, max_dist: f32) -> bool {
+    var is_hit = false;
+    for (var i = 0u; i < 4u; i++) {
+        let z = 4.0 * f32(i) - 6.0;
+        let to_low = (vec3(-9.0, 0.0, z - 0.1) - origin) / direction;
+        let to_high = (vec3(9.0, 4.0, z + 0.1) - origin) / direction;
+        let nears = min(to_low, to_high);
+        let fars = max(to_low, to_high);
+        let near = max(max(nears.x, nears.y), max(nears.z, 0.0));
+        is_hit = is_hit || near <= min(min(fars.x, fars.y), min(fars.z, max_dist));
+    }
+    return is_hit;
+}
+
+struct Value {
+    // The illuminance in lux. A renderer multiplies it by its BRDF.
+    lux: f32,
+    // What the sample is kept in proportion to: a tenth of the illuminance where it is in shadow, for it may
+    // come into the light. Greater than 0 wherever the light has a probability: so a light may be kept
+    // exactly if light_pmf_previous is greater than 0.
+    target_lux: f32,
+}
+
+// The value of a sample whose light was picked with probability 1.
+fn value_of(at: LightShadingPoint, instance: u32, light: u32, u: vec2<f32>) -> Value {
+    let s = light_sample_picked(at, LightPick(instance, light, 1.0), u);
+    if s.pmf <= 0.0 {
+        return Value(0.0, frame.least);
+    }
+    let unshadowed = s.radiance.y * dot(at.normal, s.direction) / s.pdf;
+    let is_lit = !is_occluded(at.position, s.direction, 0.999 * s.dist);
+    return Value(select(0.0, unshadowed, is_lit), frame.least + unshadowed * select(0.1, 1.0, is_lit));
+}
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    let pixels = frame.pixels_per_edge * frame.pixels_per_edge;
+    let pixel = id.x % pixels;
+    let x = f32(pixel % frame.pixels_per_edge) + 0.5 - 0.5 * f32(frame.pixels_per_edge);
+    let z = f32(pixel / frame.pixels_per_edge) + 0.5 - 0.5 * f32(frame.pixels_per_edge);
+    let at = light_surface_point(vec3(x, 0.0, z), vec3(0.0, 1.0, 0.0));
+    let u = numbers(id.x);
+    let then = kept[id.x];
+    var now: Kept;
+
+    // A new sample. It shares what it stands for with the kept sample: in proportion to the probability
+    // now, and to that of the last frame for each of the frames that the kept sample stands for. That
+    // probability is 0 for a light that was not there.
+    let pick = light_pick(at, vec2(u[0], u[1]));
+    var total = 0.0;
+    if pick.pmf > 0.0 {
+        now.instance = pick.instance;
+        now.light = pick.light;
+        now.u = vec2(u[2], u[3]);
+        let value = value_of(at, pick.instance, pick.light, now.u);
+        let pmf_then = then.frames * light_pmf_previous(at, pick.instance, pick.light);
+        total = value.target_lux / (pick.pmf + pmf_then);
+        now.weight = value.target_lux;
+        now.drawn = value.lux / pick.pmf;
+        now.reused = value.lux;
+    }
+    // The kept sample, unless another light has its name now. Its light is evaluated as it is now.
+    if then.weight > 0.0 && light_generation(then.instance, then.light) == then.generation {
+        let value = value_of(at, then.instance, then.light, then.u);
+        let pmf_then = then.frames * light_pmf_previous(at, then.instance, then.light);
+        let share = pmf_then / (light_pmf(at, then.instance, then.light) + pmf_then);
+        let weight = select(0.0, share * value.target_lux * then.weight, pmf_then > 0.0);
+        total += weight;
+        if u[4] * total < weight {
+            now.instance = then.instance;
+            now.light = then.light;
+            now.u = then.u;
+            now.weight = value.target_lux;
+            now.reused = value.lux;
+        }
+    }
+    if total > 0.0 {
+        now.weight = total / now.weight;
+        now.reused *= now.weight;
+        now.generation = light_generation(now.instance, now.light);
+    }
+    now.frames = min(then.frames + 1.0, frame.most_frames);
+    kept[id.x] = now;
+}
