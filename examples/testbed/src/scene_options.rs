@@ -2,6 +2,7 @@
 
 use super::scene::gltf_scene;
 use super::scene::procedural::{self, CityOptions, Size};
+use super::scene::real_city::lamp_table::LampColumns;
 use super::scene::real_city::{self, RealCityOptions};
 use super::scene::{Camera, SceneError, Stage};
 use clap::Args;
@@ -28,10 +29,15 @@ pub struct SceneOptions {
     /// Use this glTF scene (.gltf or .glb) instead of the procedural city
     #[arg(long, value_name = "FILE", conflicts_with_all = ["lamps", "traffic", "net", "buildings"])]
     pub gltf: Option<PathBuf>,
-    /// Use the street lamps of a real city: a CSV file with the columns x_m, y_m, est_height_m
-    /// (metres) and est_lumens
-    #[arg(long, value_name = "FILE.csv")]
+    /// Use the street lamps of a real city: CSV with a position, est_height_m and est_lumens, or points in
+    /// GeoJSON, compressed with gzip or not. Positions are x_m and y_m in metres, or lon and lat in degrees,
+    /// which need --net
+    #[arg(long, value_name = "FILE")]
     pub lamps: Option<PathBuf>,
+    /// The names of the columns of --lamps, or of the properties in GeoJSON, such as x=EAST,y=NORTH,height=MAST;
+    /// also lon, lat and lumens
+    #[arg(long, value_name = "KEY=NAME,..", requires = "lamps")]
+    pub lamps_columns: Option<LampColumns>,
     /// Use the vehicles of a SUMO simulation: an XML file that `sumo --fcd-output` wrote, compressed
     /// with gzip or not
     #[arg(long, value_name = "FILE.xml")]
@@ -60,12 +66,13 @@ pub struct SceneOptions {
 impl SceneOptions {
     /// Loads the scene.
     pub fn load(&self) -> Result<Stage, SceneError> {
-        let Self { gltf, lamps, traffic, vtypes, net, buildings, seed, cars, world, .. } = self.clone();
+        let Self { gltf, lamps, traffic, vtypes, net, buildings, seed, cars, world, lamps_columns, .. } = self.clone();
         let mut stage = if let Some(path) = gltf {
             gltf_scene::stage(&path, self.camera())?
         } else if [&lamps, &traffic, &net, &buildings].into_iter().any(Option::is_some) {
-            let vehicle_types = vtypes;
-            real_city::stage(&RealCityOptions { lamps, traffic, vehicle_types, net, buildings, cars, seed })?
+            let (vehicle_types, lamp_columns) = (vtypes, lamps_columns.unwrap_or_default());
+            let files = RealCityOptions { lamps, lamp_columns, traffic, vehicle_types, net, buildings, cars, seed };
+            real_city::stage(&files)?
         } else {
             procedural::stage(&CityOptions { size: world, cars, seed })?
         };

@@ -289,7 +289,7 @@ fn invalid_input_gives_one_line_and_creates_no_folder() {
     let files = [
         ("file", &b"not a folder"[..]),
         ("gltf", &whole[..whole.len() / 2]),
-        ("csv", b"x_m,y_m,watts\n1,2,3\n"),
+        ("csv", b"x_m,watts\n1,3\n"),
         ("xml", b"<fcd-export><timestep time=\"0.00\"><vehicle id=\"a\" x=\"1\""),
     ];
     for (extension, bytes) in files {

@@ -102,7 +102,11 @@ fn malformed_gltf_files_are_refused() {
 #[test]
 fn malformed_lamp_tables_are_refused() {
     assert_refused("missing-csv", &["--lamps", "no-such-file.csv"], "no-such-file.csv");
-    assert_refused("columns", &["--lamps", &file("columns.csv", b"x_m,y_m\n1,2\n")], "est_height_m");
+    assert_refused("columns", &["--lamps", &file("columns.csv", b"x_m,east\n1,2\n")], "x_m, east");
+    let degrees = file("degrees.csv", b"lon,lat\n8.4,49\n8.5,49\n");
+    assert_refused("degrees-csv", &["--lamps", &degrees], "--net");
+    assert_refused("named", &["--lamps", &degrees, "--lamps-columns", "lon=LON,height=MAST"], "\"MAST\"");
+    assert_refused("keys", &["--lamps", &degrees, "--lamps-columns", "z=LON"], "lumens=NAME");
     let nan = b"x_m,y_m,est_height_m,est_lumens\n1,2,9,8000\n1,NaN,9,8000\n";
     assert_refused("nan-csv", &["--lamps", &file("nan.csv", nan)], "y_m");
     let word = b"x_m,y_m,est_height_m,est_lumens\n1,2,high,8000\n";

@@ -189,7 +189,7 @@ mod tests {
         let outer = [(0.0, 0.0), (30.0, 0.0), (30.0, 40.0), (0.0, 40.0)].map(at).to_vec();
         let hole = [(10.0, 10.0), (10.0, 20.0), (20.0, 20.0), (20.0, 10.0)].map(at).to_vec();
         // Not the whole roof: its triangles are those of the file's reader.
-        Footprint { rings: vec![outer, hole], triangles: vec![0, 1, 4], heights: [0.0, 16.0] }
+        Footprint { rings: vec![outer, hole], triangles: vec![0, 1, 4], heights: [0.0, 16.0], feature: 0 }
     }
 
     fn built(seed: u64) -> Part {

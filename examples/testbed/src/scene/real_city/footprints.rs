@@ -11,8 +11,11 @@ use girandole::glam::{DVec2, dvec2};
 use serde_json::Value;
 
 use super::SceneError;
+use super::found::Found;
 use super::geojson;
+use super::projection::zone_for;
 use super::source::{self, Source};
+use super::spread::{MAX_DEGREES, Spread};
 
 /// The most footprints of a file, and the most corners of all of them.
 const MAX_FOOTPRINTS: usize = 1_000_000;
@@ -45,6 +48,21 @@ pub struct Footprint {
     pub triangles: Vec<u32>,
     /// Heights of the lower side and of the roof, metres.
     pub heights: [f32; 2],
+    /// The number of its feature in the file.
+    pub feature: usize,
+}
+
+impl Footprint {
+    fn name(&self) -> String {
+        format!("feature {}", self.feature)
+    }
+
+    /// Whether its outer ring could be degrees of longitude and latitude, and is too small for metres.
+    fn is_in_degrees(&self) -> bool {
+        let ring = &self.rings[0];
+        let [low, high] = ring.iter().fold([ring[0]; 2], |[low, high], at| [low.min(*at), high.max(*at)]);
+        low.abs().max(high.abs()).cmple(MAX_DEGREES).all() && (high - low).max_element() < LEAST_EXTENT
+    }
 }
 
 /// The content of a file.
@@ -52,8 +70,8 @@ pub struct Footprint {
 pub struct Footprints {
     /// In the order of the file.
     pub all: Vec<Footprint>,
-    /// The numbers of their features, until the file is read.
-    numbers: Vec<usize>,
+    /// A warning about footprints far from the others.
+    far: Option<String>,
     /// Footprints without an area or a height, and those whose rings touch or cross themselves.
     skipped: Found,
     /// Footprints that state an impossible height, such as a negative one.
@@ -67,56 +85,39 @@ pub struct Footprints {
     corners: usize,
 }
 
-/// How many features have something in common, and the number of the first.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Found {
-    count: usize,
-    first: usize,
-}
-
-impl Found {
-    fn add(&mut self, feature: usize) {
-        if self.count == 0 {
-            self.first = feature;
-        }
-        self.count += 1;
-    }
-
-    /// A warning about them, if there are any.
-    fn told(&self, what: &str) -> Option<String> {
-        let Self { count, first } = self;
-        (*count > 0).then(|| format!("{count} building(s) {what} (the first is feature {first})"))
-    }
-}
-
 impl Footprints {
     /// Reads a file.
-    pub fn read(path: &Path) -> Result<Self, SceneError> {
-        Self::parse(source::open(path)?, &path.display().to_string())
+    pub fn read(path: &Path, network: Option<&str>) -> Result<Self, SceneError> {
+        Self::parse(source::open(path)?, &path.display().to_string(), network)
     }
 
-    /// Reads from any source. Errors begin with `name`.
-    pub fn parse(source: Source, name: &str) -> Result<Self, SceneError> {
+    /// Reads from any source. Errors begin with `name`. Degrees are projected as the network is, whose
+    /// `projParameter` is `network`.
+    pub fn parse(source: Source, name: &str, network: Option<&str>) -> Result<Self, SceneError> {
         let fail = |what: String| SceneError(format!("{name}: {}", what.replace('\n', " ")));
         let mut footprints = Self::default();
         geojson::read(source, &mut |feature, number| footprints.take(feature, number)).map_err(fail)?;
-        let Self { all, numbers, skipped, impossible, .. } = &footprints;
-        if all.is_empty() && skipped.count + impossible.count == 0 {
+        if footprints.all.is_empty() && footprints.skipped.count() + footprints.impossible.count() == 0 {
             return Err(fail("there is no Polygon or MultiPolygon".into()));
         }
-        let is_in_degrees: Vec<bool> = all.iter().map(|footprint| are_degrees(&footprint.rings[0])).collect();
-        if !all.is_empty() && is_in_degrees.iter().all(|is| *is) {
-            let epsg = utm_zone(all[0].rings[0][0]);
-            return Err(fail(format!(
-                "the positions are degrees of longitude and latitude; project them to the metres of the lamps, for \
-                 example with: ogr2ogr -t_srs EPSG:{epsg} metres.geojson FILE"
-            )));
+        let all = &mut footprints.all;
+        match all.first().map(|footprint| footprint.rings[0][0]) {
+            Some(first) if all.iter().all(Footprint::is_in_degrees) => {
+                let zone = zone_for(first, network).map_err(fail)?;
+                for Footprint { rings, feature, .. } in all {
+                    for at in rings.iter_mut().flatten() {
+                        *at = zone.project(*at).map_err(|what| fail(format!("feature {feature}: {what}")))?;
+                    }
+                }
+            }
+            _ => {
+                let in_degrees = all.extract_if(.., |footprint| footprint.is_in_degrees());
+                in_degrees.for_each(|footprint| footprints.in_degrees.add(footprint.name()));
+            }
         }
-        let mut in_degrees = Found::default();
-        is_in_degrees.iter().zip(numbers).filter(|(is, _)| **is).for_each(|(_, number)| in_degrees.add(*number));
-        footprints.in_degrees = in_degrees;
-        footprints.all = footprints.all.into_iter().zip(is_in_degrees).filter(|(_, is)| !is).map(|(f, _)| f).collect();
-        footprints.numbers = Vec::new();
+        let corners: Vec<DVec2> = footprints.all.iter().map(|footprint| footprint.rings[0][0]).collect();
+        let name = |index: usize| footprints.all[index].name();
+        footprints.far = (!corners.is_empty()).then(|| Spread::of(&corners).told("building", &corners, name)).flatten();
         Ok(footprints)
     }
 
@@ -124,13 +125,13 @@ impl Footprints {
     pub fn warnings(&self) -> Vec<String> {
         let missing = format!("state no height or levels, and are {DEFAULT_HEIGHT} m high");
         let told = [
-            self.skipped.told("are left out, since their rings touch or cross, or have no area or height"),
-            self.impossible.told("are left out, since their heights or levels are negative or too large"),
-            self.in_degrees.told("are left out, since their positions are degrees among metres"),
-            self.unread_heights.told("state heights that are no lengths, which are not used"),
-            self.without_height.told(&missing),
+            self.skipped.told("building", "are left out, since their rings touch or cross, or have no area or height"),
+            self.impossible.told("building", "are left out, since their heights or levels are negative or too large"),
+            self.in_degrees.told("building", "are left out, since their positions are degrees among metres"),
+            self.unread_heights.told("building", "state heights that are no lengths, which are not used"),
+            self.without_height.told("building", &missing),
         ];
-        told.into_iter().flatten().collect()
+        told.into_iter().flatten().chain(self.far.clone()).collect()
     }
 
     /// Takes the polygons of a feature.
@@ -149,13 +150,13 @@ impl Footprints {
         };
         let Stated { heights, is_read, is_missing, is_possible } = Stated::by(&feature["properties"]);
         if !is_possible {
-            self.impossible.add(number);
+            self.impossible.add(format_args!("feature {number}"));
             return Ok(());
         }
         if !is_read {
-            self.unread_heights.add(number);
+            self.unread_heights.add(format_args!("feature {number}"));
         } else if is_missing {
-            self.without_height.add(number);
+            self.without_height.add(format_args!("feature {number}"));
         }
         for polygon in polygons {
             let rings: Vec<Vec<DVec2>> =
@@ -165,11 +166,8 @@ impl Footprints {
                 return Err(fail(format!("the limit is {MAX_FOOTPRINTS} footprints with {MAX_CORNERS} corners")));
             }
             match footprint(rings, heights) {
-                Some(footprint) => {
-                    self.all.push(footprint);
-                    self.numbers.push(number);
-                }
-                None => self.skipped.add(number),
+                Some(footprint) => self.all.push(Footprint { feature: number, ..footprint }),
+                None => self.skipped.add(format_args!("feature {number}")),
             }
         }
         Ok(())
@@ -220,20 +218,6 @@ fn metres(text: &str) -> Option<f64> {
         Some(feet) => Some(number(feet)? * FOOT),
         None => number(text.strip_suffix('m').unwrap_or(text)),
     }
-}
-
-/// Whether the corners of a ring are degrees of longitude and latitude.
-fn are_degrees(ring: &[DVec2]) -> bool {
-    let [low, high] = ring.iter().fold([ring[0]; 2], |[low, high], at| [low.min(*at), high.max(*at)]);
-    let limit = dvec2(180.0, 90.0);
-    low.cmpge(-limit).all() && high.cmple(limit).all() && (high - low).max_element() < LEAST_EXTENT
-}
-
-/// The number of the zone of UTM that longitude and latitude lie in, in the EPSG registry: 32601 to 32660, and
-/// 32701 to 32760 in the south.
-pub fn utm_zone(at: DVec2) -> u32 {
-    let zone = ((at.x + 180.0) / 6.0).floor().clamp(0.0, 59.0) as u32;
-    zone + if at.y < 0.0 { 32_701 } else { 32_601 }
 }
 
 fn list(value: &Value) -> Result<&[Value], String> {
@@ -293,7 +277,7 @@ fn footprint(mut rings: Vec<Vec<DVec2>>, heights: [f32; 2]) -> Option<Footprint>
             triangle.swap(1, 2);
         }
     }
-    Some(Footprint { rings, triangles, heights })
+    Some(Footprint { rings, triangles, heights, feature: 0 })
 }
 
 /// The area of a ring, which is negative if it runs clockwise.
@@ -320,7 +304,7 @@ mod tests {
     }
 
     fn parse(text: &str) -> Result<Footprints, SceneError> {
-        Footprints::parse(Box::new(std::io::Cursor::new(text.to_owned())), "test.geojson")
+        Footprints::parse(Box::new(std::io::Cursor::new(text.to_owned())), "test.geojson", None)
     }
 
     fn roof(footprint: &Footprint) -> f64 {
@@ -343,7 +327,8 @@ mod tests {
         let read = parse(&file(&[("Polygon", SQUARE, HIGH), ("MultiPolygon", &both, HIGH), ("Point", "[1,2]", HIGH)]));
         let read = read.unwrap();
         assert_eq!(read.all.iter().map(|footprint| roof(footprint).round()).collect::<Vec<_>>(), [200.0, 200.0, 500.0]);
-        assert!(read.warnings().is_empty());
+        let far = "1 building(s) are more than 1 km from the middle of all (the first is feature 1, at 500030 4400000)";
+        assert_eq!(read.warnings(), [far]);
         let rings = &read.all[2].rings;
         let origin = rings[0][0];
         assert_eq!([area(&rings[0], origin), area(&rings[1], origin)], [600.0, -100.0]);
@@ -429,6 +414,17 @@ mod tests {
     }
 
     #[test]
+    fn degrees_are_projected_as_the_network_is() {
+        let ring = "[[[44.4,33.3],[44.401,33.3],[44.401,33.301],[44.4,33.301],[44.4,33.3]]]";
+        let source: Source = Box::new(std::io::Cursor::new(file(&[("Polygon", ring, HIGH)])));
+        let read = Footprints::parse(source, "test.geojson", Some("+proj=utm +zone=38")).unwrap();
+        // The corner is an example of the manual of GeographicLib's GeoConvert. At this latitude, WGS 84 has 93,135 m
+        // for a degree of longitude and 110,910 m for one of latitude, and the scale here is 0.9996.
+        assert!(read.all[0].rings[0][0].distance(dvec2(444_140.54, 3_684_706.36)) < 0.01);
+        assert!((roof(&read.all[0]) / (93.135 * 110.91 * 0.9996_f64.powi(2)) - 1.0).abs() < 2e-4);
+    }
+
+    #[test]
     fn buildings_with_impossible_heights_or_in_degrees_among_metres_are_left_out_with_one_warning() {
         let good = ("Polygon", SQUARE, HIGH);
         for properties in [r#"{"height":-3}"#, r#"{"height":"-3 m"}"#, r#"{"levels":1e6}"#, r#"{"min_height":-1}"#] {
@@ -477,7 +473,7 @@ mod tests {
         let mut encoder = flate2::write::GzEncoder::new(std::fs::File::create(&path).unwrap(), Default::default());
         encoder.write_all(file(&[("Polygon", SQUARE, "{}")]).as_bytes()).unwrap();
         encoder.finish().unwrap();
-        let read = Footprints::read(&path);
+        let read = Footprints::read(&path, None);
         std::fs::remove_file(&path).unwrap();
         assert_eq!(read.unwrap().all.len(), 1);
     }

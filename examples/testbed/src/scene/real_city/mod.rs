@@ -1,11 +1,12 @@
-//! A real city: its street lamps from a CSV file, its traffic from a SUMO simulation, its roads from a
+//! A real city: its street lamps from CSV or GeoJSON, its traffic from a SUMO simulation, its roads from a
 //! SUMO network, its buildings from GeoJSON, or some of these.
 //!
 //! Read in this order:
 //!
 //! 1. this file: how the city is put together;
-//! 2. `source` and `xml`: files as streams; `lamp_table`, `vehicle_types`, `fcd`, `net`, `geojson`
-//!    and `footprints`: readers of the file formats; `vehicle_class`: the classes of vehicles;
+//! 2. `source`, `xml` and `geojson`: files as streams; `found`, `spread` and `projection`: what is told of files,
+//!    where most positions are, and degrees in metres; `lamp_table`, `vehicle_types`, `fcd`, `net` and
+//!    `footprints`: readers of the files; `vehicle_class`: the classes of vehicles;
 //! 3. `grid` and `ground`: roads and houses, which are derived from the positions of lamps and
 //!    vehicles;
 //! 4. `strips`, `lane_lines` and `roads`: the roads of a network;
@@ -24,14 +25,17 @@ use super::designs::{buildings, facade, furniture, land, vehicles};
 use super::palette::Palette;
 use super::{Animation, Camera, Scene, SceneError, Stage, assembly, palette, part, rng};
 
-pub mod lamp_table;
 pub mod source;
 pub mod xml;
+pub mod geojson;
+pub mod found;
+pub mod spread;
+pub mod projection;
+pub mod lamp_table;
 pub mod vehicle_class;
 pub mod vehicle_types;
 pub mod fcd;
 pub mod net;
-pub mod geojson;
 pub mod footprints;
 
 pub mod grid;
@@ -50,6 +54,7 @@ use fcd::FcdReader;
 use footprints::Footprints;
 use grid::{Grid, to_plane};
 use ground::{DRIVEN_CELL, RoadSegment};
+use lamp_table::{LampColumns, Lamps};
 use net::Network;
 use survey::Survey;
 use traffic::Traffic;
@@ -60,6 +65,8 @@ use vehicle_types::VehicleTypes;
 pub struct RealCityOptions {
     /// Street lamps; see [`lamp_table`].
     pub lamps: Option<PathBuf>,
+    /// The names of their columns, as far as they are not the usual ones.
+    pub lamp_columns: LampColumns,
     /// Traffic; see [`fcd`].
     pub traffic: Option<PathBuf>,
     /// Types of the vehicles of the traffic; see [`vehicle_types`].
@@ -75,9 +82,9 @@ pub struct RealCityOptions {
     pub seed: u64,
 }
 
-/// Positions in national grids can lie megametres from (0, 0). If the first position is farther
-/// away than this, in metres, all positions are shifted by a multiple of a kilometre that brings it
-/// close.
+/// Positions in national grids can lie megametres from (0, 0). If the middle of the lamps or, without lamps, the
+/// first position is farther away than this, in metres, all positions are shifted by a multiple of a kilometre
+/// that brings it close.
 const MAX_OFFSET: f64 = 50_000.0;
 
 /// Traffic, lamps and roads of one place are within this distance of each other, metres. If less than this
@@ -99,17 +106,18 @@ const DEFAULT_PARKED_CARS: usize = 60;
 
 /// Loads the files.
 pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
-    let lamps = options.lamps.as_deref().map(lamp_table::read).transpose()?.unwrap_or_default();
+    let network = options.net.as_deref().map(Network::read).transpose()?;
+    let projection = network.as_ref().map(|network| network.projection.as_str());
+    let read = |path| lamp_table::read(path, &options.lamp_columns, projection);
+    let Lamps { all: lamps, middle: lamp_middle, warnings: lamp_warnings } =
+        options.lamps.as_deref().map(read).transpose()?.unwrap_or_default();
     let types = VehicleTypes::read(&options.vehicle_types)?;
     let survey = options.traffic.as_deref().map(|path| Survey::read(path, types, options.seed)).transpose()?;
-    let network = options.net.as_deref().map(Network::read).transpose()?;
-    let footprints = options.buildings.as_deref().map(Footprints::read).transpose()?;
+    let footprints = options.buildings.as_deref().map(|path| Footprints::read(path, projection)).transpose()?;
     let buildings = footprints.as_ref().map_or(&[][..], |footprints| &footprints.all);
     // The simulation has the positions of the network.
     let offset = network.as_ref().map_or(DVec2::ZERO, |network| network.offset);
-    let first = lamps
-        .first()
-        .map(|lamp| dvec2(lamp.east, lamp.north))
+    let first = lamp_middle
         .or(survey.as_ref().and_then(|survey| survey.first).map(|first| first - offset))
         .or(network.as_ref().and_then(|network| network.lanes.first()).map(|lane| lane.line[0]))
         .or(buildings.first().map(|footprint| footprint.rings[0][0]));
@@ -179,6 +187,7 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     .into_iter()
     .flatten()
     .collect();
+    warnings.extend(lamp_warnings);
     warnings.extend(footprints.iter().flat_map(Footprints::warnings));
     warnings.extend(survey.as_ref().and_then(Survey::warning));
     let middle = Grid::new(driven, 240.0).densest().map_or(Vec2::ZERO, |(middle, _)| middle);

@@ -47,6 +47,8 @@ pub struct Network {
     /// The offset that `netconvert` added to all positions, in metres east and north. Positions of a
     /// simulation on this network include it; positions in this struct do not.
     pub offset: DVec2,
+    /// The projection of its positions, in the terms of PROJ; `!` if there is none.
+    pub projection: String,
     /// Whether vehicles drive on the left, so that the inner side of an edge is its right one.
     pub is_left_hand: bool,
     /// The junctions at the start and at the end of each edge; empty names where the file has none.
@@ -122,6 +124,7 @@ impl Network {
                 let offset = positions(file, element, "netOffset")?;
                 let [offset] = offset[..] else { return Err(file.fail("\"netOffset\" is not one position")) };
                 (self.offset, *has_location) = (offset, true);
+                self.projection = file.text(element, "projParameter")?.unwrap_or_else(|| "!".into());
             }
             // Lanes belong to the last edge.
             "lane" if !is_within_junction && !self.edges.is_empty() => {
@@ -211,7 +214,7 @@ mod tests {
     #[test]
     fn positions_are_those_before_netconvert_moved_them() {
         let network = network(SMALL).unwrap();
-        assert_eq!(network.offset, dvec2(-500.0, 100.0));
+        assert_eq!((network.offset, network.projection.as_str()), (dvec2(-500.0, 100.0), "!"));
         let lanes: Vec<_> = network.lanes.iter().map(|lane| (lane.line[0], lane.width, lane.usage)).collect();
         let expected = [
             (dvec2(500.0, -95.0), 2.0, LaneUse::Walk),

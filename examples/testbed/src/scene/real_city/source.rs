@@ -1,7 +1,7 @@
 //! Files that are read as a stream, compressed with gzip or not.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 use flate2::bufread::MultiGzDecoder;
@@ -32,4 +32,22 @@ pub fn open(path: &Path) -> Result<Source, SceneError> {
         source.consume(BYTE_ORDER_MARK.len());
     }
     Ok(source)
+}
+
+/// Reads a whole file of text in UTF-8 or UTF-16 or, if it is neither, in Latin-1.
+pub fn read_text(path: &Path) -> Result<String, SceneError> {
+    let mut bytes = Vec::new();
+    let read = open(path)?.read_to_end(&mut bytes);
+    read.map_err(|error| SceneError(format!("{}: {error}", path.display())))?;
+    let utf_16 = |unit: fn([u8; 2]) -> u16| {
+        let units: Vec<u16> = bytes[2..].chunks_exact(2).map(|pair| unit([pair[0], pair[1]])).collect();
+        String::from_utf16_lossy(&units)
+    };
+    Ok(match bytes[..] {
+        [0xff, 0xfe, ..] => utf_16(u16::from_le_bytes),
+        [0xfe, 0xff, ..] => utf_16(u16::from_be_bytes),
+        // Each byte of Latin-1 is a character of Unicode.
+        _ => String::from_utf8(bytes)
+            .unwrap_or_else(|error| error.as_bytes().iter().map(|&byte| char::from(byte)).collect()),
+    })
 }
