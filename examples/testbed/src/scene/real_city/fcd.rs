@@ -229,7 +229,7 @@ mod tests {
             ("", "no <fcd-export>"),
             ("<routes></routes>", "found <routes>"),
             ("<fcd-export><timestep time=\"0\">", "ends within"),
-            ("<fcd-export><timestep time=\"0\"></fcd-export>", "byte"),
+            ("<fcd-export><timestep time=\"0\">\n\n</fcd-export>", "line 3: "),
             ("<fcd-export><timestep time=\"x\"/></fcd-export>", "\"time\" of <timestep> is \"x\""),
             ("<fcd-export><timestep/></fcd-export>", "<timestep> without \"time\""),
             ("<fcd-export><timestep time=\"2\"/><timestep time=\"1\"/></fcd-export>", "does not follow"),
@@ -241,7 +241,8 @@ mod tests {
                 "<fcd-export><timestep time=\"0\"><vehicle id=\"a\" x=\"NaN\" y=\"1\" angle=\"0\"/></timestep></fcd-export>",
                 "NaN",
             ),
-            ("<fcd-export><timestep time=\"0\"><vehicle id=\"a\" x=\"1\" y=\"1\" angle=\"0\"", "byte"),
+            ("<fcd-export>\n<timestep time=\"0\"><vehicle id=\"a\"\n x=\"1\" y=\"1\" angle=\"0\"\n", "line 2: "),
+            ("<fcd-export>\n<!-- \n -->\n <timestep\n time=\"x\"/></fcd-export>", "line 4: \"time\" of <timestep>"),
         ] {
             let SceneError(message) = steps(text).expect_err(text);
             assert!(message.contains(expected) && !message.contains('\n'), "{text}: {message}");

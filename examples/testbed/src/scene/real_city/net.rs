@@ -238,7 +238,7 @@ mod tests {
             ("<routes></routes>", "found <routes>"),
             ("<net><location netOffset=\"0,0\"/>", "ends within"),
             ("<net><location/></net>", "\"netOffset\" of <location> is missing"),
-            ("<net><location netOffset=\"0,x\"/></net>", "\"0,x\""),
+            ("<net>\n\n<location netOffset=\"0,x\"/></net>", "line 3: \"netOffset\" of <location> has \"0,x\""),
             ("<net><location netOffset=\"0,0 1,1\"/></net>", "not one position"),
             ("<net><location netOffset=\"0,0\"/><edge><lane shape=\"1,NaN 2,3\"/></edge></net>", "NaN"),
             ("<net><location netOffset=\"0,0\"/><edge><lane/></edge></net>", "\"shape\" of <lane> is missing"),

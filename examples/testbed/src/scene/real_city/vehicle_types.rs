@@ -152,7 +152,7 @@ mod tests {
             ("<routes><vType id=\"a\" length=\"x\"/></routes>", "\"length\" of <vType> is \"x\""),
             ("<routes><vType id=\"a\" width=\"-1\"/></routes>", "\"width\" of <vType> \"a\" is -1"),
             ("<routes><vType id=\"a\" height=\"1e7\"/></routes>", "\"height\" of <vType> \"a\""),
-            ("<routes><vType id=\"a\"></routes>", "byte"),
+            ("<routes>\n<vType id=\"a\"></routes>", "line 2: "),
         ] {
             let SceneError(message) = types(text).expect_err(text);
             assert!(message.contains(expected) && !message.contains('\n'), "{text}: {message}");
