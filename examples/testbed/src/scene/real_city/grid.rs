@@ -38,6 +38,8 @@ impl Grid {
         let (x, z) = key(at, self.cell);
         let around = (-1..=1).flat_map(move |dx| (-1..=1).map(move |dz| (x + dx, z + dz)));
         let inside = around.filter_map(|cell| self.cells.get(&cell)).flatten().map(|&point| point as usize);
+        #[cfg(test)]
+        let inside = inside.inspect(|_| LOOKED_AT.set(LOOKED_AT.get() + 1));
         inside.filter(move |&point| self.points[point].distance(at) <= radius)
     }
 
@@ -47,6 +49,25 @@ impl Grid {
         let sum: Vec2 = points.iter().map(|&point| self.points[point as usize]).sum();
         Some((sum / points.len() as f32, points.len()))
     }
+}
+
+#[cfg(test)]
+thread_local! {
+    /// How many points the grids of this thread have looked at.
+    pub static LOOKED_AT: std::cell::Cell<usize> = const { std::cell::Cell::new(0) };
+}
+
+/// One point of each cell, and for each point the index of the one of its cell.
+pub fn thin(points: &[Vec2], cell: f32) -> (Vec<Vec2>, Vec<usize>) {
+    let (mut kept, mut cells) = (Vec::new(), BTreeMap::new());
+    let indices = points.iter().map(|&point| {
+        *cells.entry(key(point, cell)).or_insert_with(|| {
+            kept.push(point);
+            kept.len() - 1
+        })
+    });
+    let indices = indices.collect();
+    (kept, indices)
 }
 
 /// The cell of a point, for cells with an edge of `cell` metres.

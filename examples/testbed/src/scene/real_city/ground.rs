@@ -12,6 +12,9 @@ use super::rng::Rng;
 
 /// Largest distance between lamps of one row, metres.
 const ROW_GAP: f32 = 85.0;
+/// Lamps of one row are at least this far from each other, metres. Roads follow from one lamp of each square of this
+/// edge, so that their number and the time that they take are bounded by the area, however many lamps there are.
+pub const LEAST_ROW_GAP: f32 = 4.0;
 /// Half the width of a road, metres.
 const ROAD_HALF: f32 = 4.5;
 /// Distance from a row of lamps to the middle of its road, metres.
@@ -33,16 +36,17 @@ pub fn road_segments(lamps: &[Vec2], seed: u64) -> (Vec<RoadSegment>, Vec<Vec2>)
     let grid = Grid::new(lamps.to_vec(), ROW_GAP);
     let mut links: BTreeSet<(usize, usize)> = BTreeSet::new();
     for (index, &lamp) in lamps.iter().enumerate() {
-        let mut near: Vec<usize> = grid.near(lamp, ROW_GAP).filter(|&other| other != index).collect();
-        near.sort_by(|a, b| {
-            let distance = |other: &usize| lamps[*other].distance_squared(lamp);
-            distance(a).total_cmp(&distance(b)).then(a.cmp(b))
-        });
+        let near: Vec<usize> = grid.near(lamp, ROW_GAP).filter(|&other| other != index).collect();
+        let closest = |is_right: &dyn Fn(usize) -> bool| {
+            let distance = |other: usize| lamps[other].distance_squared(lamp);
+            let right = near.iter().copied().filter(|&other| is_right(other));
+            right.min_by(|&a, &b| distance(a).total_cmp(&distance(b)).then(a.cmp(&b)))
+        };
         // A row continues at the nearest lamp, and at the nearest lamp in the opposite direction.
-        let Some(&first) = near.iter().find(|&&other| lamps[other].distance(lamp) > 4.0) else { continue };
+        let Some(first) = closest(&|other| lamps[other].distance(lamp) > LEAST_ROW_GAP) else { continue };
         let along = (lamps[first] - lamp).normalize();
-        let second = near.iter().find(|&&other| (lamps[other] - lamp).normalize_or_zero().dot(along) < -0.8);
-        for &other in std::iter::once(&first).chain(second) {
+        let second = closest(&|other| (lamps[other] - lamp).normalize_or_zero().dot(along) < -0.8);
+        for other in std::iter::once(first).chain(second) {
             links.insert((index.min(other), index.max(other)));
         }
     }

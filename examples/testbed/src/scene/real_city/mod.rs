@@ -128,11 +128,13 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     let mut assembly = Assembly::new();
     let mut palette = Palette::default();
     let lamp_positions: Vec<Vec2> = lamps.iter().map(|lamp| to_plane(dvec2(lamp.east, lamp.north) - shift)).collect();
-    let (guessed, mut arms) = ground::road_segments(&lamp_positions, options.seed);
+    let (posts, post_of) = grid::thin(&lamp_positions, ground::LEAST_ROW_GAP);
+    let (guessed, mut arms) = ground::road_segments(&posts, options.seed);
     let segments = network.as_ref().map_or(guessed, |network| roads::segments(network, shift));
     if network.is_some() {
-        ground::turn_arms(&lamp_positions, &segments, &mut arms);
+        ground::turn_arms(&posts, &segments, &mut arms);
     }
+    let arms: Vec<Vec2> = post_of.iter().map(|&post| arms[post]).collect();
     placing::place_lamps(&mut assembly, &mut palette, &lamps, &lamp_positions, &arms)?;
 
     let mut driven_cells = BTreeSet::new();
@@ -180,9 +182,9 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     };
     let other_place = "are the files of the same place and network?";
     let mut warnings: Vec<String> = [
-        apart(["traffic is", "a lamp"], [traffic, &lamp_positions], advice),
+        apart(["traffic is", "a lamp"], [traffic, &posts], advice),
         apart(["traffic is", "a road"], [traffic, roads], other_place),
-        apart(["lamps are", "a road"], [&lamp_positions, roads], advice),
+        apart(["lamps are", "a road"], [&posts, roads], advice),
     ]
     .into_iter()
     .flatten()
@@ -312,6 +314,28 @@ mod tests {
         for lumens in [23_750.0, 14_250.0, 9_500.0, 4_125.0] {
             assert!(fluxes.iter().any(|flux| (flux / lumens - 1.0).abs() < 0.01), "{lumens} in {fluxes:?}");
         }
+    }
+
+    #[test]
+    fn the_work_of_loading_grows_with_the_number_of_lamps_wherever_they_are() {
+        const COUNT: u32 = 3_000;
+        let path = std::env::temp_dir().join(format!("girandole_many_{}.csv", std::process::id()));
+        let places: [(&str, fn(u32) -> [f64; 2]); 3] = [
+            ("one place", |_| [500.0, 500.0]),
+            ("a line", |lamp| [500.0 + 0.01 * f64::from(lamp), 500.0]),
+            ("a square", |lamp| [500.0 + 0.3 * f64::from(lamp % 55), 500.0 + 0.3 * f64::from(lamp / 55)]),
+        ];
+        for (name, place) in places {
+            let lamps: String = (0..COUNT).map(place).map(|[x, y]| format!("{x},{y},8,9000\n")).collect();
+            std::fs::write(&path, format!("x,y,height,lumens\n{lamps}")).unwrap();
+            grid::LOOKED_AT.set(0);
+            let stage = stage(&RealCityOptions { lamps: Some(path.clone()), cars: Some(0), ..Default::default() });
+            assert!(stage.unwrap().world.instance_count() >= COUNT as usize);
+            // Houses look at all lamps near each of some hundred places.
+            let share = grid::LOOKED_AT.get() as f64 / f64::from(COUNT);
+            assert!(share < 200.0, "{share} lamps are looked at for each lamp at {name}");
+        }
+        std::fs::remove_file(&path).unwrap();
     }
 
     #[test]
