@@ -31,7 +31,8 @@ fn open_window(_: &Options) -> Result<(), SceneError> {
 }
 
 fn main() -> ExitCode {
-    let result = match Options::read(std::env::args_os()) {
+    let options = city::app::files::clean_up_on_interrupt().and_then(|()| Options::read(std::env::args_os()));
+    let result = match options {
         Ok(Parsed::Run(options)) if options.window => open_window(&options),
         Ok(Parsed::Run(options)) if options.compare => {
             city::app::compare::run::compare(&options, &mut |line| testbed::say!("{line}")).map(drop)

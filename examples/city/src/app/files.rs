@@ -2,11 +2,13 @@
 //! and then renamed.
 
 use exr::prelude::{Encoding, Image as ExrImage, SpecificChannels, WritableImage};
+use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::fmt::Display;
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 use testbed::render::image::Image;
 use testbed::scene::SceneError;
 
@@ -16,18 +18,63 @@ pub fn write_file<E: Display>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> Result<(), E>,
 ) -> Result<(), SceneError> {
-    let draft = temporary(path);
-    let result = File::create(&draft).map_err(|e| e.to_string()).and_then(|file| {
+    let write = || -> Result<(), String> {
+        let (draft, file) = Draft::create(path).map_err(|e| e.to_string())?;
         let mut file = BufWriter::new(file);
         write(&mut file).map_err(|e| e.to_string())?;
         file.flush().map_err(|e| e.to_string())?;
-        fs::rename(&draft, path).map_err(|e| e.to_string())
+        draft.complete().map_err(|e| e.to_string())
+    };
+    write().map_err(|e| cannot_write(path, e))
+}
+
+/// The temporary names of all files that are not complete.
+static DRAFTS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+/// A file with a temporary name. If it is dropped before [`Draft::complete`], no part of it remains.
+pub struct Draft {
+    path: PathBuf,
+    draft: PathBuf,
+}
+
+impl Draft {
+    /// Creates the file. `path` is its name when it is complete.
+    pub fn create(path: &Path) -> io::Result<(Self, File)> {
+        let draft = temporary(path);
+        // An interrupt waits until the file is known.
+        let mut drafts = DRAFTS.lock().unwrap_or_else(PoisonError::into_inner);
+        let file = File::create(&draft)?;
+        drafts.insert(draft.clone());
+        Ok((Self { path: path.into(), draft }, file))
+    }
+
+    /// Gives the file its name.
+    pub fn complete(self) -> io::Result<()> {
+        fs::rename(&self.draft, &self.path)
+    }
+}
+
+impl Drop for Draft {
+    fn drop(&mut self) {
+        // A complete file has another name. If a draft cannot be removed, the first error is reported anyway.
+        let _ = fs::remove_file(&self.draft);
+        DRAFTS.lock().unwrap_or_else(PoisonError::into_inner).remove(&self.draft);
+    }
+}
+
+/// The exit code after Ctrl-C, as shells report it for the signal SIGINT.
+const INTERRUPTED: i32 = 130;
+
+/// From now on, Ctrl-C removes what is not complete before it ends the program.
+#[allow(clippy::exit, reason = "the program ends")]
+pub fn clean_up_on_interrupt() -> Result<(), SceneError> {
+    let handled = ctrlc::set_handler(|| {
+        // The lock is held to the end, so that no other draft is created.
+        let drafts = DRAFTS.lock().unwrap_or_else(PoisonError::into_inner);
+        drafts.iter().for_each(|draft| drop(fs::remove_file(draft)));
+        std::process::exit(INTERRUPTED)
     });
-    result.map_err(|e| {
-        // If the draft cannot be removed, the first error is reported anyway.
-        let _ = fs::remove_file(&draft);
-        cannot_write(path, e)
-    })
+    handled.map_err(|e| SceneError(format!("cannot handle Ctrl-C: {e}")))
 }
 
 /// The error of a file that cannot be written.

@@ -7,7 +7,7 @@ use city::app::video::film::Film;
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -141,10 +141,8 @@ fn a_film_that_is_dropped_leaves_no_file() {
     fs::remove_dir_all(&folder).expect("a folder that exists");
 }
 
-#[test]
-fn an_interrupted_run_leaves_a_table_of_the_finished_frames_and_the_next_run_cleans_up() {
-    let folder = fresh_folder("interrupted");
-    let film = folder.join("film.y4m");
+/// Starts a run that is endless for a test, and waits until it has finished four frames.
+fn endless_run(folder: &Path, film: &Path) -> Child {
     let mut city = Command::new(env!("CARGO_BIN_EXE_city"))
         .args(["--backend", "cpu", "--size", "16x9", "--spp", "1", "--frames", "100000", "--gltf"])
         .args([data("small.gltf").as_os_str(), OsStr::new("--out"), folder.as_os_str()])
@@ -153,12 +151,34 @@ fn an_interrupted_run_leaves_a_table_of_the_finished_frames_and_the_next_run_cle
         .stderr(Stdio::null())
         .spawn()
         .expect("a binary that starts");
-    // The run is endless for this test, so the limit only ends a test that would hang.
+    // The limit only ends a test that would hang.
     let limit = Instant::now() + Duration::from_secs(120);
     let has_frames = || fs::read_to_string(folder.join("frames.csv")).is_ok_and(|text| text.lines().count() > 4);
     while !has_frames() && Instant::now() < limit && city.try_wait().expect("a process").is_none() {
         sleep(Duration::from_millis(20));
     }
+    city
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_leaves_no_incomplete_file() {
+    let folder = fresh_folder("interrupted");
+    let mut city = endless_run(&folder, &folder.join("film.y4m"));
+    assert!(names(&folder).contains(&".part-film.y4m".into()));
+    let sent = Command::new("kill").args(["-INT", &city.id().to_string()]).status();
+    assert!(sent.expect("a system with signals").success());
+    assert_eq!(city.wait().expect("a process that ends").code(), Some(130));
+    let names = names(&folder);
+    assert!(names.iter().all(|name| name == "frames.csv" || name.starts_with("frame_")), "{names:?}");
+    fs::remove_dir_all(&folder).expect("a folder that exists");
+}
+
+#[test]
+fn a_run_that_is_killed_leaves_a_table_of_the_finished_frames_and_the_next_run_cleans_up() {
+    let folder = fresh_folder("killed");
+    let film = folder.join("film.y4m");
+    let mut city = endless_run(&folder, &film);
     city.kill().expect("a process that runs");
     city.wait().expect("a process that ends");
     let finished = rows(&folder);

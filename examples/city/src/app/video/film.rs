@@ -3,10 +3,10 @@
 //! This program writes `.y4m` files itself. For every other extension it starts ffmpeg, which
 //! encodes what it reads from a pipe. Either way the file has a temporary name until it is complete.
 
-use super::files::{cannot_write, temporary};
+use super::files::{Draft, cannot_write, temporary};
 use super::y4m::Y4m;
 use std::ffi::{OsStr, OsString};
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, BufRead, BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, Command, Stdio};
@@ -24,7 +24,8 @@ const FILTER: &str = "setparams=range=tv:colorspace=bt709:color_primaries=bt709:
 /// A film that is being written. If it is dropped before [`Film::finish`], no file remains.
 pub struct Film {
     path: PathBuf,
-    draft: PathBuf,
+    /// `None` until the encoder has started.
+    draft: Option<Draft>,
     /// `None` once the stream has ended.
     stream: Option<Y4m<BufWriter<Box<dyn Write>>>>,
     encoder: Option<Encoder>,
@@ -48,14 +49,15 @@ impl Film {
     /// created or the program is not found.
     pub fn new(path: &Path, size: (u32, u32), fps: f64, ffmpeg: &OsStr) -> Result<Self, SceneError> {
         let is_y4m = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("y4m"));
-        let mut film = Self { path: path.into(), draft: temporary(path), stream: None, encoder: None };
+        let mut film = Self { path: path.into(), draft: None, stream: None, encoder: None };
         // ffmpeg opens its file once it has read the first frame, so nothing is left if there is no
         // ffmpeg.
         let pipe = if is_y4m { None } else { Some(film.start_encoder(ffmpeg)?) };
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder).map_err(|e| cannot_write(path, e))?;
         }
-        let file = File::create(&film.draft).map_err(|e| cannot_write(path, e))?;
+        let (draft, file) = Draft::create(path).map_err(|e| cannot_write(path, e))?;
+        film.draft = Some(draft);
         let out = pipe.unwrap_or_else(|| Box::new(file));
         let stream = Y4m::new(BufWriter::new(out), size, fps);
         film.stream = Some(stream.map_err(|e| film.failure(e))?);
@@ -79,14 +81,14 @@ impl Film {
         {
             return Err(cannot_write(&self.path, reason));
         }
-        fs::rename(&self.draft, &self.path).map_err(|e| cannot_write(&self.path, e))
+        self.draft.take().map_or(Ok(()), Draft::complete).map_err(|e| cannot_write(&self.path, e))
     }
 
     /// Starts ffmpeg and returns its end of the pipe.
     fn start_encoder(&mut self, ffmpeg: &OsStr) -> Result<Box<dyn Write>, SceneError> {
         // The prefix keeps a colon in the path from naming a protocol.
         let mut draft = OsString::from("file:");
-        draft.push(&self.draft);
+        draft.push(temporary(&self.path));
         let started = Command::new(ffmpeg)
             .args(["-hide_banner", "-loglevel", "error", "-y", "-f", "yuv4mpegpipe", "-i", "pipe:0"])
             .args(["-vf", FILTER, "-pix_fmt", "yuv420p"])
@@ -126,8 +128,6 @@ impl Drop for Film {
             let _ = encoder.process.kill();
             let _ = encoder.process.wait();
         }
-        // After `finish` there is no such file.
-        let _ = fs::remove_file(&self.draft);
     }
 }
 
