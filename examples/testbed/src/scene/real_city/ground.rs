@@ -90,6 +90,20 @@ pub fn turn_arms(lamps: &[Vec2], segments: &[RoadSegment], arms: &mut [Vec2]) {
     }
 }
 
+/// The arms of lamps, from those of the posts that they share: evenly around each. Lamps in one place thus
+/// do not have the same box, for which obvhs 0.4 takes quadratic time.
+pub fn share_posts(post_of: &[usize], arms: &[Vec2]) -> Vec<Vec2> {
+    let mut counts = vec![0.0; arms.len()];
+    post_of.iter().for_each(|&post| counts[post] += 1.0);
+    let mut taken = vec![0.0; arms.len()];
+    let turned = post_of.iter().map(|&post| {
+        let angle = std::f32::consts::TAU * taken[post] / counts[post];
+        taken[post] += 1.0;
+        arms[post].rotate(Vec2::from_angle(angle))
+    });
+    turned.collect()
+}
+
 impl RoadSegment {
     /// The point of the middle line that is nearest to a point.
     pub fn nearest(&self, at: Vec2) -> Vec2 {
@@ -182,4 +196,16 @@ pub fn house_places(
         places.push(Affine3A::from_rotation_translation(turn, vec3(at.x, 0.0, at.y) + front));
     }
     places
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lamps_of_a_post_have_arms_evenly_around_it() {
+        let arms = share_posts(&[0, 1, 1, 0, 1, 1], &[Vec2::X, Vec2::Y]);
+        let expected = [Vec2::X, Vec2::Y, -Vec2::X, -Vec2::X, -Vec2::Y, Vec2::X];
+        assert!(arms.iter().zip(expected).all(|(arm, expected)| arm.abs_diff_eq(expected, 1e-6)), "{arms:?}");
+    }
 }

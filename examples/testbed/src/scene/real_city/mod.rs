@@ -134,7 +134,7 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     if network.is_some() {
         ground::turn_arms(&posts, &segments, &mut arms);
     }
-    let arms: Vec<Vec2> = post_of.iter().map(|&post| arms[post]).collect();
+    let arms = ground::share_posts(&post_of, &arms);
     placing::place_lamps(&mut assembly, &mut palette, &lamps, &lamp_positions, &arms)?;
 
     let mut driven_cells = BTreeSet::new();
