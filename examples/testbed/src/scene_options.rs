@@ -50,9 +50,9 @@ pub struct SceneOptions {
     /// traffic on it
     #[arg(long, value_name = "FILE.net.xml")]
     pub net: Option<PathBuf>,
-    /// Use these buildings: GeoJSON with footprints in the metres of the lamps, compressed with gzip or
-    /// not. Their heights are the properties `height` or `building:levels` [default: houses beside the
-    /// roads]
+    /// Use these buildings: GeoJSON with footprints in the metres of the lamps, or in degrees, which need
+    /// --net, compressed with gzip or not. Their heights are the properties `height` or
+    /// `building:levels` [default: houses beside the roads]
     #[arg(long, value_name = "FILE.geojson")]
     pub buildings: Option<PathBuf>,
     /// Camera: position and target in metres [default: depends on the scene]

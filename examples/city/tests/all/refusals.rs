@@ -154,7 +154,7 @@ fn malformed_buildings_are_refused() {
     };
     for (name, ring, properties, hint) in [
         ("short.geojson", "[[0,0],[9,0],[0,0]]", "{}", "2 corner(s)"),
-        ("low.geojson", "[[0,0],[9,0],[9,9],[0,0]]", r#"{"height":-1}"#, "neither lamps nor vehicles"),
+        ("low.geojson", "[[0,0],[9,0],[9,9],[0,0]]", r#"{"height":-1}"#, "buildings; 1 building(s) are left out"),
         ("infinite.geojson", "[[0,0],[1e400,0],[9,9],[0,0]]", "{}", "out of range"),
         ("degrees.geojson", "[[8.4,49.0],[8.4001,49.0],[8.4001,49.0001],[8.4,49.0]]", "{}", "EPSG:32632"),
     ] {

@@ -222,6 +222,9 @@ impl Table {
                         other => Some(other.to_string()),
                     }
                 });
+                for column in table.axes.into_iter().filter(|&column| cells[column].is_none()) {
+                    lacks(named, column, properties.iter().map(String::as_str))?;
+                }
                 table.take(number as u64, cells.each_ref().map(Option::as_deref))?;
             }
             Ok(())
@@ -445,6 +448,7 @@ mod tests {
         assert_eq!(read.warnings, expected);
         let message = refused("property", &metres, "height=MAST");
         assert!(message.contains("\"MAST\" among: Height, LUMENS, height, lumens, x"), "{message}");
+        assert!(refused("lon", &metres, "lon=LON,lat=LAT").contains("\"LON\" among: Height, LUMENS, x"));
         let message = refused("text", &metres.replace("[900,7]", "[900,\"n\"]"), "");
         assert!(message.contains("feature 2, column \"y\": \"n\" is not a number at line 1"), "{message}");
     }

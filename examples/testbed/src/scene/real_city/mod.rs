@@ -122,7 +122,9 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
         .or(network.as_ref().and_then(|network| network.lanes.first()).map(|lane| lane.line[0]))
         .or(buildings.first().map(|footprint| footprint.rings[0][0]));
     let Some(first) = first else {
-        return Err(SceneError("the files contain neither lamps nor vehicles, roads or buildings".into()));
+        let left_out = footprints.iter().flat_map(Footprints::warnings);
+        let told: String = left_out.map(|warning| format!("; {warning}")).collect();
+        return Err(SceneError(format!("the files contain neither lamps nor vehicles, roads or buildings{told}")));
     };
     let shift = if first.abs().max_element() > MAX_OFFSET { (first / 1000.0).round() * 1000.0 } else { DVec2::ZERO };
     let mut assembly = Assembly::new();
@@ -320,12 +322,12 @@ mod tests {
     fn the_work_of_loading_grows_with_the_number_of_lamps_wherever_they_are() {
         const COUNT: u32 = 3_000;
         let path = std::env::temp_dir().join(format!("girandole_many_{}.csv", std::process::id()));
-        let places: [(&str, fn(u32) -> [f64; 2]); 3] = [
-            ("one place", |_| [500.0, 500.0]),
-            ("a line", |lamp| [500.0 + 0.01 * f64::from(lamp), 500.0]),
-            ("a square", |lamp| [500.0 + 0.3 * f64::from(lamp % 55), 500.0 + 0.3 * f64::from(lamp / 55)]),
-        ];
-        for (name, place) in places {
+        for name in ["one place", "a line", "a square"] {
+            let place = |lamp: u32| match name {
+                "one place" => [500.0, 500.0],
+                "a line" => [500.0 + 0.01 * f64::from(lamp), 500.0],
+                _ => [500.0 + 0.3 * f64::from(lamp % 55), 500.0 + 0.3 * f64::from(lamp / 55)],
+            };
             let lamps: String = (0..COUNT).map(place).map(|[x, y]| format!("{x},{y},8,9000\n")).collect();
             std::fs::write(&path, format!("x,y,height,lumens\n{lamps}")).unwrap();
             grid::LOOKED_AT.set(0);

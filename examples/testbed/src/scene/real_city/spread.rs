@@ -4,9 +4,9 @@ use girandole::glam::{DVec2, dvec2};
 
 use super::found::Found;
 
-/// Positions farther from the middle than this multiple of the median distance are far from the others. In a
-/// round town of even density, the farthest position has 1.4 times the median distance; in
-/// a city with suburbs, about ten times.
+/// Positions farther from the middle than this multiple of the median distance are far from the others. The
+/// farthest of 4,556 street lamps of Champaign, Illinois, is at 5.9 times the median distance, so that this
+/// leaves a wide margin for suburbs, and wrong positions are usually at (0, 0) of a national grid or in degrees.
 const FAR: f64 = 100.0;
 /// Nothing closer to the middle than this is far, metres: positions may be equal, or be those of one crossing.
 const LEAST_FAR: f64 = 1_000.0;
