@@ -2,7 +2,7 @@
 
 use super::scene::gltf_scene;
 use super::scene::procedural::{self, CityOptions, Size};
-use super::scene::real_city::lamp_table::LampColumns;
+use super::scene::real_city::lamp_columns::LampColumns;
 use super::scene::real_city::{self, RealCityOptions};
 use super::scene::{Camera, SceneError, Stage};
 use clap::Args;

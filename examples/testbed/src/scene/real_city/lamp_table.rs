@@ -3,15 +3,15 @@
 
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::str::FromStr;
 
 use girandole::glam::{DVec2, dvec2};
 use serde_json::Value;
 
 use super::SceneError;
 use super::found::Found;
+use super::lamp_columns::{COLUMNS, HEIGHT, LAT, LON, LUMENS, LampColumns, X, Y, keys, list};
 use super::projection::{Utm, zone_for};
-use super::spread::{MAX_DEGREES, Spread};
+use super::spread::Spread;
 use super::{geojson, source};
 
 /// A lamp.
@@ -38,66 +38,10 @@ pub struct Lamps {
     pub warnings: Vec<String>,
 }
 
-/// What a column tells of lamps.
-struct Column {
-    /// Its key in the option that names columns.
-    key: &'static str,
-    /// Its names by default, in any case. The first one that the file has counts.
-    names: &'static [&'static str],
-    /// The smallest and the largest allowed value.
-    range: [f64; 2],
-}
-
-/// Positions have metres in the first two columns or degrees in the next two.
-const COLUMNS: [Column; 6] = [
-    Column { key: "x", names: &["x_m", "x", "east", "easting"], range: [-2e7, 2e7] },
-    Column { key: "y", names: &["y_m", "y", "north", "northing"], range: [-2e7, 2e7] },
-    Column { key: "lon", names: &["lon", "lng", "long", "longitude"], range: [-MAX_DEGREES.x, MAX_DEGREES.x] },
-    Column { key: "lat", names: &["lat", "latitude"], range: [-MAX_DEGREES.y, MAX_DEGREES.y] },
-    // The highest masts are below 100 m, and the strongest floodlights below 10 million lumens.
-    Column { key: "height", names: &["est_height_m", "height_m", "height"], range: [0.5, 200.0] },
-    Column { key: "lumens", names: &["est_lumens", "lumens"], range: [0.0, 1e8] },
-];
-const X: usize = 0;
-const Y: usize = 1;
-const LON: usize = 2;
-const LAT: usize = 3;
-const HEIGHT: usize = 4;
-const LUMENS: usize = 5;
-
 /// Height and flux of lamps that state none, metres and lumens: the most frequent ones in Champaign, Illinois, where lamps
 /// of 100 W with sodium are 9 m high.
 const DEFAULT_HEIGHT: f64 = 9.0;
 const DEFAULT_LUMENS: f64 = 9_500.0;
-
-/// The names of columns that the user has given.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct LampColumns([Option<String>; COLUMNS.len()]);
-
-impl FromStr for LampColumns {
-    type Err = String;
-
-    /// Such as `x=EAST,y=NORTH,height=MAST`.
-    fn from_str(text: &str) -> Result<Self, String> {
-        let mut columns = Self::default();
-        for part in text.split(',') {
-            let given = part.split_once('=').map(|(key, name)| (key.trim(), name.trim()));
-            let place = given.and_then(|(key, _)| COLUMNS.iter().position(|column| column.key == key));
-            match (given, place) {
-                (Some((_, name)), Some(place)) if !name.is_empty() && columns.0[place].is_none() => {
-                    columns.0[place] = Some(name.into());
-                }
-                _ => return Err(format!("{part:?} is not one of {}, each once", keys("=NAME"))),
-            }
-        }
-        Ok(columns)
-    }
-}
-
-/// All keys, with the same text behind each.
-fn keys(after: &str) -> String {
-    COLUMNS.map(|column| format!("{}{after}", column.key)).join(", ")
-}
 
 /// Reads all lamps. Degrees are projected as the network is, whose `projParameter` is `network`.
 pub fn read(path: &Path, named: &LampColumns, network: Option<&str>) -> Result<Lamps, SceneError> {
@@ -131,8 +75,8 @@ struct Table {
 
 impl Table {
     fn new(record: &'static str, named: &LampColumns) -> Self {
-        let names = std::array::from_fn(|place| named.0[place].clone().unwrap_or(COLUMNS[place].key.into()));
-        let are_named = named.0[LON].is_some() || named.0[LAT].is_some();
+        let names = std::array::from_fn(|place| named.given(place).unwrap_or(COLUMNS[place].key).into());
+        let are_named = named.given(LON).or(named.given(LAT)).is_some();
         Self {
             record,
             names,
@@ -160,11 +104,10 @@ impl Table {
         let mut table = Self { has_decimal_commas: separator != b',', ..Self::new("line", named) };
         let mut places = [None; COLUMNS.len()];
         for (column, place) in places.iter_mut().enumerate() {
-            let find = |name: &&str| headers.iter().position(|header| is_same(header, name));
-            *place = wanted(named, column).iter().find_map(find);
+            *place = named.find(column, headers.iter());
             match *place {
                 Some(place) => table.names[column] = headers[place].into(),
-                None => lacks(named, column, headers.iter())?,
+                None => named.check(column, headers.iter())?,
             }
         }
         let has = |axes: [usize; 2]| axes.iter().all(|axis| places[*axis].is_some());
@@ -176,7 +119,7 @@ impl Table {
             return Err(format!(
                 "there are no columns x_m and y_m in metres or lon and lat in degrees among: {}; name them with \
                  --lamps-columns, of {}",
-                all(headers.iter()),
+                list(headers.iter()),
                 keys("=NAME")
             ));
         }
@@ -209,11 +152,12 @@ impl Table {
             properties.extend(stated.iter().flat_map(|stated| stated.keys().cloned()));
             for point in points {
                 let cells: [Option<String>; COLUMNS.len()] = std::array::from_fn(|column| {
-                    let value = match (column, &named.0[column]) {
+                    let value = match (column, named.given(column)) {
                         (X | Y, None) => point.get(column)?,
-                        _ => wanted(named, column)
-                            .iter()
-                            .find_map(|name| Some(stated?.iter().find(|(property, _)| is_same(property, name))?.1))?,
+                        _ => {
+                            let stated = stated?;
+                            stated.values().nth(named.find(column, stated.keys().map(String::as_str))?)?
+                        }
                     };
                     is_found[column] = true;
                     match value {
@@ -223,14 +167,14 @@ impl Table {
                     }
                 });
                 for column in table.axes.into_iter().filter(|&column| cells[column].is_none()) {
-                    lacks(named, column, properties.iter().map(String::as_str))?;
+                    named.check(column, properties.iter().map(String::as_str))?;
                 }
                 table.take(number as u64, cells.each_ref().map(Option::as_deref))?;
             }
             Ok(())
         })?;
         for column in (0..COLUMNS.len()).filter(|&column| !is_found[column] && !table.positions.is_empty()) {
-            lacks(named, column, properties.iter().map(String::as_str))?;
+            named.check(column, properties.iter().map(String::as_str))?;
         }
         Ok(table)
     }
@@ -303,28 +247,6 @@ impl Table {
         let warnings = told.into_iter().flatten().collect();
         Ok(Lamps { all, middle: Some(spread.middle), warnings })
     }
-}
-
-/// The names that a column may have.
-fn wanted(named: &LampColumns, column: usize) -> Vec<&str> {
-    named.0[column].as_deref().map_or_else(|| COLUMNS[column].names.to_vec(), |name| vec![name])
-}
-
-/// Whether a column has a name, in any case.
-fn is_same(column: &str, name: &str) -> bool {
-    column.to_lowercase() == name.to_lowercase()
-}
-
-/// An error if the user has named a column, which the file lacks.
-fn lacks<'h>(named: &LampColumns, column: usize, headers: impl Iterator<Item = &'h str>) -> Result<(), String> {
-    let Some(name) = &named.0[column] else { return Ok(()) };
-    Err(format!("there is no column {name:?} among: {}", all(headers)))
-}
-
-/// The first names of columns, as a list.
-fn all<'h>(headers: impl Iterator<Item = &'h str>) -> String {
-    let name = |header: &str| header.chars().filter(|c| !c.is_control()).take(30).collect::<String>();
-    headers.take(20).map(name).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@
 //!
 //! 1. this file: how the city is put together;
 //! 2. `source`, `xml` and `geojson`: files as streams; `found`, `spread` and `projection`: what is told of files,
-//!    where most positions are, and degrees in metres; `lamp_table`, `vehicle_types`, `fcd`, `net` and
+//!    where most positions are, and degrees in metres; `lamp_columns`, `lamp_table`, `vehicle_types`, `fcd`, `net` and
 //!    `footprints`: readers of the files; `vehicle_class`: the classes of vehicles;
 //! 3. `grid` and `ground`: roads and houses, which are derived from the positions of lamps and
 //!    vehicles;
@@ -31,6 +31,7 @@ pub mod geojson;
 pub mod found;
 pub mod spread;
 pub mod projection;
+pub mod lamp_columns;
 pub mod lamp_table;
 pub mod vehicle_class;
 pub mod vehicle_types;
@@ -54,7 +55,8 @@ use fcd::FcdReader;
 use footprints::Footprints;
 use grid::{Grid, to_plane};
 use ground::{DRIVEN_CELL, RoadSegment};
-use lamp_table::{LampColumns, Lamps};
+use lamp_columns::LampColumns;
+use lamp_table::Lamps;
 use net::Network;
 use survey::Survey;
 use traffic::Traffic;
