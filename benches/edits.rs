@@ -5,6 +5,8 @@
 //!   frame. The throughput is that of moved instances.
 //! - One light of a large tree that is changed, or removed and added elsewhere: the edit with the
 //!   update of the world, and the plan of the frame.
+//! - A hundred lights of a tree of 1,000 that are removed and as many added, beside a tree of as many
+//!   lights that is built anew; and the frame that takes a build of a large tree that a thread has made.
 //! - A region of 1,000 instances and 10,000 lights, in 100 trees or in one, of placeholders or built:
 //!   to fill it, to add it, to remove it, and to free it. The throughput is that of lights where it is
 //!   filled, and of instances elsewhere.
@@ -212,6 +214,85 @@ fn lights(c: &mut Criterion) {
     group.finish();
 }
 
+/// Many edits of a small tree, and what they replace: a build.
+fn many_edits(c: &mut Criterion) {
+    const LIGHTS: u32 = 1_000;
+    const EDITS: usize = 100;
+    let mut group = c.benchmark_group("many edits");
+    group.sample_size(20).warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1));
+    let mut rng = Rng(11);
+    let mut lamps =
+        |count: usize| -> Vec<Light> { (0..count).map(|_| Light::point(rng.position(SIZE), Vec3::ONE)).collect() };
+    let mut world = LightWorld::new();
+    let tree = world.add_tree(LightTree::new(lamps(LIGHTS as usize)).expect("valid"));
+    world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+    world.update(FrameBudget::NONE);
+    let mut there: Vec<u32> = (0..LIGHTS).collect();
+    let mut choices = Rng(12);
+    group.bench_function("remove and add 100 of 1,000", |b| {
+        b.iter_custom(|rounds| {
+            let mut took = Duration::ZERO;
+            for _ in 0..rounds {
+                let added = lamps(EDITS);
+                let gone: Vec<u32> =
+                    (0..EDITS).map(|_| there.swap_remove(choices.bits() as usize % there.len())).collect();
+                let start = Instant::now();
+                world.remove_lights(tree, &gone).expect("they are lights");
+                there.extend(world.add_lights(tree, &added).expect("valid"));
+                world.update(FrameBudget::NONE);
+                took += start.elapsed();
+                assert_eq!(world.light_count(), LIGHTS as usize);
+            }
+            took
+        });
+    });
+    group.bench_function("build 1,000", |b| {
+        let lights = lamps(LIGHTS as usize);
+        b.iter(|| LightTree::new(lights.clone()).expect("valid"));
+    });
+    group.finish();
+}
+
+/// The frame in which a build of a thread replaces its tree. Five lights changed in each of five frames since.
+fn taken_builds(c: &mut Criterion) {
+    let mut group = c.benchmark_group("taken builds");
+    group.sample_size(10).sampling_mode(SamplingMode::Flat);
+    group.warm_up_time(Duration::from_millis(1)).measurement_time(Duration::from_secs(2));
+    let counts: &[u32] =
+        if std::env::args().any(|a| a == "--bench") { &[20_000, 200_000, 1_000_000] } else { &[20_000] };
+    for count in counts.iter().copied() {
+        let mut rng = Rng(13);
+        let mut world = LightWorld::new();
+        let lights = (0..count).map(|_| Light::point(rng.position(SIZE), Vec3::ONE)).collect();
+        let tree = world.add_tree(LightTree::new(lights).expect("valid"));
+        world.add_instance(tree, Placement::IDENTITY, Policy::AlwaysRebuild).expect("valid");
+        world.update(FrameBudget::NONE);
+        group.bench_function(BenchmarkId::new("the frame that takes it", count), |b| {
+            b.iter_custom(|rounds| {
+                let mut took = Duration::ZERO;
+                for _ in 0..rounds {
+                    for number in 0.. {
+                        for _ in 0..if number < 5 { 5 } else { 0 } {
+                            change(&mut world, tree, rng.bits() as u32 % count, &mut rng);
+                        }
+                        let start = Instant::now();
+                        let report = world.update(FrameBudget::new(Duration::from_micros(300)));
+                        let frame = start.elapsed();
+                        if report.background.taken == 1 {
+                            took += frame;
+                            break;
+                        }
+                        // As long as a frame of an engine.
+                        std::thread::sleep(Duration::from_millis(1));
+                    }
+                }
+                took
+            });
+        });
+    }
+    group.finish();
+}
+
 /// The instances and the lights of a region.
 const REGION_INSTANCES: usize = 1_000;
 const REGION_LIGHTS: usize = 10_000;
@@ -348,5 +429,5 @@ fn top_level(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, moves, lights, regions, origin, top_level);
+criterion_group!(benches, moves, lights, many_edits, taken_builds, regions, origin, top_level);
 criterion_main!(benches);
