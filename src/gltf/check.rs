@@ -36,13 +36,17 @@ pub(super) fn check(root: &mut Root) -> Result<(), GltfError> {
     first.map_or(Ok(()), |message| Err(document_error(&message)))
 }
 
-/// Refuses documents of other versions than 2.
+/// Refuses documents of other versions than 2, and those that need a reader of a later version than 2.0.
 pub(super) fn check_version(asset: &Asset) -> Result<(), GltfError> {
-    if asset.version.starts_with("2.") {
+    let needed = asset.min_version.as_deref().unwrap_or("2.0");
+    let what = if !asset.version.starts_with("2.") {
+        format!("version is {:?}; only 2.x is supported (gltf-pipeline converts files)", shortened(&asset.version))
+    } else if !["1.0", "2.0"].contains(&needed) {
+        format!("minVersion is {:?}; readers of 2.0 are supported", shortened(needed))
+    } else {
         return Ok(());
-    }
-    let version = shortened(&asset.version);
-    Err(document_error(&format!("its version is {version:?}; only 2.x is supported (gltf-pipeline converts files)")))
+    };
+    Err(document_error(&format!("its {what}")))
 }
 
 /// Refuses required extensions that are not supported: all of them in one error, each once.

@@ -305,4 +305,7 @@ fn files_of_other_versions_are_refused_by_their_version() {
     }
     let later = r#"{"asset":{"version":"2.1"}}"#;
     assert!(girandole::gltf::parse(later.as_bytes(), &GltfOptions::default()).is_ok());
+    let needing = r#"{"asset":{"version":"2.1","minVersion":"2.1"}}"#;
+    let error = girandole::gltf::parse(needing.as_bytes(), &GltfOptions::default()).expect_err("a later reader");
+    assert!(error.to_string().contains("its minVersion is \"2.1\"; readers of 2.0 are supported"), "{error}");
 }
