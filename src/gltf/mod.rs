@@ -56,7 +56,7 @@ pub use nodes::{is_hidden, local_transform, punctual_placement, scene_nodes, sur
 pub use options::{EmissiveSides, GltfOptions};
 pub use parse::parse;
 pub use plan::{LightSource, material_emission};
-pub use read::{accessor_values, primitive_tex_coords, primitive_triangles};
+pub use read::{accessor_values, primitive_attribute, primitive_tex_coords, primitive_triangles};
 pub use texture::{TextureImage, TextureUse, TextureWrap};
 
 use crate::error::WorldError;

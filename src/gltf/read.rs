@@ -358,3 +358,22 @@ pub fn primitive_tex_coords<B: AsRef<[u8]>>(
     };
     (0..triangles.count()).map(|triangle| triangles.tex_coords(triangle, &set)).collect::<Result<_, _>>().map(Some)
 }
+
+/// An attribute of the corners of a primitive's triangles, such as normals or colours, in the order of
+/// [`primitive_triangles`]; `None` if the primitive does not have it. Components may be NaN or infinite.
+///
+/// # Errors
+/// Those of [`primitive_triangles`], and [`GltfError::Accessor`] if the attribute does not have `N`
+/// components.
+pub fn primitive_attribute<const N: usize, B: AsRef<[u8]>>(
+    mesh: usize,
+    primitive: &Primitive<'_>,
+    semantic: &Semantic,
+    buffers: &[B],
+) -> Result<Option<Vec<[[f32; N]; 3]>>, GltfError> {
+    let (Some(triangles), Some(accessor)) = (Triangles::new(mesh, primitive, buffers)?, primitive.get(semantic)) else {
+        return Ok(None);
+    };
+    let vectors = Vectors::new(&accessor, buffers)?;
+    (0..triangles.count()).map(|triangle| triangles.gather(triangle, &vectors)).collect::<Result<_, _>>().map(Some)
+}

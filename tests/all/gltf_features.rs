@@ -2,9 +2,10 @@
 //! of meshes, and sparse accessors.
 
 use girandole::glam::{DVec3, Mat3, Vec3, vec3};
+use girandole::gltf::gltf::Semantic;
 use girandole::gltf::{
     GltfError, GltfFile, GltfLights, GltfOptions, TextureImage, load, load_lights, load_lights_with_textures,
-    read_image,
+    primitive_attribute, read_image,
 };
 use girandole::{Light, LightWorld, Shape};
 
@@ -308,4 +309,23 @@ fn files_of_other_versions_are_refused_by_their_version() {
     let needing = r#"{"asset":{"version":"2.1","minVersion":"2.1"}}"#;
     let error = girandole::gltf::parse(needing.as_bytes(), &GltfOptions::default()).expect_err("a later reader");
     assert!(error.to_string().contains("its minVersion is \"2.1\"; readers of 2.0 are supported"), "{error}");
+}
+
+#[test]
+fn attributes_follow_the_triangles_of_their_primitive() {
+    let mut document = square();
+    let colors = document.accessor(
+        &[0, 51, 102, 255].map(|byte| [byte; 4]).concat(),
+        4,
+        "'componentType':5121,'normalized':true,'type':'VEC4'",
+    );
+    let primitive = square_primitive(0).replace("'TEXCOORD_0':1", &format!("'COLOR_0':{colors}"));
+    let file = open(&document.text(&format!("'meshes':[{{'primitives':[{primitive}]}}],'materials':[{{}}]")));
+    let primitive = file.document.meshes().next().and_then(|mesh| mesh.primitives().next()).expect("a primitive");
+    let read = primitive_attribute::<4, _>(0, &primitive, &Semantic::Colors(0), &file.buffers);
+    let expected = [[0.0, 0.2, 0.4], [0.0, 0.4, 1.0]].map(|corners| corners.map(|value| [value; 4]));
+    assert_eq!(read.expect("a valid accessor").expect("colours"), expected);
+    assert_eq!(primitive_attribute::<3, _>(0, &primitive, &Semantic::Normals, &file.buffers), Ok(None));
+    let error = primitive_attribute::<3, _>(0, &primitive, &Semantic::Colors(0), &file.buffers);
+    assert_eq!(error.expect_err("four components").code(), 703);
 }

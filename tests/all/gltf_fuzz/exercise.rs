@@ -3,10 +3,10 @@
 use std::hint::black_box;
 
 use girandole::glam::Vec3;
-use girandole::gltf::gltf::Document;
+use girandole::gltf::gltf::{Document, Semantic};
 use girandole::gltf::{
-    self, GltfError, GltfOptions, TextureImage, TextureUse, accessor_values, node_instances, primitive_tex_coords,
-    primitive_triangles, read_image,
+    self, GltfError, GltfOptions, TextureImage, TextureUse, accessor_values, node_instances, primitive_attribute,
+    primitive_tex_coords, primitive_triangles, read_image,
 };
 use girandole::{FrameBudget, LightWorld, ShadingPoint};
 
@@ -67,6 +67,7 @@ fn read(document: &Document, buffers: &[Vec<u8>]) {
             // Bad accessors are errors.
             look(primitive_triangles(mesh.index(), &primitive, buffers));
             look(primitive_tex_coords(mesh.index(), &primitive, 0, buffers));
+            look(primitive_attribute::<4, _>(mesh.index(), &primitive, &Semantic::Colors(0), buffers));
         }
     }
     for accessor in document.accessors() {
