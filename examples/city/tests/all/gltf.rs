@@ -116,7 +116,8 @@ fn invalid_textures_are_refused_in_one_line() {
     let SceneError(missing) = gltf_scene::stage(&write("missing", &with("missing.png")), None).err().expect("no image");
     assert!(missing.contains("missing.png: ") && !missing.contains('\n'), "{missing}");
     let whole = png(4, 4, |_, _| [1; 4]);
-    assert!(refusal("damaged", &with(&data_uri(&whole[..whole.len() / 2]))).contains("PNG"));
+    let damaged = with(&data_uri(&whole[..whole.len() / 2])).replace("{\"uri\":", "{\"name\":\"wood\",\"uri\":");
+    assert!(refusal("damaged", &damaged).contains("scene.gltf: image 0 (wood): it is not a valid PNG"));
     // Other formats are left out with a warning.
     let other = stage("other", &with("data:image/webp;base64,UklGRg=="));
     assert!(
@@ -138,6 +139,35 @@ fn buffers_outside_of_the_folder_and_unsupported_extensions_are_refused_in_one_l
     // Named before the buffer is missed.
     let line = refusal("extensions", &outside.replacen("\"nodes\"", required, 1));
     assert!(line.ends_with("the file requires extensions that are not supported: EXT_a, EXT_b"), "{line}");
+    let packed = text.replacen("\"nodes\"", "\"extensionsRequired\":[\"KHR_draco_mesh_compression\"],\"nodes\"", 1);
+    let advice = "KHR_draco_mesh_compression; \"gltf-transform copy IN OUT\" converts it";
+    assert!(refusal("draco", &packed).ends_with(advice));
+}
+
+#[test]
+fn what_is_not_used_is_named_once_with_its_count() {
+    let coat = "'extensions':{'KHR_materials_clearcoat':{'clearcoatFactor':1}}";
+    let bumpy = "'normalTexture':{'index':0},'occlusionTexture':{'index':0}";
+    let primitive = square_primitive(0);
+    let points = primitive.replacen('{', "{'mode':0,", 1);
+    let morphed = primitive.replacen('{', "{'targets':[{'POSITION':0}],", 1);
+    let text = square().text(&format!(
+        "'nodes':[{{'mesh':0,'extensions':{{'MSFT_lod':{{}}}}}}],'meshes':[{{'primitives':[{primitive},{points}]}},\
+         {{'primitives':[{morphed}]}}],'images':[{{'uri':'{}'}}],'textures':[{{'source':0}}],\
+         'materials':[{{{coat}}},{{{coat},{bumpy}}},{{}}]",
+        data_uri(&png(1, 1, |_, _| [0; 4])),
+    ));
+    let mut found = stage("unused", &text).scene.warnings;
+    found.retain(|line| !line.contains("moon"));
+    let expected = [
+        "KHR_materials_clearcoat is not used (materials: 2)",
+        "MSFT_lod is not used (nodes: 1)",
+        "morph targets are not used (meshes: 1)",
+        "normal textures are not used (materials: 1)",
+        "occlusion textures are not used (materials: 1)",
+        "points and lines are not shown (primitives: 1)",
+    ];
+    assert_eq!(found, expected);
 }
 
 #[test]

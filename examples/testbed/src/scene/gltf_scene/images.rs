@@ -4,12 +4,15 @@ use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
 
+use girandole::gltf::gltf::Document;
+use girandole::gltf::gltf::image::Source;
 use girandole::gltf::{GltfFile, GltfOptions, TextureImage, TextureUse, read_image};
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::SceneError;
+use super::notes::shown;
 use super::texture::{MAX_IMAGE_SIDE, Pixels, srgb_to_linear};
 
 /// Longest side of an image before it is reduced, pixels.
@@ -47,11 +50,9 @@ pub fn load(file: &GltfFile, folder: Option<&Path>) -> Result<Images, SceneError
         let Some(is_color) = is_color else { continue };
         let bytes =
             read_image(file, index, folder, &GltfOptions::default()).map_err(|error| SceneError(error.to_string()))?;
-        let fail = |what: String| SceneError(format!("image {index}: {what}"));
-        let Some(pixels) = decode(&bytes).map_err(fail)? else {
-            images
-                .warnings
-                .push(format!("image {index} is neither PNG nor JPEG; its surfaces show their plain colours"));
+        let label = label(&file.document, index);
+        let Some(pixels) = decode(&bytes).map_err(|what| SceneError(format!("{label}: {what}")))? else {
+            images.warnings.push(format!("{label} is neither PNG nor JPEG; its surfaces show their plain colours"));
             continue;
         };
         let pixels = reduced(pixels, is_color);
@@ -70,6 +71,16 @@ impl Images {
         let decoded = self.pixels.iter().map(Option::as_deref);
         decoded.map(|pixels| pixels.map(as_texture_image)).collect()
     }
+}
+
+/// How messages name an image: by its index, and by its file or its name.
+fn label(document: &Document, index: usize) -> String {
+    let Some(image) = document.images().nth(index) else { return format!("image {index}") };
+    let file = match image.source() {
+        Source::Uri { uri, .. } => Some(uri).filter(|uri| !uri.starts_with("data:")),
+        Source::View { .. } => None,
+    };
+    file.or(image.name()).map_or_else(|| format!("image {index}"), |name| format!("image {index} ({})", shown(name)))
 }
 
 /// An image as the library averages it.

@@ -3,7 +3,7 @@
 //! Read in this order:
 //!
 //! 1. this file: how the stage is put together;
-//! 2. `images` and `materials`: textured surfaces;
+//! 2. `notes`, `images` and `materials`: textured surfaces, and what is not used;
 //! 3. `extent`, `occupancy`, `viewpoint` and `exposure`: a camera and an exposure for scenes without a
 //!    camera;
 //! 4. `node_map`, `animation` and `sway`: the file's animations, or wind where there are none.
@@ -21,6 +21,7 @@ use girandole::{DirectionalLight, LightWorld, Policy};
 use super::texture::{self, Texture};
 use super::{Alpha, Animation, Camera, Material, Mesh, Object, Scene, SceneError, Sky, Stage, Triangle, rng};
 
+pub mod notes;
 pub mod images;
 pub mod materials;
 
@@ -37,6 +38,7 @@ use animation::Player;
 use images::Images;
 use materials::Materials;
 use node_map::{NodeMap, NodeObject, to_single};
+use notes::Notes;
 use sway::Sway;
 
 /// Point lights often lie inside the mesh of their lamp. Within this distance of a light, in
@@ -55,10 +57,27 @@ const SKY: Sky = Sky {
     haze: 0.0,
 };
 
+/// Required extensions that are not read, and the commands of glTF Transform that convert such files.
+const CONVERTERS: [(&str, &str); 5] = [
+    ("KHR_draco_mesh_compression", "copy"),
+    ("EXT_meshopt_compression", "copy"),
+    ("KHR_meshopt_compression", "copy"),
+    ("KHR_texture_basisu", "ktxdecompress"),
+    ("EXT_texture_avif", "png --formats '*'"),
+];
+
 /// Reads a file and its buffers. An error is one line that begins with the path.
 pub fn open(path: &Path) -> Result<GltfFile, SceneError> {
-    gltf::load(path, &GltfOptions::default()).map_err(|error| match error {
+    gltf::load(path, &GltfOptions::default()).map_err(|error| match &error {
         GltfError::Read { .. } => SceneError(error.to_string()),
+        GltfError::UnsupportedExtensions { names } => {
+            let command = |name: &String| Some(CONVERTERS.iter().find(|(known, _)| known == name)?.1);
+            let mut commands: Vec<&str> = names.iter().filter_map(command).collect();
+            commands.sort_unstable();
+            commands.dedup();
+            let advice = commands.iter().map(|command| format!("; \"gltf-transform {command} IN OUT\" converts it"));
+            SceneError(format!("{}: {error}{}", path.display(), advice.collect::<String>()))
+        }
         _ => SceneError(format!("{}: {error}", path.display())),
     })
 }
@@ -125,6 +144,8 @@ struct PlacedMeshes {
 fn place(file: &GltfFile, images: &Images) -> Result<PlacedMeshes, SceneError> {
     let document = &file.document;
     let error = |error: GltfError| SceneError(error.to_string());
+    let mut notes = Notes::default();
+    notes.add_unused(document);
     let mut materials = Materials::new(images);
     materials.add_all(document);
     let transforms = world_transforms(document).map_err(error)?;
@@ -157,7 +178,8 @@ fn place(file: &GltfFile, images: &Images) -> Result<PlacedMeshes, SceneError> {
             objects.push(Object { mesh, transform, emission_scale: 1.0, visible: true });
         }
     }
-    let Materials { materials, textures, warnings, .. } = materials;
+    let Materials { materials, textures, mut warnings, .. } = materials;
+    warnings.extend(notes.lines());
     Ok(PlacedMeshes { materials, textures, meshes, objects, node_objects, warnings })
 }
 
