@@ -113,7 +113,7 @@ fn guides(image: &Image, scene: &Scene, geometry: &Geometry) -> Vec<Guide> {
         let direction = view.direction(middle, size);
         Guide {
             position: view.eye + direction * hit.distance,
-            normal: geometry.normal(&hit),
+            normal: geometry.shading_normal(&hit),
             albedo: albedo / 5.0 + SPECULAR,
             footprint: hit.distance * spread,
             is_filtered: material.emission == Vec3::ZERO,

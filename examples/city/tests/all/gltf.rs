@@ -1,6 +1,7 @@
 //! The city's glTF scenes: textures and opacity on both backends, cameras and exposures for files without
 //! a camera, and what the user is told.
 
+use std::f32::consts::{PI, TAU};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -16,7 +17,7 @@ use testbed::render::shading::View;
 use testbed::render::textures::OpacitySeed;
 use testbed::scene::{SceneError, Stage, gltf_scene};
 use testbed::testing::gltf_documents::{
-    Document, SQUARE, SQUARE_INDICES, data_uri, png, square, square_primitive, textured_scene,
+    Document, SQUARE, SQUARE_INDICES, data_uri, floats, png, square, square_primitive, textured_scene,
 };
 use testbed::tone_mapping::agx;
 
@@ -168,6 +169,149 @@ fn what_is_not_used_is_named_once_with_its_count() {
         "points and lines are not shown (primitives: 1)",
     ];
     assert_eq!(found, expected);
+}
+
+/// The square with a colour for each corner, given as an accessor.
+fn colored_square(name: &str, bytes: &[u8], fields: &str) -> Stage {
+    let mut document = square();
+    let colors = document.accessor(bytes, 4, fields);
+    let primitive = square_primitive(0).replace("'TEXCOORD_0':1", &format!("'COLOR_0':{colors}"));
+    let material = "'alphaMode':'BLEND','pbrMetallicRoughness':{'baseColorFactor':[0.5,1,1,0.5]}";
+    stage(
+        name,
+        &document.text(&format!(
+            "'nodes':[{{'mesh':0}}],'meshes':[{{'primitives':[{primitive}]}}],'materials':[{{{material}}}]"
+        )),
+    )
+}
+
+#[test]
+fn colours_of_vertices_are_interpolated_and_multiply_the_material() {
+    // Red grows along x from 0.2 to 1 and green along y; blue is 0.6, and alpha is 0.4 if there is one.
+    let corner = |x: f32, y: f32| [[0.2, 1.0][x as usize], [0.2, 1.0][y as usize], 0.6, 0.4];
+    let corners = [corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)];
+    let of_three: Vec<f32> = corners.iter().flat_map(|corner| corner[..3].to_vec()).collect();
+    let of_four = corners.as_flattened();
+    let bytes: Vec<u8> = of_four.iter().map(|value| (value * 255.0).round() as u8).collect();
+    let words: Vec<u8> = of_four.iter().flat_map(|value| ((value * 65535.0).round() as u16).to_le_bytes()).collect();
+    let cases = [
+        ("rgb", floats(&of_three), "'componentType':5126,'type':'VEC3'", 1.0),
+        ("rgba", floats(of_four), "'componentType':5126,'type':'VEC4'", 0.4),
+        ("bytes", bytes, "'componentType':5121,'normalized':true,'type':'VEC4'", 0.4),
+        ("words", words, "'componentType':5123,'normalized':true,'type':'VEC4'", 0.4),
+    ];
+    for (name, bytes, fields, alpha) in cases {
+        let stage = colored_square(name, &bytes, fields);
+        let geometry = Geometry::new(&stage.scene).expect("a valid scene");
+        let (x, y) = (0.5, -0.25);
+        let seed = (0..).map(|pixel| OpacitySeed::new(pixel, 0, 1));
+        let mut hits = seed.filter_map(|seed| geometry.nearest_at_random(Vec3::new(x, y, 1.0), Vec3::NEG_Z, seed));
+        let material = geometry.material(&stage.scene, &hits.next().expect("endless seeds"));
+        // 0.5 of the material times 0.2 + 0.8 * 0.75, and 0.2 + 0.8 * 0.375.
+        assert!(material.base_color.abs_diff_eq(Vec3::new(0.4, 0.5, 0.6), 1e-5), "{name}: {}", material.base_color);
+        assert!((transmittance(&stage, x, y) - (1.0 - 0.5 * alpha)).abs() < 1e-5, "{name}");
+        assert!(!stage.scene.warnings.iter().any(|line| line.contains("colours")), "{:?}", stage.scene.warnings);
+    }
+    let beyond = colored_square("beyond", &floats(&[2.0; 12]), "'componentType':5126,'type':'VEC3'");
+    let expected = "colours of vertices outside of 0 to 1 are clamped (corners: 6)";
+    assert!(beyond.scene.warnings.iter().any(|line| line == expected), "{:?}", beyond.scene.warnings);
+}
+
+/// A sphere of radius 1 from few triangles, with the normals of the sphere: its positions, which are also
+/// its normals, and its indices.
+fn sphere(columns: u16, rows: u16) -> (Vec<[f32; 3]>, Vec<u8>) {
+    let at = |row: u16, column: u16| {
+        let (sin, cos) = (PI * f32::from(row) / f32::from(rows)).sin_cos();
+        let (sin_side, cos_side) = (TAU * f32::from(column) / f32::from(columns)).sin_cos();
+        [sin * cos_side, cos, -sin * sin_side]
+    };
+    let corners = (0..=rows).flat_map(|row| (0..=columns).map(move |column| at(row, column))).collect();
+    let quads = (0..rows).flat_map(|row| (0..columns).map(move |column| row * (columns + 1) + column));
+    let triangles = quads.flat_map(|a| [a, a + columns + 1, a + 1, a + 1, a + columns + 1, a + columns + 2]);
+    (corners, triangles.flat_map(u16::to_le_bytes).collect())
+}
+
+/// A smooth sphere over a floor with colours, and a sign.
+fn smooth_scene() -> String {
+    let mut document = square();
+    let (corners, indices) = sphere(10, 7);
+    let positions = document.vec3(&corners);
+    let colors = document.vec3(&SQUARE.0.map(|[x, y, _]| [x * 0.5 + 0.5, 0.5, y * 0.5 + 0.5]));
+    let indices = document.accessor(&indices, indices.len() / 2, "'componentType':5123,'type':'SCALAR'");
+    document.text(&format!(
+        "'nodes':[{{'mesh':0,'scale':[1,1.2,1],'translation':[0,1.2,0]}},\
+         {{'mesh':1,'rotation':[-0.7071068,0,0,0.7071068],'scale':[4,4,4]}},{{'mesh':2,'translation':[2,1,-1]}}],\
+         'meshes':[{{'primitives':[{{'attributes':{{'POSITION':{positions},'NORMAL':{positions}}},'indices':{indices},\
+         'material':0}}]}},{{'primitives':[{{'attributes':{{'POSITION':0,'COLOR_0':{colors}}},'indices':2,\
+         'material':0}}]}},{{'primitives':[{}]}}],\
+         'materials':[{{'pbrMetallicRoughness':{{'metallicFactor':0,'roughnessFactor':0.5}}}},\
+         {{'pbrMetallicRoughness':{{'baseColorFactor':[0.25,0.5,1,1]}}}}]",
+        square_primitive(1)
+    ))
+}
+
+#[test]
+fn both_backends_render_the_same_picture_of_a_smooth_scene() {
+    assert_same_pictures("smooth", || stage("smooth", &smooth_scene()), 1);
+}
+
+#[test]
+fn a_smooth_sphere_has_the_normals_of_a_sphere_and_no_shadow_of_itself_where_it_is_lit() {
+    let stage = stage("sphere", &smooth_scene());
+    let geometry = Geometry::new(&stage.scene).expect("a valid scene");
+    let (middle, radii) = (Vec3::new(0.0, 1.2, 0.0), Vec3::new(1.0, 1.2, 1.0));
+    let light = Vec3::new(-1.0, 0.4, 0.0).normalize();
+    let (mut lit, mut blocked, mut blocked_flat) = (0, 0, 0);
+    for index in 0..40_000 {
+        let x = (index % 200) as f32 / 100.0 - 0.995;
+        let y = (index / 200) as f32 / 100.0 * 1.2 - 1.194;
+        let Some(hit) = geometry.nearest(middle + Vec3::new(x, y, 5.0), Vec3::NEG_Z) else { continue };
+        if hit.object != 0 {
+            continue;
+        }
+        let place = middle + Vec3::new(x, y, 5.0 - hit.distance);
+        let normal = geometry.shading_normal(&hit);
+        // Of an ellipsoid: each coordinate over the square of the radius.
+        let expected = ((place - middle) / radii / radii).normalize();
+        assert!(normal.dot(expected) > 0.98, "{normal} in place of {expected}");
+        if normal.dot(light) < 0.05 {
+            continue;
+        }
+        let smooth = place + geometry.to_smooth_surface(&hit, true);
+        let is_blocked = |from: Vec3| geometry.occluded(from + geometry.normal(&hit) * 1e-4, light, 3.0);
+        lit += 1;
+        blocked += usize::from(is_blocked(smooth));
+        blocked_flat += usize::from(is_blocked(place));
+    }
+    assert!(lit > 10_000 && blocked == 0 && blocked_flat > lit / 50, "{blocked} or {blocked_flat} of {lit}");
+}
+
+/// The geometry of one triangle between the points at 1 on the axes, twice as large.
+fn octant(name: &str, normals: &[[f32; 3]; 3]) -> Geometry {
+    let mut document = Document::default();
+    let positions = document.vec3(&[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+    let attributes = format!("{{'POSITION':{positions},'NORMAL':{}}}", document.vec3(normals));
+    let meshes = format!("'meshes':[{{'primitives':[{{'attributes':{attributes}}}]}}]");
+    let stage = stage(name, &document.text(&format!("'nodes':[{{'mesh':0,'scale':[2,2,2]}}],{meshes}")));
+    Geometry::new(&stage.scene).expect("a valid scene")
+}
+
+#[test]
+fn the_smooth_surface_over_a_triangle_is_between_the_tangent_planes_of_its_corners() {
+    let toward = Vec3::NEG_ONE.normalize();
+    // Normals that point to the back are turned.
+    for side in [1.0, -1.0] {
+        let geometry = octant("octant", &[[side, 0.0, 0.0], [0.0, side, 0.0], [0.0, 0.0, side]]);
+        let hit = geometry.nearest(Vec3::splat(3.0), toward).expect("the triangle");
+        // Each plane is 2/3 away from the middle, and each corner has a share of 1/3; then the scale.
+        let moved = geometry.to_smooth_surface(&hit, true);
+        assert!(moved.abs_diff_eq(Vec3::splat(4.0 / 9.0), 1e-5), "{moved}");
+        assert_eq!(geometry.to_smooth_surface(&hit, false), Vec3::ZERO);
+        assert!(geometry.shading_normal(&hit).abs_diff_eq(-toward, 1e-6));
+    }
+    // A flat triangle needs no memory for its normals.
+    assert!(octant("flat", &[[0.5, 0.5, 0.5]; 3]).attributes.is_empty());
+    assert!(octant("no normals", &[[0.0; 3]; 3]).attributes.is_empty());
 }
 
 #[test]

@@ -112,7 +112,7 @@ impl Integrator<'_> {
         let front = self.geometry.normal(&hit);
         let view = -direction;
         let is_front = front.dot(view) >= 0.0;
-        let normal = if is_front { front } else { -front };
+        let facing = |normal: Vec3| if is_front { normal } else { -normal };
 
         let mut sum = self.scene.sky.ambient * material.base_color;
         if is_front || material.two_sided_emission {
@@ -120,7 +120,9 @@ impl Integrator<'_> {
         }
 
         let surface = eye + direction * hit.distance;
-        let position = surface + normal * shadow_offset(surface, hit.distance);
+        let offset = facing(front) * shadow_offset(surface, hit.distance);
+        let position = surface + self.geometry.to_smooth_surface(&hit, is_front) + offset;
+        let normal = facing(self.geometry.shading_normal(&hit));
         let shading_point = ShadingPoint::surface(position, normal).with_gloss(gloss(material, view));
         let surface = Surface { material, shading_point, view };
         let reflected = match self.lights.choice {

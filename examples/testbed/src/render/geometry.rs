@@ -8,7 +8,7 @@ use super::nodes::{MAX_REFERENCE, Node, Subtree, collect_nodes, leaf_reference};
 use super::scene::{Alpha, Mesh, Object, Scene, SceneError};
 use super::textures::Opacity;
 use bytemuck::{Pod, Zeroable};
-use girandole::glam::{Affine3A, Vec2, Vec3, Vec3A};
+use girandole::glam::{Affine3A, Vec3, Vec3A, Vec4};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -32,8 +32,16 @@ const MAX_COORDINATE: f32 = 1e8;
 pub const SEE_THROUGH: u32 = 1;
 /// A flag of [`PackedTriangle::flags`]: rays may pass through, as the opacity states.
 pub const TRANSLUCENT: u32 = 2;
-/// [`PackedTriangle::tex_coords`] of a triangle without texture coordinates.
-pub const NO_TEX_COORDS: u32 = u32::MAX;
+/// A flag of [`PackedTriangle::flags`] and a kind of attribute: texture coordinates.
+pub const TEX_COORDS: u32 = 4;
+/// A flag of [`PackedTriangle::flags`] and a kind of attribute: colours.
+pub const COLORS: u32 = 8;
+/// A flag of [`PackedTriangle::flags`] and a kind of attribute: normals.
+pub const NORMALS: u32 = 16;
+/// All kinds of attributes.
+const ATTRIBUTES: u32 = TEX_COORDS | COLORS | NORMALS;
+/// A corner's normal is that of a flat triangle if the cosine of the angle between them exceeds this.
+const FLAT_COSINE: f32 = 1.0 - 1e-5;
 
 /// A triangle as both backends read it. `Triangle` in `render.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -45,17 +53,17 @@ pub struct PackedTriangle {
     pub material: u32,
     /// From the first corner to the second.
     pub edge1: Vec3,
-    /// [`SEE_THROUGH`], [`TRANSLUCENT`], both or 0.
+    /// [`SEE_THROUGH`], [`TRANSLUCENT`], and the kinds of attributes that it has.
     pub flags: u32,
     /// From the first corner to the third.
     pub edge2: Vec3,
-    /// Index into [`Geometry::tex_coords`], or [`NO_TEX_COORDS`].
-    pub tex_coords: u32,
+    /// Index into [`Geometry::attributes`] of the first one that it has.
+    pub attributes: u32,
 }
 
-/// The texture coordinates of a triangle, of the size of a [`PackedTriangle`], whose buffer they share
-/// on a device: two for each corner.
-pub type PackedTexCoords = [[Vec2; 3]; 2];
+/// An attribute of a triangle: a vector for each corner. It has the size of a [`PackedTriangle`], whose
+/// buffer it shares on a device.
+pub type Attribute = [Vec4; 3];
 
 /// An object as ray queries need it.
 #[derive(Clone, Copy, Debug)]
@@ -118,8 +126,8 @@ pub struct Geometry {
     pub mesh_depth: u32,
     /// The triangles of all meshes, in the order of the leaves.
     pub triangles: Vec<PackedTriangle>,
-    /// The texture coordinates of triangles whose material has textures.
-    pub tex_coords: Vec<PackedTexCoords>,
+    /// The attributes of triangles, of which each has its own in the order of their flags.
+    pub attributes: Vec<Attribute>,
     /// The opacity of surfaces, as of the construction.
     pub opacity: Opacity,
     /// The objects of the scene, in the same order.
@@ -163,12 +171,12 @@ impl Geometry {
         let built: Vec<BuiltMesh> = scene.meshes.par_iter().map(build_mesh).collect();
         let mut nodes = vec![Node::zeroed(); scene.objects.len().max(1)];
         let mut triangles = Vec::with_capacity(scene.meshes.iter().map(|mesh| mesh.triangles.len()).sum());
-        let mut tex_coords = Vec::new();
+        let mut attributes = Vec::new();
         let mut roots = Vec::with_capacity(built.len());
         let mut mesh_depth = 0;
         for (mesh, built) in scene.meshes.iter().zip(&built) {
             let first = triangles.len() as u32;
-            triangles.extend(built.order.iter().map(|&i| pack(scene, mesh, i as usize, &mut tex_coords)));
+            triangles.extend(built.order.iter().map(|&i| pack(scene, mesh, i as usize, &mut attributes)));
             let subtree = match &built.bvh {
                 Some(bvh) => {
                     collect_nodes(bvh, &mut nodes, |node| leaf_reference(first + node.first_index, node.prim_count))
@@ -184,7 +192,7 @@ impl Geometry {
             top: Subtree::EMPTY,
             mesh_depth,
             triangles,
-            tex_coords,
+            attributes,
             opacity: Opacity::new(scene),
             objects: Vec::new(),
             occluders: Occluders::NONE,
@@ -312,8 +320,9 @@ fn check(scene: &Scene) -> Result<(), SceneError> {
                 return Err(SceneError(format!("mesh {i} uses texture {texture}, which does not exist")));
             }
         }
-        if !mesh.tex_coords.is_empty() && mesh.tex_coords.len() != mesh.triangles.len() {
-            return Err(SceneError(format!("mesh {i} does not have texture coordinates for each triangle")));
+        let attributes = [&mesh.tex_coords, &mesh.colors, &mesh.normals];
+        if attributes.iter().any(|list| !list.is_empty() && list.len() != mesh.triangles.len()) {
+            return Err(SceneError(format!("mesh {i} does not have attributes for each triangle")));
         }
     }
     for (i, object) in scene.objects.iter().enumerate() {
@@ -367,9 +376,9 @@ fn casts_shadows(scene: &Scene, mesh: &Mesh) -> bool {
     mesh.triangles.iter().any(|triangle| !scene.materials[triangle.material as usize].see_through)
 }
 
-/// A triangle of a mesh as both backends read it. Its texture coordinates are appended to
-/// `tex_coords` if it needs them.
-fn pack(scene: &Scene, mesh: &Mesh, index: usize, tex_coords: &mut Vec<PackedTexCoords>) -> PackedTriangle {
+/// A triangle of a mesh as both backends read it. The attributes that it needs are appended to
+/// `attributes`.
+fn pack(scene: &Scene, mesh: &Mesh, index: usize, attributes: &mut Vec<Attribute>) -> PackedTriangle {
     let triangle = &mesh.triangles[index];
     let material = &scene.materials[triangle.material as usize];
     let [a, b, c] = triangle.vertices;
@@ -377,21 +386,34 @@ fn pack(scene: &Scene, mesh: &Mesh, index: usize, tex_coords: &mut Vec<PackedTex
     if material.alpha != Alpha::Opaque {
         flags |= TRANSLUCENT;
     }
-    let mut packed = PackedTriangle {
-        corner: a,
-        material: triangle.material,
-        edge1: b - a,
-        flags,
-        edge2: c - a,
-        tex_coords: NO_TEX_COORDS,
+    let first = attributes.len() as u32;
+    let front = (b - a).cross(c - a).normalize_or_zero();
+    let mut add = |kind: u32, corners: Option<Attribute>| {
+        flags |= if corners.is_some() { kind } else { 0 };
+        attributes.extend(corners);
     };
-    if let Some(&coordinates) = mesh.tex_coords.get(index)
-        && material.textures().next().is_some()
-    {
-        packed.tex_coords = tex_coords.len() as u32;
-        tex_coords.push(coordinates);
+    add(TEX_COORDS, mesh.tex_coords.get(index).copied().filter(|_| material.textures().next().is_some()));
+    add(COLORS, mesh.colors.get(index).copied().filter(|colors| *colors != [Vec4::ONE; 3]));
+    add(NORMALS, mesh.normals.get(index).and_then(|normals| curved(normals, front)));
+    PackedTriangle { corner: a, material: triangle.material, edge1: b - a, flags, edge2: c - a, attributes: first }
+}
+
+/// The normals of a triangle's corners on the side of its front; `None` if the triangle is flat.
+fn curved(normals: &Attribute, front: Vec3) -> Option<Attribute> {
+    let cosines = normals.map(|normal| normal.truncate().dot(front));
+    let is_flat = *normals == [Vec4::ZERO; 3] || cosines.iter().all(|cosine| cosine.abs() > FLAT_COSINE);
+    let side = if cosines.iter().sum::<f32>() < 0.0 { -1.0 } else { 1.0 };
+    (!is_flat).then(|| normals.map(|normal| normal * side))
+}
+
+impl PackedTriangle {
+    /// The index of an attribute among those of all triangles, if it has one of this kind. Twin of
+    /// `attribute_corners` in `textures.wgsl`.
+    pub fn attribute(&self, kind: u32) -> Option<usize> {
+        // Those of the kinds before it come first.
+        let before = (self.flags & ATTRIBUTES & (kind - 1)).count_ones();
+        (self.flags & kind != 0).then(|| (self.attributes + before) as usize)
     }
-    packed
 }
 
 #[cfg(test)]

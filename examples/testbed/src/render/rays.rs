@@ -1,6 +1,6 @@
 //! Ray queries on the CPU. `trace` in `render.wgsl` is the twin of [`Geometry::trace`].
 
-use super::geometry::{Geometry, NO_TEX_COORDS, PackedTriangle, SEE_THROUGH, TRANSLUCENT};
+use super::geometry::{COLORS, Geometry, NORMALS, PackedTriangle, SEE_THROUGH, TEX_COORDS, TRANSLUCENT};
 use super::nodes::{COUNT_SHIFT, FIRST_MASK, LEAF, LEAVE, NOTHING};
 use super::scene::{Material, Scene};
 use super::textures::{OpacitySeed, textured};
@@ -112,30 +112,36 @@ impl Geometry {
         }
     }
 
-    /// The material at a hit, with its textures.
+    /// The material at a hit, with its textures and the colours of vertices.
     pub fn material(&self, scene: &Scene, hit: &Hit) -> Material {
         let triangle = &self.triangles[hit.triangle as usize];
         let material = &scene.materials[triangle.material as usize];
-        self.tex_coords_at(triangle, hit.weights)
-            .map_or(*material, |coordinates| textured(material, &scene.textures, coordinates))
+        let mut found = self
+            .attribute_at(triangle, TEX_COORDS, hit.weights)
+            .map_or(*material, |coordinates| textured(material, &scene.textures, coordinates));
+        if let Some(color) = self.attribute_at(triangle, COLORS, hit.weights) {
+            found.base_color *= color.truncate();
+            found.opacity *= color.w;
+        }
+        found
     }
 
-    /// The texture coordinates at a point of a triangle, if it has any.
-    fn tex_coords_at(&self, triangle: &PackedTriangle, weights: Vec2) -> Option<[Vec2; 2]> {
-        if triangle.tex_coords == NO_TEX_COORDS {
-            return None;
-        }
-        let at = |[a, b, c]: [Vec2; 3]| a + (b - a) * weights.x + (c - a) * weights.y;
-        Some(self.tex_coords[triangle.tex_coords as usize].map(at))
+    /// An attribute at a point of a triangle, if it has one of this kind.
+    fn attribute_at(&self, triangle: &PackedTriangle, kind: u32, weights: Vec2) -> Option<Vec4> {
+        let [a, b, c] = self.attributes[triangle.attribute(kind)?];
+        Some(a + (b - a) * weights.x + (c - a) * weights.y)
     }
 
     /// Whether a query ends, or goes on from, a triangle that its ray meets.
     #[inline(always)]
     fn is_met(&self, query: &mut Query, triangle: &PackedTriangle, hit: &Hit) -> bool {
-        if triangle.flags == 0 {
+        if triangle.flags & (SEE_THROUGH | TRANSLUCENT) == 0 {
             return true;
         }
-        let coverage = || self.opacity.coverage(triangle.material, self.tex_coords_at(triangle, hit.weights));
+        let coverage = || {
+            let [coordinates, color] = [TEX_COORDS, COLORS].map(|kind| self.attribute_at(triangle, kind, hit.weights));
+            self.opacity.coverage(triangle.material, coordinates, color.map_or(1.0, |color| color.w))
+        };
         let is_translucent = triangle.flags & TRANSLUCENT != 0;
         match query {
             Query::Shadow { .. } if triangle.flags & SEE_THROUGH != 0 => false,
@@ -154,6 +160,38 @@ impl Geometry {
         // Normals are transformed by the transpose of the inverse.
         let to_world = self.objects[hit.object as usize].inverse.matrix3.transpose();
         (to_world * triangle.edge1.cross(triangle.edge2)).normalize_or_zero()
+    }
+
+    /// The unit normal of the front of the smooth surface that a hit triangle stands for, in world space:
+    /// the normals of its corners, interpolated, or its own normal.
+    pub fn shading_normal(&self, hit: &Hit) -> Vec3 {
+        let triangle = &self.triangles[hit.triangle as usize];
+        let front = self.normal(hit);
+        let Some(normal) = self.attribute_at(triangle, NORMALS, hit.weights) else { return front };
+        let to_world = self.objects[hit.object as usize].inverse.matrix3.transpose();
+        (to_world * normal.truncate()).normalize_or(front)
+    }
+
+    /// The vector from a hit to the smooth surface that its triangle stands for, in world space; zero
+    /// where that is behind the triangle. Shadow rays that start there do not meet the neighbours of their
+    /// triangle where the smooth surface is lit.
+    ///
+    /// Based on Hanika, "Hacking the shadow terminator", Ray Tracing Gems II, 2021: the hit is projected
+    /// onto the tangent plane of each corner, and the projections are interpolated.
+    pub fn to_smooth_surface(&self, hit: &Hit, is_front: bool) -> Vec3 {
+        let triangle = &self.triangles[hit.triangle as usize];
+        let Some(index) = triangle.attribute(NORMALS) else { return Vec3::ZERO };
+        let side = if is_front { 1.0 } else { -1.0 };
+        let place = triangle.edge1 * hit.weights.x + triangle.edge2 * hit.weights.y;
+        let weights = [1.0 - hit.weights.x - hit.weights.y, hit.weights.x, hit.weights.y];
+        let mut moved = Vec3::ZERO;
+        for (i, corner) in [Vec3::ZERO, triangle.edge1, triangle.edge2].into_iter().enumerate() {
+            let normal = self.attributes[index][i].truncate();
+            let above = (place - corner).dot(normal) * side;
+            moved -= normal * (weights[i] * above.min(0.0) * side);
+        }
+        let moved = self.objects[hit.object as usize].inverse.matrix3.inverse() * moved;
+        if moved.is_finite() { moved } else { Vec3::ZERO }
     }
 
     /// The most references that the stack of a traversal holds.

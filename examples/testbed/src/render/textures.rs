@@ -3,11 +3,11 @@
 use super::scene::texture::Texture;
 use super::scene::{Alpha, Material, Scene};
 use crate::common::hash::pcg4d;
-use girandole::glam::Vec2;
+use girandole::glam::Vec4;
 
 /// The material at a point with these texture coordinates: that of the surface, multiplied by its
 /// textures.
-pub fn textured(material: &Material, textures: &[Texture], coordinates: [Vec2; 2]) -> Material {
+pub fn textured(material: &Material, textures: &[Texture], coordinates: Vec4) -> Material {
     let sample = |texture: Option<u32>| texture.map(|texture| textures[texture as usize].sample(coordinates));
     let mut found = *material;
     if let Some(color) = sample(material.base_color_texture) {
@@ -38,12 +38,12 @@ impl Opacity {
     }
 
     /// The share of the light, from 0 to 1, that a surface stops at a point with these texture
-    /// coordinates.
-    pub fn coverage(&self, material: u32, coordinates: Option<[Vec2; 2]>) -> f32 {
+    /// coordinates and this vertex alpha.
+    pub fn coverage(&self, material: u32, coordinates: Option<Vec4>, vertex_alpha: f32) -> f32 {
         let material = &self.materials[material as usize];
         let texture = material.base_color_texture.zip(coordinates);
         let alpha = texture.map_or(1.0, |(texture, at)| self.textures[texture as usize].sample(at).w);
-        let opacity = material.opacity * alpha;
+        let opacity = material.opacity * alpha * vertex_alpha;
         match material.alpha {
             Alpha::Opaque => 1.0,
             Alpha::Mask(cutoff) => f32::from(opacity >= cutoff),

@@ -1,7 +1,7 @@
 //! What a loader returns: geometry, materials, camera, lights and motion.
 
 use girandole::LightWorld;
-use girandole::glam::{Affine3A, Vec2, Vec3};
+use girandole::glam::{Affine3A, Vec3, Vec4};
 
 use super::texture::Texture;
 
@@ -87,9 +87,15 @@ pub struct Triangle {
 pub struct Mesh {
     /// Not empty in a scene that a loader returns.
     pub triangles: Vec<Triangle>,
-    /// Two texture coordinates for each corner of each triangle, or nothing if no material of the mesh
-    /// has a texture.
-    pub tex_coords: Vec<[[Vec2; 3]; 2]>,
+    /// Two texture coordinates, xy and zw, for each corner of each triangle, or nothing if no material of
+    /// the mesh has a texture.
+    pub tex_coords: Vec<[Vec4; 3]>,
+    /// For each corner of each triangle, the linear colour by which the base colour is multiplied, and an
+    /// alpha by which the opacity is; or nothing if all are 1.
+    pub colors: Vec<[Vec4; 3]>,
+    /// For each corner of each triangle, the unit normal (w is 0) of the smooth surface that the mesh
+    /// stands for, or nothing if all triangles are flat. Zero for a triangle that is flat.
+    pub normals: Vec<[Vec4; 3]>,
 }
 
 /// A placed mesh.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use girandole::glam::{Affine2, Vec2, Vec3, Vec4};
+use girandole::glam::{Affine2, Vec2, Vec3, Vec4, Vec4Swizzles};
 
 /// Longest side of an image, pixels. The renderer packs a side into 16 bits, and larger images show
 /// no more in pictures of usual sizes.
@@ -66,10 +66,11 @@ fn wrapped(place: i32, size: i32, wrap: Wrap) -> i32 {
 }
 
 impl Texture {
-    /// The linear colour and the alpha at the texture coordinates of a point.
-    pub fn sample(&self, coordinates: [Vec2; 2]) -> Vec4 {
+    /// The linear colour and the alpha at a point whose two texture coordinates are xy and zw.
+    pub fn sample(&self, coordinates: Vec4) -> Vec4 {
         let size = Vec2::new(self.pixels.width as f32, self.pixels.height as f32);
-        let place = self.transform.transform_point2(coordinates[self.coordinates as usize]) * size;
+        let coordinates = if self.coordinates == 0 { coordinates.xy() } else { coordinates.zw() };
+        let place = self.transform.transform_point2(coordinates) * size;
         // Beyond this, places have no fractions and integers overflow.
         let place = place.clamp(Vec2::splat(-1e9), Vec2::splat(1e9));
         if self.is_nearest {
@@ -119,7 +120,7 @@ mod tests {
             is_nearest: false,
             is_srgb: true,
         };
-        let at = |texture: &Texture, x: f32| texture.sample([Vec2::NAN, Vec2::new(x, 0.3)]);
+        let at = |texture: &Texture, x: f32| texture.sample(Vec4::new(f32::NAN, f32::NAN, x, 0.3));
         assert_eq!(at(&texture, 0.25), Vec4::new(0.0, 0.0, 0.0, 1.0));
         assert_eq!(at(&texture, 0.5), Vec4::new(0.5, 0.5, 0.5, 0.5));
         assert_eq!(at(&texture, 1.0).x, 0.5);

@@ -37,7 +37,7 @@ pub struct FrameUniform {
     pub row_begin: u32,
     pub row_end: u32,
     pub haze: f32,
-    pub first_tex_coords: u32,
+    pub first_attribute: u32,
     pub first_half: u32,
     /// 1 if samples are spread over the pixel and over lights, 0 if all pass through its middle and take
     /// the same points on lights.
@@ -92,7 +92,7 @@ impl FrameUniform {
             row_begin: 0,
             row_end: 0,
             haze: scene.sky.haze,
-            first_tex_coords: geometry.triangles.len() as u32,
+            first_attribute: geometry.triangles.len() as u32,
             first_half: first_half(spp),
             is_spread: 1,
             splits: splits.get() as u32,
@@ -241,13 +241,13 @@ mod tests {
             row_begin,
             row_end,
             haze,
-            first_tex_coords,
+            first_attribute,
             first_half,
             is_spread,
             splits
         );
         same!("Node", Node, min0, child0, max0, padding0, min1, child1, max1, padding1);
-        same!("Triangle", PackedTriangle, corner, material, edge1, flags, edge2, tex_coords);
+        same!("Triangle", PackedTriangle, corner, material, edge1, flags, edge2, attributes);
         // The three rows of a record are one array in Rust.
         let (members, size) = layout(&module, "Record");
         assert_eq!((members[1].1, members[3].1, size), (16, offset_of!(Record, words), size_of::<Record>()));

@@ -35,8 +35,8 @@ struct Frame {
     row_begin: u32,
     row_end: u32,
     haze: f32,
-    // The triangles from it on are texture coordinates.
-    first_tex_coords: u32,
+    // The triangles from it on are attributes.
+    first_attribute: u32,
     // The number of samples whose luminance is summed up for the estimate of the error.
     first_half: u32,
     // 1 if samples are spread over the pixel and over lights. 0 if all pass through its middle and take
@@ -63,7 +63,7 @@ struct Triangle {
     edge1: vec3<f32>,
     flags: u32,
     edge2: vec3<f32>,
-    tex_coords: u32,
+    attributes: u32,
 }
 
 // A material (base color and roughness; emission and metallic; opacity and cutoff; flags, and the
@@ -340,16 +340,47 @@ struct MetSurface {
     emitted: vec3<f32>,
 }
 
+// A unit normal in world space: it is transformed by the transpose of the inverse.
+fn world_normal(placed: Record, normal: vec3<f32>) -> vec3<f32> {
+    return normalize(placed.row0.xyz * normal.x + placed.row1.xyz * normal.y + placed.row2.xyz * normal.z);
+}
+
+// The vector from a point of a triangle to the smooth surface that it stands for, in world space. `side`
+// is 1 if the front is seen, else -1. Twin of `Geometry::to_smooth_surface` in `rays.rs`.
+fn to_smooth_surface(facet: Triangle, weights: vec2<f32>, placed: Record, side: f32) -> vec3<f32> {
+    let normals = attribute_corners(facet, NORMALS);
+    let place = facet.edge1 * weights.x + facet.edge2 * weights.y;
+    let above = side * vec3<f32>(
+        dot(place, normals[0].xyz),
+        dot(place - facet.edge1, normals[1].xyz),
+        dot(place - facet.edge2, normals[2].xyz),
+    );
+    let all_weights = vec3<f32>(1.0 - weights.x - weights.y, weights);
+    let moved = (normals * (all_weights * min(above, vec3<f32>(0.0)) * -side)).xyz;
+    // The columns of the inverse.
+    let x = cross(placed.row1.xyz, placed.row2.xyz);
+    let y = cross(placed.row2.xyz, placed.row0.xyz);
+    let z = cross(placed.row0.xyz, placed.row1.xyz);
+    return (x * moved.x + y * moved.y + z * moved.z) / dot(placed.row0.xyz, x);
+}
+
 fn met_surface(direction: vec3<f32>, hit: Hit) -> MetSurface {
     let facet = triangles[hit.triangle];
     let placed = records[frame.first_object + hit.object];
     let material = textured(facet, hit.weights);
-    // Normals are transformed by the transpose of the inverse.
-    let mesh_normal = cross(facet.edge1, facet.edge2);
-    let front = normalize(placed.row0.xyz * mesh_normal.x + placed.row1.xyz * mesh_normal.y + placed.row2.xyz * mesh_normal.z);
+    let flat_normal = cross(facet.edge1, facet.edge2);
+    let front = world_normal(placed, flat_normal);
     let view = -direction;
     let seen_from_front = dot(front, view) >= 0.0;
-    let normal = select(-front, front, seen_from_front);
+    let side = select(-1.0, 1.0, seen_from_front);
+    var normal = front;
+    var to_smooth = vec3<f32>(0.0);
+    if (facet.flags & NORMALS) != 0u {
+        let smooth_normal = attribute_at(facet, NORMALS, hit.weights).xyz;
+        normal = world_normal(placed, select(flat_normal, smooth_normal, any(smooth_normal != vec3<f32>(0.0))));
+        to_smooth = to_smooth_surface(facet, hit.weights, placed, side);
+    }
+    normal *= side;
 
     var emitted = frame.ambient * material.row0.xyz;
     if seen_from_front || (material.words.x & TWO_SIDED) != 0u {
@@ -358,8 +389,9 @@ fn met_surface(direction: vec3<f32>, hit: Hit) -> MetSurface {
 
     let place = frame.eye + direction * hit.dist;
     let extent = max(max(abs(place.x), abs(place.y)), max(abs(place.z), hit.dist));
-    let position = place + normal * (max(extent, 1.0) * 2e-5);
-    return MetSurface(Surface(material.row0.xyz, material.row0.w, normal, material.row1.w, view), position, emitted);
+    let position = place + to_smooth + front * (side * max(extent, 1.0) * 2e-5);
+    let surface = Surface(material.row0.xyz, material.row0.w, normal, material.row1.w, view);
+    return MetSurface(surface, position, emitted);
 }
 
 fn shading_point(at: MetSurface) -> LightShadingPoint {

@@ -11,7 +11,7 @@ use girandole::wgpu::{self, util::DeviceExt};
 pub struct SceneBuffers {
     pub uniform: wgpu::Buffer,
     nodes: wgpu::Buffer,
-    /// Triangles, then texture coordinates.
+    /// Triangles, then their attributes.
     triangles: wgpu::Buffer,
     /// Materials, then textures, then objects.
     records: wgpu::Buffer,
@@ -52,8 +52,8 @@ impl SceneBuffers {
         // WebGPU refuses an empty binding. No node refers to the triangle that takes its place.
         let unused = [PackedTriangle::zeroed()];
         let triangles = if geometry.triangles.is_empty() { &unused[..] } else { &geometry.triangles };
-        let tex_coords: &[u8] = bytemuck::cast_slice(&geometry.tex_coords);
-        let triangles = &[bytemuck::cast_slice(triangles), tex_coords].concat();
+        let attributes: &[u8] = bytemuck::cast_slice(&geometry.attributes);
+        let triangles = &[bytemuck::cast_slice(triangles), attributes].concat();
         checked("nodes", nodes.len())?;
         checked("triangles", triangles.len())?;
         checked("objects", records.len())?;

@@ -1,4 +1,4 @@
-// Textured surfaces and opacity. Twins of `render/textures.rs`. `render.wgsl`, which follows, declares
+// Attributes of triangles, textured surfaces and opacity. Twins of `render/textures.rs`. `render.wgsl`, which follows, declares
 // the bindings, and `pipeline.rs` adds `sample_texture`.
 
 // What `Triangle.flags` and `Record.words` of a material hold.
@@ -6,35 +6,49 @@ const TRANSLUCENT: u32 = 2u;
 const TWO_SIDED: u32 = 1u;
 const MASK: u32 = 2u;
 const BLEND: u32 = 4u;
-const NO_TEX_COORDS: u32 = 0xffffffffu;
+// Kinds of attributes, which `Triangle.flags` holds too.
+const TEX_COORDS: u32 = 4u;
+const COLORS: u32 = 8u;
+const NORMALS: u32 = 16u;
+const ATTRIBUTES: u32 = 28u;
 
-// The two texture coordinates of a point: xy and zw.
-fn tex_coords_at(facet: Triangle, weights: vec2<f32>) -> vec4<f32> {
-    // Three corners of the first coordinates, then three of the second.
-    let record = triangles[frame.first_tex_coords + facet.tex_coords];
-    let a = vec4<f32>(record.corner.xy, record.edge1.z, bitcast<f32>(record.flags));
-    let b = vec4<f32>(record.corner.z, bitcast<f32>(record.material), record.edge2.xy);
-    let c = vec4<f32>(record.edge1.xy, record.edge2.z, bitcast<f32>(record.tex_coords));
-    return a + (b - a) * weights.x + (c - a) * weights.y;
+// An attribute of a triangle that has one of this kind: a vector for each corner.
+fn attribute_corners(facet: Triangle, kind: u32) -> mat3x4<f32> {
+    // Those of the kinds before it come first.
+    let before = countOneBits(facet.flags & ATTRIBUTES & (kind - 1u));
+    let record = triangles[frame.first_attribute + facet.attributes + before];
+    return mat3x4<f32>(
+        vec4<f32>(record.corner, bitcast<f32>(record.material)),
+        vec4<f32>(record.edge1, bitcast<f32>(record.flags)),
+        vec4<f32>(record.edge2, bitcast<f32>(record.attributes)),
+    );
 }
 
-// The material of a triangle at a point, multiplied by its textures.
+// The same, at a point.
+fn attribute_at(facet: Triangle, kind: u32, weights: vec2<f32>) -> vec4<f32> {
+    let corners = attribute_corners(facet, kind);
+    return corners[0] + (corners[1] - corners[0]) * weights.x + (corners[2] - corners[0]) * weights.y;
+}
+
+// The material of a triangle at a point, multiplied by its textures and the colours of its corners.
 fn textured(facet: Triangle, weights: vec2<f32>) -> Record {
     var found = records[facet.material];
-    if facet.tex_coords == NO_TEX_COORDS {
-        return found;
+    if (facet.flags & COLORS) != 0u {
+        found.row0 *= vec4<f32>(attribute_at(facet, COLORS, weights).xyz, 1.0);
     }
-    let coordinates = tex_coords_at(facet, weights);
-    if found.words.y != 0u {
-        found.row0 *= vec4<f32>(sample_texture(found.words.y, coordinates).xyz, 1.0);
-    }
-    if found.words.z != 0u {
-        found.row1 *= vec4<f32>(sample_texture(found.words.z, coordinates).xyz, 1.0);
-    }
-    if found.words.w != 0u {
-        let color = sample_texture(found.words.w, coordinates);
-        found.row0.w *= color.y;
-        found.row1.w *= color.z;
+    if (facet.flags & TEX_COORDS) != 0u {
+        let coordinates = attribute_at(facet, TEX_COORDS, weights);
+        if found.words.y != 0u {
+            found.row0 *= vec4<f32>(sample_texture(found.words.y, coordinates).xyz, 1.0);
+        }
+        if found.words.z != 0u {
+            found.row1 *= vec4<f32>(sample_texture(found.words.z, coordinates).xyz, 1.0);
+        }
+        if found.words.w != 0u {
+            let color = sample_texture(found.words.w, coordinates);
+            found.row0.w *= color.y;
+            found.row1.w *= color.z;
+        }
     }
     return found;
 }
@@ -43,8 +57,11 @@ fn textured(facet: Triangle, weights: vec2<f32>) -> Record {
 fn coverage(facet: Triangle, weights: vec2<f32>) -> f32 {
     let material = records[facet.material];
     var opacity = material.row2.x;
-    if material.words.y != 0u && facet.tex_coords != NO_TEX_COORDS {
-        opacity *= sample_texture(material.words.y, tex_coords_at(facet, weights)).w;
+    if material.words.y != 0u && (facet.flags & TEX_COORDS) != 0u {
+        opacity *= sample_texture(material.words.y, attribute_at(facet, TEX_COORDS, weights)).w;
+    }
+    if (facet.flags & COLORS) != 0u {
+        opacity *= attribute_at(facet, COLORS, weights).w;
     }
     if (material.words.x & MASK) != 0u {
         return select(0.0, 1.0, opacity >= material.row2.y);

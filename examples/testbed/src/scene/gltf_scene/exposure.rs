@@ -28,7 +28,7 @@ pub fn exposure(scene: &Scene, world: &LightWorld) -> f32 {
     let (mut reflected, mut emitted) = (LogMean::default(), LogMean::default());
     let (mut plain, mut count) = (0, 0);
     for _ in 0..2000.min(triangles.len() * 4) {
-        let ([a, b, c], material) = triangles[rng.below(triangles.len())];
+        let ([a, b, c], material, tint) = triangles[rng.below(triangles.len())];
         let Some(normal) = (b - a).cross(c - a).try_normalize() else { continue };
         let material = mean_material(scene, &scene.materials[material as usize]);
         let position = (a + b + c) / 3.0;
@@ -36,7 +36,7 @@ pub fn exposure(scene: &Scene, world: &LightWorld) -> f32 {
         // Off the surface, by more than the rounding of its position.
         let offset = normal * (1e-3f32).max(position.abs().max_element() * 1e-6);
         let light = illuminance(&sampler, &ShadingPoint::surface(position + offset, normal), &mut rng);
-        let albedo = material.base_color.element_sum() / 3.0;
+        let albedo = (material.base_color * tint).element_sum() / 3.0;
         reflected.add(albedo / PI * light + albedo * scene.sky.ambient.y);
         emitted.add(luminance(material.emission));
         plain += usize::from(material.emission == Vec3::ZERO);
@@ -82,17 +82,22 @@ fn mean_material(scene: &Scene, material: &Material) -> Material {
     }
 }
 
-/// The triangles in view, with their materials. All have the same weight, so that dense geometry counts
-/// more.
-fn in_view(scene: &Scene) -> Vec<([Vec3; 3], u32)> {
+/// A triangle in world space, its material, and the mean colour of its corners.
+type Seen = ([Vec3; 3], u32, Vec3);
+
+/// The triangles in view. All have the same weight, so that dense geometry counts more.
+fn in_view(scene: &Scene) -> Vec<Seen> {
     let camera = &scene.camera;
     let forward = (camera.target - camera.eye).normalize_or(Vec3::NEG_Z);
     let placed = scene.objects.iter().filter(|object| object.visible).flat_map(|object| {
         let mesh = &scene.meshes[object.mesh as usize];
-        mesh.triangles.iter().map(|t| (t.vertices.map(|v| object.transform.transform_point3(v)), t.material))
+        mesh.triangles.iter().enumerate().map(|(index, t)| {
+            let tint = mesh.colors.get(index).map_or(Vec3::ONE, |[a, b, c]| (a + b + c).truncate() / 3.0);
+            (t.vertices.map(|v| object.transform.transform_point3(v)), t.material, tint)
+        })
     });
-    let distance = |triangle: &([Vec3; 3], u32)| triangle.0[0].distance(camera.eye);
-    let is_in_view = |(triangle, _): &([Vec3; 3], u32)| {
+    let distance = |triangle: &Seen| triangle.0[0].distance(camera.eye);
+    let is_in_view = |(triangle, ..): &Seen| {
         triangle.iter().any(|vertex| {
             let to = *vertex - camera.eye;
             to.dot(forward) > 0.7 * to.length()

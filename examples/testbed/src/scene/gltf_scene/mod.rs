@@ -3,14 +3,14 @@
 //! Read in this order:
 //!
 //! 1. this file: how the stage is put together;
-//! 2. `notes`, `images` and `materials`: textured surfaces, and what is not used;
+//! 2. `notes`, `images`, `materials` and `attributes`: textured surfaces, and what is not used;
 //! 3. `extent`, `occupancy`, `viewpoint` and `exposure`: a camera and an exposure for scenes without a
 //!    camera;
 //! 4. `node_map`, `animation` and `sway`: the file's animations, or wind where there are none.
 
 use std::path::Path;
 
-use girandole::glam::{Mat3, Vec3};
+use girandole::glam::{Mat3, Vec3, Vec4};
 use girandole::gltf::gltf::{Document, Node, Primitive};
 use girandole::gltf::{
     self, GltfError, GltfFile, GltfOptions, load_lights_with_textures, node_instances, primitive_tex_coords,
@@ -24,6 +24,7 @@ use super::{Alpha, Animation, Camera, Material, Mesh, Object, Scene, SceneError,
 pub mod notes;
 pub mod images;
 pub mod materials;
+pub mod attributes;
 
 pub mod extent;
 pub mod occupancy;
@@ -154,7 +155,8 @@ fn place(file: &GltfFile, images: &Images) -> Result<PlacedMeshes, SceneError> {
     for source in document.meshes() {
         let mut mesh = Mesh::default();
         for primitive in source.primitives() {
-            add_primitive(&mut mesh, source.index(), &primitive, &file.buffers, &mut materials).map_err(error)?;
+            add_primitive(&mut mesh, source.index(), &primitive, &file.buffers, &mut materials, &mut notes)
+                .map_err(error)?;
         }
         if mesh.triangles.iter().flat_map(|triangle| triangle.vertices).any(|vertex| !vertex.is_finite()) {
             return Err(SceneError(format!("mesh {}: a position is not a finite number", source.index())));
@@ -183,29 +185,47 @@ fn place(file: &GltfFile, images: &Images) -> Result<PlacedMeshes, SceneError> {
     Ok(PlacedMeshes { materials, textures, meshes, objects, node_objects, warnings })
 }
 
-/// Adds the triangles of a primitive to a mesh, with the texture coordinates that its material uses.
+/// Adds the triangles of a primitive to a mesh, with its colours and normals, and the texture coordinates that its
+/// material uses.
 fn add_primitive(
     mesh: &mut Mesh,
     index: usize,
     primitive: &Primitive<'_>,
     buffers: &[Vec<u8>],
     materials: &mut Materials<'_>,
+    notes: &mut Notes,
 ) -> Result<(), GltfError> {
     let corners = primitive_triangles(index, primitive, buffers)?;
     let (material, sets) = materials.of(primitive);
     let first = mesh.triangles.len();
     mesh.triangles.extend(corners.into_iter().map(|vertices| Triangle { vertices, material }));
+    let count = mesh.triangles.len();
     for (slot, set) in sets.into_iter().enumerate() {
         let Some(set) = set else { continue };
         let Some(coordinates) = primitive_tex_coords(index, primitive, set, buffers)? else { continue };
-        mesh.tex_coords.resize(mesh.triangles.len(), Default::default());
-        for (corners, found) in mesh.tex_coords[first..].iter_mut().zip(coordinates) {
-            corners[slot] = found;
+        mesh.tex_coords.resize(count, [Vec4::ZERO; 3]);
+        for (corner, found) in mesh.tex_coords[first..].as_flattened_mut().iter_mut().zip(coordinates.as_flattened()) {
+            corner[2 * slot] = found.x;
+            corner[2 * slot + 1] = found.y;
         }
     }
-    if !mesh.tex_coords.is_empty() {
-        mesh.tex_coords.resize(mesh.triangles.len(), Default::default());
+    if let Some(colors) = attributes::colors((index, primitive, buffers), notes)? {
+        mesh.colors.resize(first, [Vec4::ONE; 3]);
+        mesh.colors.extend(colors);
     }
+    if let Some(normals) = attributes::normals((index, primitive, buffers), notes)? {
+        mesh.normals.resize(first, [Vec4::ZERO; 3]);
+        mesh.normals.extend(normals);
+    }
+    // Of the triangles of other primitives, and of those that follow.
+    let fill = |list: &mut Vec<[Vec4; 3]>, value: Vec4| {
+        if !list.is_empty() {
+            list.resize(count, [value; 3])
+        }
+    };
+    fill(&mut mesh.tex_coords, Vec4::ZERO);
+    fill(&mut mesh.colors, Vec4::ONE);
+    fill(&mut mesh.normals, Vec4::ZERO);
     Ok(())
 }
 
