@@ -9,8 +9,8 @@ use ::gltf::json::{Asset, Path, Root, Value};
 
 use super::error::{GltfError, document_error, shortened};
 
-/// Extensions that the library reads itself, and the gltf crate does not know.
-const OWN_EXTENSIONS: [&str; 2] = ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing"];
+/// Extensions that the library reads itself or that change no light, and the gltf crate does not know.
+const OWN_EXTENSIONS: [&str; 3] = ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing", "KHR_materials_unlit"];
 /// Names of extensions in an error.
 const MAX_NAMES: usize = 16;
 

@@ -147,7 +147,7 @@ fn buffers_outside_of_the_folder_and_unsupported_extensions_are_refused_in_one_l
 
 #[test]
 fn what_is_not_used_is_named_once_with_its_count() {
-    let coat = "'extensions':{'KHR_materials_clearcoat':{'clearcoatFactor':1}}";
+    let coat = "'extensions':{'KHR_materials_clearcoat':{'clearcoatFactor':1},'KHR_materials_unlit':{}}";
     let bumpy = "'normalTexture':{'index':0},'occlusionTexture':{'index':0}";
     let primitive = square_primitive(0);
     let points = primitive.replacen('{', "{'mode':0,", 1);
@@ -231,7 +231,7 @@ fn sphere(columns: u16, rows: u16) -> (Vec<[f32; 3]>, Vec<u8>) {
     (corners, triangles.flat_map(u16::to_le_bytes).collect())
 }
 
-/// A smooth sphere over a floor with colours, and a sign.
+/// A smooth sphere over a floor with colours, and an unlit sign.
 fn smooth_scene() -> String {
     let mut document = square();
     let (corners, indices) = sphere(10, 7);
@@ -239,13 +239,13 @@ fn smooth_scene() -> String {
     let colors = document.vec3(&SQUARE.0.map(|[x, y, _]| [x * 0.5 + 0.5, 0.5, y * 0.5 + 0.5]));
     let indices = document.accessor(&indices, indices.len() / 2, "'componentType':5123,'type':'SCALAR'");
     document.text(&format!(
-        "'nodes':[{{'mesh':0,'scale':[1,1.2,1],'translation':[0,1.2,0]}},\
+        "'extensionsRequired':['KHR_materials_unlit'],'nodes':[{{'mesh':0,'scale':[1,1.2,1],'translation':[0,1.2,0]}},\
          {{'mesh':1,'rotation':[-0.7071068,0,0,0.7071068],'scale':[4,4,4]}},{{'mesh':2,'translation':[2,1,-1]}}],\
          'meshes':[{{'primitives':[{{'attributes':{{'POSITION':{positions},'NORMAL':{positions}}},'indices':{indices},\
          'material':0}}]}},{{'primitives':[{{'attributes':{{'POSITION':0,'COLOR_0':{colors}}},'indices':2,\
          'material':0}}]}},{{'primitives':[{}]}}],\
          'materials':[{{'pbrMetallicRoughness':{{'metallicFactor':0,'roughnessFactor':0.5}}}},\
-         {{'pbrMetallicRoughness':{{'baseColorFactor':[0.25,0.5,1,1]}}}}]",
+         {{'pbrMetallicRoughness':{{'baseColorFactor':[0.25,0.5,1,1]}},'extensions':{{'KHR_materials_unlit':{{}}}}}}]",
         square_primitive(1)
     ))
 }
@@ -253,6 +253,17 @@ fn smooth_scene() -> String {
 #[test]
 fn both_backends_render_the_same_picture_of_a_smooth_scene() {
     assert_same_pictures("smooth", || stage("smooth", &smooth_scene()), 1);
+}
+
+#[test]
+fn unlit_surfaces_show_their_colour_and_are_no_lights() {
+    let stage = stage("unlit", &smooth_scene());
+    assert_eq!(stage.world.tree_count(), 0);
+    let geometry = Geometry::new(&stage.scene).expect("a valid scene");
+    let hit = geometry.nearest(Vec3::new(2.1, 1.0, 5.0), Vec3::NEG_Z).expect("the sign");
+    let material = geometry.material(&stage.scene, &hit);
+    let shown = material.emission * stage.scene.exposure;
+    assert!(shown.abs_diff_eq(Vec3::new(0.25, 0.5, 1.0), 1e-5) && material.base_color == Vec3::ZERO, "{shown}");
 }
 
 #[test]

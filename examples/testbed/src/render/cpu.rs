@@ -118,6 +118,9 @@ impl Integrator<'_> {
         if is_front || material.two_sided_emission {
             sum += material.emission * object.emission_scale;
         }
+        if material.unlit > 0.0 {
+            return through_haze(&self.scene.sky, sum, hit.distance);
+        }
 
         let surface = eye + direction * hit.distance;
         let offset = facing(front) * shadow_offset(surface, hit.distance);

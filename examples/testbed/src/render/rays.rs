@@ -112,7 +112,8 @@ impl Geometry {
         }
     }
 
-    /// The material at a hit, with its textures and the colours of vertices.
+    /// The material at a hit, with its textures and the colours of vertices. The base colour of an unlit
+    /// one is part of its emission.
     pub fn material(&self, scene: &Scene, hit: &Hit) -> Material {
         let triangle = &self.triangles[hit.triangle as usize];
         let material = &scene.materials[triangle.material as usize];
@@ -122,6 +123,10 @@ impl Geometry {
         if let Some(color) = self.attribute_at(triangle, COLORS, hit.weights) {
             found.base_color *= color.truncate();
             found.opacity *= color.w;
+        }
+        if found.unlit > 0.0 {
+            found.emission += found.base_color * found.unlit;
+            found.base_color = Vec3::ZERO;
         }
         found
     }

@@ -32,6 +32,9 @@ pub struct Material {
     pub emission: Vec3,
     /// Whether the back side emits too.
     pub two_sided_emission: bool,
+    /// If it is above 0, the surface reflects nothing: it shows its base colour times this, in nits, to the
+    /// camera, and lights nothing.
+    pub unlit: f32,
     /// Whether shadow rays pass through.
     pub see_through: bool,
     /// Whether light passes through for camera and shadow rays alike.
@@ -63,6 +66,7 @@ impl Default for Material {
             metallic: 0.0,
             emission: Vec3::ZERO,
             two_sided_emission: false,
+            unlit: 0.0,
             see_through: false,
             alpha: Alpha::Opaque,
             opacity: 1.0,

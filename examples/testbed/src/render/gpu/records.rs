@@ -130,7 +130,7 @@ impl Record {
             rows: [
                 material.base_color.extend(material.roughness),
                 material.emission.extend(material.metallic),
-                Vec4::new(material.opacity, cutoff, 0.0, 0.0),
+                Vec4::new(material.opacity, cutoff, material.unlit, 0.0),
             ],
             words: [
                 if material.two_sided_emission { TWO_SIDED } else { 0 } | alpha,

@@ -66,7 +66,7 @@ struct Triangle {
     attributes: u32,
 }
 
-// A material (base color and roughness; emission and metallic; opacity and cutoff; flags, and the
+// A material (base color and roughness; emission and metallic; opacity, cutoff and unlit; flags, and the
 // records of the textures of base color, emission and roughness, 0 for none), a texture (rows of the
 // transform; zero; first texel, size, flags, 0) or an object (rows of world to mesh; root, bits of the
 // emission scale, 0, 0). They share a buffer, since WebGPU guarantees only eight.
@@ -338,6 +338,8 @@ struct MetSurface {
     position: vec3<f32>,
     // What it sends to the camera without any light: its emission, and the faint light of the sky.
     emitted: vec3<f32>,
+    // Whether it reflects no light.
+    is_unlit: bool,
 }
 
 // A unit normal in world space: it is transformed by the transpose of the inverse.
@@ -391,7 +393,7 @@ fn met_surface(direction: vec3<f32>, hit: Hit) -> MetSurface {
     let extent = max(max(abs(place.x), abs(place.y)), max(abs(place.z), hit.dist));
     let position = place + to_smooth + front * (side * max(extent, 1.0) * 2e-5);
     let surface = Surface(material.row0.xyz, material.row0.w, normal, material.row1.w, view);
-    return MetSurface(surface, position, emitted);
+    return MetSurface(surface, position, emitted, material.row2.z > 0.0);
 }
 
 fn shading_point(at: MetSurface) -> LightShadingPoint {
@@ -422,6 +424,9 @@ fn unblocked_share(position: vec3<f32>, light: LightSample) -> f32 {
 // The radiance that the surface of a hit sends against the direction of the ray.
 fn surface_radiance(direction: vec3<f32>, hit: Hit, numbers: SampleNumbers) -> vec3<f32> {
     let at = met_surface(direction, hit);
+    if at.is_unlit {
+        return at.emitted;
+    }
     light_splits = frame.splits;
     let kept = light_resample_by(shading_point(at), at.surface, numbers.light, numbers.pixel.w, frame.candidates);
     if kept.weight <= 0.0 {

@@ -30,7 +30,8 @@ fn attribute_at(facet: Triangle, kind: u32, weights: vec2<f32>) -> vec4<f32> {
     return corners[0] + (corners[1] - corners[0]) * weights.x + (corners[2] - corners[0]) * weights.y;
 }
 
-// The material of a triangle at a point, multiplied by its textures and the colours of its corners.
+// The material of a triangle at a point, multiplied by its textures and the colours of its corners. The
+// base colour of an unlit one is part of its emission.
 fn textured(facet: Triangle, weights: vec2<f32>) -> Record {
     var found = records[facet.material];
     if (facet.flags & COLORS) != 0u {
@@ -49,6 +50,10 @@ fn textured(facet: Triangle, weights: vec2<f32>) -> Record {
             found.row0.w *= color.y;
             found.row1.w *= color.z;
         }
+    }
+    if found.row2.z > 0.0 {
+        found.row1 += vec4<f32>(found.row0.xyz * found.row2.z, 0.0);
+        found.row0 = vec4<f32>(vec3<f32>(0.0), found.row0.w);
     }
     return found;
 }

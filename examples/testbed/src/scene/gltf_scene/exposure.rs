@@ -31,6 +31,9 @@ pub fn exposure(scene: &Scene, world: &LightWorld) -> f32 {
         let ([a, b, c], material, tint) = triangles[rng.below(triangles.len())];
         let Some(normal) = (b - a).cross(c - a).try_normalize() else { continue };
         let material = mean_material(scene, &scene.materials[material as usize]);
+        if material.unlit > 0.0 {
+            continue;
+        }
         let position = (a + b + c) / 3.0;
         let normal = if normal.dot(scene.camera.eye - position) < 0.0 { -normal } else { normal };
         // Off the surface, by more than the rounding of its position.

@@ -123,12 +123,14 @@ fn convert(material: &GltfMaterial<'_>) -> Material {
         AlphaMode::Blend => Alpha::Blend,
     };
     let transmission = transmission(material);
+    let is_unlit = material.extension_value("KHR_materials_unlit").is_some();
     let mut converted = Material {
         base_color: Vec3::new(red, green, blue).clamp(Vec3::ZERO, Vec3::ONE),
         roughness: surface.roughness_factor().clamp(0.0, 1.0),
         metallic: surface.metallic_factor().clamp(0.0, 1.0),
         emission: material_emission(material),
-        two_sided_emission: material.double_sided(),
+        two_sided_emission: material.double_sided() || is_unlit,
+        unlit: if is_unlit { 1.0 } else { 0.0 },
         see_through: see_through(material),
         alpha,
         opacity: opacity.clamp(0.0, 1.0),

@@ -118,6 +118,8 @@ pub fn stage(path: &Path, camera: Option<Camera>) -> Result<Stage, SceneError> {
     }
     scene.camera = camera.or(own_camera).unwrap_or_else(|| viewpoint::camera(&scene, &world, &extent));
     scene.exposure = exposure::exposure(&scene, &world);
+    // White shows as white, however bright the lights are.
+    scene.materials.iter_mut().for_each(|material| material.unlit /= scene.exposure);
     let node_map = NodeMap::new(&file.document, &placed.node_objects, &lights);
     let animation: Box<dyn Animation> = match Player::new(&file, node_map.clone()).map_err(|error| fail(error.0))? {
         Some(player) => Box::new(player),

@@ -8,7 +8,8 @@ use girandole::gltf::gltf::mesh::Mode;
 use serde_json::{Map, Value};
 
 /// Extensions of materials, primitives and nodes that are used, or whose fallback is.
-const USED: [&str; 3] = ["KHR_materials_transmission", "KHR_draco_mesh_compression", "EXT_mesh_gpu_instancing"];
+const USED: [&str; 4] =
+    ["KHR_materials_transmission", "KHR_materials_unlit", "KHR_draco_mesh_compression", "EXT_mesh_gpu_instancing"];
 /// Characters of a file's text on a line.
 const MAX_SHOWN: usize = 80;
 
