@@ -5,12 +5,14 @@ use ::gltf::Semantic;
 use ::gltf::json::camera::Type;
 use ::gltf::json::extensions::ENABLED_EXTENSIONS;
 use ::gltf::json::validation::{Checked, Validate};
-use ::gltf::json::{Asset, Path, Root, Value};
+use ::gltf::json::{Asset, Index, Path, Root, Value};
 
 use super::error::{GltfError, document_error, shortened};
 
 /// Extensions that the library reads itself or that change no light, and the gltf crate does not know.
-const OWN_EXTENSIONS: [&str; 3] = ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing", "KHR_materials_unlit"];
+const OWN_EXTENSIONS: [&str; 4] = ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing", "KHR_materials_unlit", WEBP];
+/// The extension by which textures have WebP images. Those without another image have it in the extension.
+const WEBP: &str = "EXT_texture_webp";
 /// Names of extensions in an error.
 const MAX_NAMES: usize = 16;
 
@@ -25,6 +27,7 @@ pub(super) fn check(root: &mut Root) -> Result<(), GltfError> {
     check_animations(root)?;
     check_cameras(root)?;
     check_images(root)?;
+    add_webp_sources(root);
     // The crate's validation refuses what it does not know. All required extensions passed above.
     let required = std::mem::take(&mut root.extensions_required);
     // Only the first error is kept: a small file can have a great many.
@@ -116,6 +119,17 @@ fn check_cameras(root: &Root) -> Result<(), GltfError> {
         }
     }
     Ok(())
+}
+
+/// The gltf crate reads the image of a texture only from outside of extensions, and requires one.
+fn add_webp_sources(root: &mut Root) {
+    for texture in root.textures.iter_mut().filter(|texture| texture.source.value() == u32::MAX as usize) {
+        let webp =
+            texture.extensions.as_ref().and_then(|extensions| extensions.others.get(WEBP)?.get("source")?.as_u64());
+        if let Some(source) = webp.and_then(|source| u32::try_from(source).ok()) {
+            texture.source = Index::new(source);
+        }
+    }
 }
 
 /// The gltf crate's validation accepts images without a source, and sources without their type.

@@ -312,6 +312,19 @@ fn files_of_other_versions_are_refused_by_their_version() {
 }
 
 #[test]
+fn textures_without_another_image_have_the_one_of_their_webp_extension() {
+    let parse = |source: &str| {
+        let text = format!(
+            r#"{{"asset":{{"version":"2.0"}},"extensionsRequired":["EXT_texture_webp"],"images":[{{"uri":"a"}},{{"uri":"b"}}],
+               "textures":[{{{source}"extensions":{{"EXT_texture_webp":{{"source":1}}}}}}]}}"#
+        );
+        girandole::gltf::parse(text.as_bytes(), &GltfOptions::default()).expect("a valid document").document
+    };
+    let image = |source: &str| parse(source).textures().next().expect("a texture").source().index();
+    assert_eq!((image(""), image("\"source\":0,")), (1, 0));
+}
+
+#[test]
 fn attributes_follow_the_triangles_of_their_primitive() {
     let mut document = square();
     let colors = document.accessor(

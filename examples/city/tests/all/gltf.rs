@@ -122,7 +122,7 @@ fn invalid_textures_are_refused_in_one_line() {
     // Other formats are left out with a warning.
     let other = stage("other", &with("data:image/webp;base64,UklGRg=="));
     assert!(
-        other.scene.warnings.iter().any(|line| line.contains("neither PNG nor JPEG")),
+        other.scene.warnings.iter().any(|line| line.contains("is not PNG, JPEG or WebP")),
         "{:?}",
         other.scene.warnings
     );

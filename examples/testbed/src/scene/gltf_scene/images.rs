@@ -1,4 +1,4 @@
-//! Decodes the images of glTF files: PNG and JPEG.
+//! Decodes the images of glTF files: PNG, JPEG and WebP.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -7,6 +7,7 @@ use std::sync::Arc;
 use girandole::gltf::gltf::Document;
 use girandole::gltf::gltf::image::Source;
 use girandole::gltf::{GltfFile, GltfOptions, TextureImage, TextureUse, read_image};
+use image_webp::WebPDecoder;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
@@ -28,8 +29,8 @@ pub struct Images {
     pub warnings: Vec<String>,
 }
 
-/// Decodes all images that materials use. `folder` is that of the file. An image of another format than
-/// PNG and JPEG is left out, with a warning.
+/// Decodes all images that materials use. `folder` is that of the file. An image of another format is
+/// left out, with a warning.
 pub fn load(file: &GltfFile, folder: Option<&Path>) -> Result<Images, SceneError> {
     let count = file.document.images().len();
     let mut images = Images { pixels: vec![None; count], warnings: Vec::new() };
@@ -52,7 +53,7 @@ pub fn load(file: &GltfFile, folder: Option<&Path>) -> Result<Images, SceneError
             read_image(file, index, folder, &GltfOptions::default()).map_err(|error| SceneError(error.to_string()))?;
         let label = label(&file.document, index);
         let Some(pixels) = decode(&bytes).map_err(|what| SceneError(format!("{label}: {what}")))? else {
-            images.warnings.push(format!("{label} is neither PNG nor JPEG; its surfaces show their plain colours"));
+            images.warnings.push(format!("{label} is not PNG, JPEG or WebP; its surfaces show their plain colours"));
             continue;
         };
         let pixels = reduced(pixels, is_color);
@@ -94,6 +95,8 @@ fn decode(bytes: &[u8]) -> Result<Option<Pixels>, String> {
         decode_png(bytes).map(Some).map_err(|error| one_line("PNG", error))
     } else if bytes.starts_with(b"\xff\xd8\xff") {
         decode_jpeg(bytes).map(Some).map_err(|error| one_line("JPEG", error))
+    } else if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
+        decode_webp(bytes).map(Some).map_err(|error| one_line("WebP", error))
     } else {
         Ok(None)
     }
@@ -124,7 +127,7 @@ fn decode_png(bytes: &[u8]) -> Result<Pixels, String> {
     let info = reader.next_frame(&mut data).map_err(|error| error.to_string())?;
     let rgba = match info.color_type {
         png::ColorType::Rgba => data.as_chunks().0.to_vec(),
-        png::ColorType::Rgb => data.as_chunks().0.iter().map(|[r, g, b]| [*r, *g, *b, 255]).collect(),
+        png::ColorType::Rgb => opaque(&data),
         png::ColorType::GrayscaleAlpha => {
             data.as_chunks().0.iter().map(|[gray, a]| [*gray, *gray, *gray, *a]).collect()
         }
@@ -144,6 +147,21 @@ fn decode_jpeg(bytes: &[u8]) -> Result<Pixels, String> {
     let (width, height) = (u32::from(info.width), u32::from(info.height));
     check_size(width, height)?;
     with_all_pixels(Pixels { width, height, rgba: data.as_chunks().0.to_vec() })
+}
+
+fn decode_webp(bytes: &[u8]) -> Result<Pixels, String> {
+    let mut decoder = WebPDecoder::new(Cursor::new(bytes)).map_err(|error| error.to_string())?;
+    let (width, height) = decoder.dimensions();
+    check_size(width, height)?;
+    let mut data = vec![0; decoder.output_buffer_size().ok_or("it is too large")?];
+    decoder.read_image(&mut data).map_err(|error| error.to_string())?;
+    let rgba = if decoder.has_alpha() { data.as_chunks().0.to_vec() } else { opaque(&data) };
+    with_all_pixels(Pixels { width, height, rgba })
+}
+
+/// Pixels of red, green and blue.
+fn opaque(data: &[u8]) -> Vec<[u8; 4]> {
+    data.as_chunks().0.iter().map(|[r, g, b]| [*r, *g, *b, 255]).collect()
 }
 
 /// Checks that a decoder returned as many pixels as it stated.
@@ -223,13 +241,26 @@ mod tests {
     }
 
     #[test]
+    fn webp_files_are_read_with_and_without_alpha() {
+        use image_webp::{ColorType, WebPEncoder};
+        let pixels = |color, data: &[u8]| {
+            let mut bytes = Vec::new();
+            WebPEncoder::new(&mut bytes).encode(data, 2, 1, color).unwrap();
+            assert!(decode(&bytes[..bytes.len() - 8]).err().unwrap().contains("is not a valid WebP file"));
+            decode(&bytes).unwrap().unwrap().rgba
+        };
+        assert_eq!(pixels(ColorType::Rgb8, &[1, 2, 3, 4, 5, 6]), [[1, 2, 3, 255], [4, 5, 6, 255]]);
+        assert_eq!(pixels(ColorType::Rgba8, &[1, 2, 3, 4, 5, 6, 7, 8]), [[1, 2, 3, 4], [5, 6, 7, 8]]);
+    }
+
+    #[test]
     fn damaged_images_are_refused_on_one_line() {
         let whole = encoded(png::ColorType::Rgb, png::BitDepth::Eight, &[1, 2, 3, 4, 5, 6]);
         for damaged in [&whole[..40], &whole[..20], b"\xff\xd8\xff\xe0\x00\x10JFIF", b"\xff\xd8\xff"] {
             let line = decode(damaged).err().unwrap();
             assert!(line.contains("is not a valid") && !line.contains('\n'), "{line}");
         }
-        assert!(decode(b"RIFF\0\0\0\0WEBP").unwrap().is_none() && decode(b"").unwrap().is_none());
+        assert!(decode(b"RIFF\0\0\0\0WAVE").unwrap().is_none() && decode(b"").unwrap().is_none());
     }
 
     #[test]
