@@ -326,6 +326,36 @@ fn the_smooth_surface_over_a_triangle_is_between_the_tangent_planes_of_its_corne
 }
 
 #[test]
+fn skins_pose_meshes_by_their_joints_whatever_the_transform_of_their_node() {
+    let mut document = square();
+    // The lower corners belong to the first joint, and the upper ones to both.
+    let joints = document.accessor(&[0, 1, 0, 0].repeat(4), 4, "'componentType':5121,'type':'VEC4'");
+    let weights = [[255, 0, 0, 0], [255, 0, 0, 0], [100, 100, 0, 0], [100, 100, 0, 0]];
+    let weights = document.accessor(weights.as_flattened(), 4, "'componentType':5121,'normalized':true,'type':'VEC4'");
+    let attributes = format!("'TEXCOORD_0':1,'JOINTS_0':{joints},'WEIGHTS_0':{weights}");
+    let primitive = square_primitive(0).replace("'TEXCOORD_0':1", &attributes);
+    let skinned = |scene: &str| {
+        document.text(&format!(
+            "'scene':0,'scenes':[{{'nodes':[{scene}]}}],'skins':[{{'joints':[1,2]}}],\
+             'nodes':[{{'mesh':0,'skin':0,'translation':[50,60,70]}},{{'translation':[0,0,5],'scale':[2,2,2]}},\
+             {{'translation':[4,0,5]}}],'meshes':[{{'primitives':[{primitive}]}}],'materials':[{{}}]",
+        ))
+    };
+    let posed = stage("skin", &skinned("0,1,2")).scene;
+    let object = posed.objects[0];
+    let corners =
+        posed.meshes[object.mesh as usize].triangles[0].vertices.map(|v| object.transform.transform_point3(v));
+    // Twice as large; and the mean of twice as large and 4 to the right.
+    let expected = [Vec3::new(-2.0, -2.0, 5.0), Vec3::new(2.0, -2.0, 5.0), Vec3::new(3.5, 1.5, 5.0)];
+    assert!(corners.iter().zip(expected).all(|(a, b)| a.abs_diff_eq(b, 1e-5)), "{corners:?}");
+    // Without its joints, the mesh stays with its node.
+    let left = stage("skin-without-joints", &skinned("0,1")).scene;
+    assert_eq!(left.objects[0].transform.translation, Vec3::new(50.0, 60.0, 70.0).into());
+    let expected = "skins that leave out joints or vertices are not used (nodes: 1)";
+    assert!(left.warnings.iter().any(|line| line == expected), "{:?}", left.warnings);
+}
+
+#[test]
 fn instances_are_placed_and_flat_nodes_are_hidden() {
     let mut document = square();
     let places = document.vec3(&[[0.0; 3], [0.0, 5.0, 0.0], [0.0, 0.0, 3.0]]);

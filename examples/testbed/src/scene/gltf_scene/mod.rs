@@ -3,14 +3,14 @@
 //! Read in this order:
 //!
 //! 1. this file: how the stage is put together;
-//! 2. `notes`, `images`, `materials` and `attributes`: textured surfaces, and what is not used;
+//! 2. `notes`, `images`, `materials`, `attributes` and `skins`: textured surfaces, and what is not used;
 //! 3. `extent`, `occupancy`, `viewpoint` and `exposure`: a camera and an exposure for scenes without a
 //!    camera;
 //! 4. `node_map`, `animation` and `sway`: the file's animations, or wind where there are none.
 
 use std::path::Path;
 
-use girandole::glam::{Mat3, Vec3, Vec4};
+use girandole::glam::{Affine3A, Mat3, Vec3, Vec4};
 use girandole::gltf::gltf::{Document, Node, Primitive};
 use girandole::gltf::{
     self, GltfError, GltfFile, GltfOptions, load_lights_with_textures, node_instances, primitive_tex_coords,
@@ -25,6 +25,7 @@ pub mod notes;
 pub mod images;
 pub mod materials;
 pub mod attributes;
+pub mod skins;
 
 pub mod extent;
 pub mod occupancy;
@@ -50,6 +51,8 @@ const LAMP_CLEARANCE_SHARE: f32 = 0.02;
 /// Most placed meshes: nodes can share the accessors of their instances, so that a small file could
 /// describe more than fit into memory.
 const MAX_OBJECTS: usize = 1 << 24;
+/// Most triangles of meshes that are posed by skins, for the same reason.
+const MAX_POSED: usize = 1 << 24;
 /// The sky above files, which have none.
 const SKY: Sky = Sky {
     zenith: Vec3::new(0.004, 0.007, 0.018),
@@ -170,9 +173,28 @@ fn place(file: &GltfFile, images: &Images) -> Result<PlacedMeshes, SceneError> {
     }
     let mut objects = Vec::new();
     let mut node_objects = Vec::new();
+    let mut posed_count = 0;
     for node in document.nodes() {
         let mesh = node.mesh().and_then(|mesh| mesh_indices[mesh.index()]);
         let (Some(mesh), Some(transform)) = (mesh, transforms[node.index()]) else { continue };
+        if node.skin().is_some() {
+            posed_count += meshes[mesh as usize].triangles.len();
+            if posed_count > MAX_POSED {
+                return Err(SceneError(format!("its skins pose more than {MAX_POSED} triangles")));
+            }
+            if let Some(posed) = skins::posed(&node, &meshes[mesh as usize], file, &transforms).map_err(error)? {
+                let emits =
+                    |triangle: &Triangle| materials.materials[triangle.material as usize].emission != Vec3::ZERO;
+                let is_lamp = posed.triangles.iter().any(emits);
+                notes.add_if(is_lamp, "lights of surfaces with skins stay where they are without", "nodes");
+                notes.add_if(document.animations().len() > 0, "skins are shown at rest, without animation", "nodes");
+                let transform = Affine3A::IDENTITY;
+                objects.push(Object { mesh: meshes.len() as u32, transform, emission_scale: 1.0, visible: true });
+                meshes.push(posed);
+                continue;
+            }
+            notes.add("skins that leave out joints or vertices are not used", "nodes");
+        }
         for local in node_instances(document, &node, &file.buffers).map_err(error)? {
             if objects.len() == MAX_OBJECTS {
                 return Err(SceneError(format!("its nodes place more than {MAX_OBJECTS} meshes")));

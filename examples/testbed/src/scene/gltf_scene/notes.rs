@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use girandole::gltf::gltf::Document;
 use girandole::gltf::gltf::camera::Projection;
 use girandole::gltf::gltf::mesh::Mode;
+use girandole::gltf::gltf::{Document, Semantic};
 use serde_json::{Map, Value};
 
 /// Extensions of materials, primitives and nodes that are used, or whose fallback is.
@@ -39,11 +39,12 @@ impl Notes {
             for primitive in mesh.primitives() {
                 let is_solid = matches!(primitive.mode(), Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan);
                 self.add_if(!is_solid, "points and lines are not shown", "primitives");
+                let has_more_joints = primitive.get(&Semantic::Joints(1)).is_some();
+                self.add_if(has_more_joints, "joints of vertices beyond the first four are not used", "primitives");
                 self.add_extensions(primitive.extensions(), "primitives");
             }
         }
         for node in document.nodes() {
-            self.add_if(node.skin().is_some(), "skins are not used", "nodes");
             self.add_extensions(node.extensions(), "nodes");
         }
         document.scenes().for_each(|scene| self.add_extensions(scene.extensions(), "scenes"));
@@ -53,7 +54,8 @@ impl Notes {
         }
     }
 
-    fn add_if(&mut self, is_there: bool, what: &str, kind: &'static str) {
+    /// Counts one of `kind` if it is there.
+    pub fn add_if(&mut self, is_there: bool, what: &str, kind: &'static str) {
         if is_there {
             self.add(what, kind);
         }
