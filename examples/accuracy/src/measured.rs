@@ -20,6 +20,7 @@ use testbed::direct_light::draw::{Draw, Resampled};
 use testbed::direct_light::reference::Reference;
 use testbed::direct_light::renderer::{Renderer, StageTimes};
 use testbed::measuring::score::{FLOOR, mean};
+use testbed::render::metering::meter;
 use testbed::scene::SceneError;
 
 /// Seeds the passes of the reference, above those of all pictures.
@@ -63,7 +64,8 @@ pub fn measure(options: &Options) -> Result<Measured, SceneError> {
     let plan = options.plan();
     let Played { stage, times: world_times, upload_bytes } =
         play(&options.scene, plan.frames, Upkeep::Budgeted(DEFAULT_BUDGET))?;
-    let view = SceneView::new(&stage.scene, options.matte, &plan)?;
+    let mut view = SceneView::new(&stage.scene, options.matte, &plan)?;
+    meter(&mut view.scene, &view.geometry, &stage.world, plan.size);
     let prepared = Prepared::new(&stage.world)?;
     if prepared.ids.is_empty() {
         return Err(SceneError("the scene has no lights".into()));
@@ -243,7 +245,8 @@ impl Bench<'_> {
         let (mut other, mut learnt, mut diffuse, mut open) = (None, None, None, None);
         match change {
             Change::Upkeep(upkeep) => {
-                let Played { stage, times, .. } = play(&self.options.scene, self.plan.frames, upkeep)?;
+                let Played { stage, times, .. } =
+                    play(&self.options.scene, self.plan.frames, upkeep)?;
                 world_times = times;
                 other = Some(stage.world);
             }

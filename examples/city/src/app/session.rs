@@ -12,6 +12,7 @@ use testbed::render::cpu::{self, Lights};
 use testbed::render::geometry::{Geometry, GeometryChange};
 use testbed::render::gpu::{GpuRenderer, GpuUpdate};
 use testbed::render::image::{Image, ShadowRays};
+use testbed::render::metering::meter;
 use testbed::render::sequence::frame_seed;
 use testbed::render::settings::{LightChoice, Settings};
 use testbed::scene::{Camera, Scene, SceneError, Stage};
@@ -243,7 +244,7 @@ impl Session {
     pub fn advance(&mut self) -> Result<Advance, SceneError> {
         let mut laps = Laps::start();
         let mut times = StageTimes::default();
-        let Self { stage: Stage { scene, world, animation }, geometry, pace, .. } = self;
+        let Self { stage: Stage { scene, world, animation }, geometry, settings, pace, .. } = self;
         let number = self.next;
         self.next += 1;
         // A still animation is advanced once, and the geometry is compared with the scene once.
@@ -262,6 +263,7 @@ impl Session {
         }
         times.light_update = laps.lap();
         let change = if moves { geometry.update(scene)? } else { GeometryChange::default() };
+        meter(scene, geometry, world, (settings.width, settings.height));
         times.geometry = laps.lap();
         let update = match &mut self.renderer {
             Renderer::Cpu => GpuUpdate::default(),

@@ -11,7 +11,7 @@ pub struct StageTimes {
     pub animation: Duration,
     /// Refits and rebuilds light trees, and chooses which.
     pub light_update: Duration,
-    /// Refits the hierarchies that rays traverse.
+    /// Refits the hierarchies that rays traverse; in the first frame, measures the exposure too.
     pub geometry: Duration,
     /// Uploads lights and geometry; zero on the CPU backend. It includes the recompilation of the
     /// shader where the lights need another one.

@@ -249,6 +249,7 @@ mod tests {
             sky: Sky { zenith: Vec3::ZERO, horizon: Vec3::ZERO, ambient: Vec3::ZERO, haze: 0.0 },
             lamp_clearance: 0.1,
             exposure: 1.0,
+            is_metered: false,
             warnings: Vec::new(),
         }
     }

@@ -15,6 +15,7 @@ use testbed::render::geometry::Geometry;
 use testbed::render::settings::{LightChoice, Settings};
 use testbed::render::shading::View;
 use testbed::render::textures::OpacitySeed;
+use testbed::scene::real_city::{self, RealCityOptions};
 use testbed::scene::{SceneError, Stage, gltf_scene};
 use testbed::testing::gltf_documents::{
     Document, SQUARE, SQUARE_INDICES, data_uri, floats, png, square, square_primitive, textured_scene,
@@ -439,32 +440,47 @@ fn files_without_a_camera_give_a_usable_picture() {
         let stage = stage(name, &text);
         let told = stage.scene.warnings.iter().filter(|line| line.contains("has no lights")).count();
         assert_eq!(told, warnings, "{name}: {:?}", stage.scene.warnings);
-        let (exposure, camera) = (stage.scene.exposure, stage.scene.camera);
-        let geometry = Geometry::new(&stage.scene).expect("a valid scene");
-        let settings = Settings {
-            width: 32,
-            height: 18,
-            spp: 32,
-            splits: SplitCount::DEFAULT,
-            candidates: CandidateCount::of::<4>(),
-            seed: 3,
-            light_choice: LightChoice::Girandole,
-        };
-        let chosen = backend::choose(BackendChoice::Cpu).expect("threads");
-        let mut session = Session::new(stage, settings, PACE, chosen).expect("a valid scene");
-        let image = session.frame(&|_| {}).expect("a scene that renders").image;
+        let camera = stage.scene.camera;
+        let shown = shown(stage);
+        let mean = shown.iter().sum::<f32>() / shown.len().max(1) as f32;
         // What shows geometry is neither dark nor burnt out, and it is a good part of the picture.
-        let (view, size) = (View::new(&camera, 32, 18), Vec2::new(32.0, 18.0));
-        let shows_geometry = |index: usize| {
-            let at = Vec2::new((index % 32) as f32 + 0.5, (index / 32) as f32 + 0.5);
-            geometry.nearest(view.eye, view.direction(at, size)).is_some()
-        };
-        let covered: Vec<usize> = (0..image.pixels.len()).filter(|&index| shows_geometry(index)).collect();
-        let shown = |index: &usize| agx(image.pixels[*index] * exposure).y;
-        let mean = covered.iter().map(shown).sum::<f32>() / covered.len().max(1) as f32;
-        assert!(covered.len() > 60, "{name}: {} of 576 pixels, {camera:?}", covered.len());
-        assert!((0.1..0.8).contains(&mean), "{name}: mean {mean}, exposure {exposure}, {camera:?}");
+        assert!(shown.len() > 60, "{name}: {} of 576 pixels, {camera:?}", shown.len());
+        assert!((0.1..0.8).contains(&mean), "{name}: mean {mean}, {camera:?}");
     }
+}
+
+#[test]
+fn traffic_without_lamps_is_not_black() {
+    let traffic = Some(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/fcd_small.xml").into());
+    let city = real_city::stage(&RealCityOptions { traffic, ..RealCityOptions::default() }).expect("a valid file");
+    let shown = shown(city);
+    let mean = shown.iter().sum::<f32>() / shown.len() as f32;
+    assert!((0.15..0.5).contains(&mean) && shown.iter().all(|value| *value < 0.98), "mean {mean}");
+}
+
+/// The green of the pixels that show geometry in a picture of 32 by 18 pixels, from 0 to 1.
+fn shown(stage: Stage) -> Vec<f32> {
+    let (camera, geometry) = (stage.scene.camera, Geometry::new(&stage.scene).expect("a valid scene"));
+    let settings = Settings {
+        width: 32,
+        height: 18,
+        spp: 32,
+        splits: SplitCount::DEFAULT,
+        candidates: CandidateCount::of::<4>(),
+        seed: 3,
+        light_choice: LightChoice::Girandole,
+    };
+    let chosen = backend::choose(BackendChoice::Cpu).expect("threads");
+    let mut session = Session::new(stage, settings, PACE, chosen).expect("a valid scene");
+    let image = session.frame(&|_| {}).expect("a scene that renders").image;
+    let (view, size) = (View::new(&camera, 32, 18), Vec2::new(32.0, 18.0));
+    let shows_geometry = |index: usize| {
+        let at = Vec2::new((index % 32) as f32 + 0.5, (index / 32) as f32 + 0.5);
+        geometry.nearest(view.eye, view.direction(at, size)).is_some()
+    };
+    let exposure = session.scene().exposure;
+    let covered = (0..image.pixels.len()).filter(|&index| shows_geometry(index));
+    covered.map(|index| agx(image.pixels[index] * exposure).y).collect()
 }
 
 #[test]

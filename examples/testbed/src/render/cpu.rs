@@ -66,11 +66,29 @@ pub fn render(
 }
 
 /// Computes the radiance of camera rays.
-struct Integrator<'a> {
-    scene: &'a Scene,
-    geometry: &'a Geometry,
-    lights: Lights<'a>,
-    candidates: CandidateCount,
+pub struct Integrator<'a> {
+    /// What the rays meet.
+    pub scene: &'a Scene,
+    /// The same, for rays.
+    pub geometry: &'a Geometry,
+    /// What lights it.
+    pub lights: Lights<'a>,
+    /// Candidates of which each sample keeps one.
+    pub candidates: CandidateCount,
+}
+
+/// The radiance of a surface that a camera ray met, by its origin.
+pub struct Seen {
+    /// Of the surface itself.
+    pub emitted: Vec3,
+    /// Reflected from the lights: one sample of it.
+    pub reflected: Vec3,
+    /// Reflected from the sky.
+    pub ambient: Vec3,
+    /// From the camera, metres.
+    pub distance: f32,
+    /// What it shows follows the exposure.
+    pub is_unlit: bool,
 }
 
 /// A point that a camera ray met.
@@ -104,9 +122,23 @@ impl Integrator<'_> {
         numbers: &SampleNumbers,
         rays: &mut ShadowRays,
     ) -> Vec3 {
-        let Some(hit) = self.geometry.nearest_at_random(eye, direction, opacity_seed) else {
-            return sky_radiance(&self.scene.sky, direction);
+        let sky = &self.scene.sky;
+        let Some(seen) = self.seen(eye, direction, opacity_seed, numbers, rays) else {
+            return sky_radiance(sky, direction);
         };
+        through_haze(sky, seen.ambient + seen.emitted + seen.reflected, seen.distance)
+    }
+
+    /// The surface along a camera ray; `None` for the sky.
+    pub fn seen(
+        &self,
+        eye: Vec3,
+        direction: Vec3,
+        opacity_seed: OpacitySeed,
+        numbers: &SampleNumbers,
+        rays: &mut ShadowRays,
+    ) -> Option<Seen> {
+        let hit = self.geometry.nearest_at_random(eye, direction, opacity_seed)?;
         let object = &self.geometry.objects[hit.object as usize];
         let material = &self.geometry.material(self.scene, &hit);
         let front = self.geometry.normal(&hit);
@@ -114,12 +146,11 @@ impl Integrator<'_> {
         let is_front = front.dot(view) >= 0.0;
         let facing = |normal: Vec3| if is_front { normal } else { -normal };
 
-        let mut sum = self.scene.sky.ambient * material.base_color;
-        if is_front || material.two_sided_emission {
-            sum += material.emission * object.emission_scale;
-        }
-        if material.unlit > 0.0 {
-            return through_haze(&self.scene.sky, sum, hit.distance);
+        let shines = is_front || material.two_sided_emission;
+        let emitted = if shines { material.emission * object.emission_scale } else { Vec3::ZERO };
+        let ambient = self.scene.sky.ambient * material.base_color;
+        if material.is_unlit {
+            return Some(Seen { emitted, reflected: Vec3::ZERO, ambient, distance: hit.distance, is_unlit: true });
         }
 
         let surface = eye + direction * hit.distance;
@@ -133,7 +164,7 @@ impl Integrator<'_> {
             Choice::Baseline(baseline) => self.by_baseline(&surface, baseline, numbers, rays),
             Choice::All => self.by_all(&surface, numbers, rays),
         };
-        through_haze(&self.scene.sky, sum + reflected, hit.distance)
+        Some(Seen { emitted, reflected, ambient, distance: hit.distance, is_unlit: false })
     }
 
     /// The light of one sample: of several candidates, one is kept in proportion to what it

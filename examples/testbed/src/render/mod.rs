@@ -7,7 +7,8 @@
 //! 3. `textures`, `nodes`, `geometry` and `rays`: textured surfaces, and the hierarchies that rays
 //!    traverse;
 //! 4. `baseline` and `choice`: samplers to compare with, and how samples choose lights;
-//! 5. `cpu`: the whole renderer on threads, which is the easier one to read;
+//! 5. `cpu`: the whole renderer on threads, which is the easier one to read, and `metering`, an exposure
+//!    for what it shows;
 //! 6. `backend` and `gpu`: the same renderer as a compute shader.
 
 use super::scene;
@@ -31,6 +32,8 @@ pub mod choice;
 
 #[cfg(feature = "native")]
 pub mod cpu;
+#[cfg(feature = "native")]
+pub mod metering;
 
 #[cfg(feature = "native")]
 pub mod backend;

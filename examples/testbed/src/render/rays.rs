@@ -124,8 +124,9 @@ impl Geometry {
             found.base_color *= color.truncate();
             found.opacity *= color.w;
         }
-        if found.unlit > 0.0 {
-            found.emission += found.base_color * found.unlit;
+        if found.is_unlit {
+            // White shows as white, however bright the lights are.
+            found.emission += found.base_color / scene.exposure;
             found.base_color = Vec3::ZERO;
         }
         found

@@ -55,6 +55,7 @@ impl Assembly {
             sky,
             lamp_clearance: 0.1,
             exposure: 1.0,
+            is_metered: false,
             warnings: Vec::new(),
         };
         Self { scene, world }

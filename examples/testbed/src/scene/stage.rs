@@ -32,9 +32,9 @@ pub struct Material {
     pub emission: Vec3,
     /// Whether the back side emits too.
     pub two_sided_emission: bool,
-    /// If it is above 0, the surface reflects nothing: it shows its base colour times this, in nits, to the
-    /// camera, and lights nothing.
-    pub unlit: f32,
+    /// Whether the surface reflects nothing: it shows its base colour to the camera at the scene's
+    /// exposure, and lights nothing.
+    pub is_unlit: bool,
     /// Whether shadow rays pass through.
     pub see_through: bool,
     /// Whether light passes through for camera and shadow rays alike.
@@ -66,7 +66,7 @@ impl Default for Material {
             metallic: 0.0,
             emission: Vec3::ZERO,
             two_sided_emission: false,
-            unlit: 0.0,
+            is_unlit: false,
             see_through: false,
             alpha: Alpha::Opaque,
             opacity: 1.0,
@@ -163,6 +163,8 @@ pub struct Scene {
     pub lamp_clearance: f32,
     /// Factor on radiance before tone mapping.
     pub exposure: f32,
+    /// Whether the exposure is relative to what the camera sees in the first frame (`render::metering`).
+    pub is_metered: bool,
     /// What the user should know about the files: one line each.
     pub warnings: Vec<String>,
 }

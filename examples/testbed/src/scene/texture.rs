@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use girandole::glam::{Affine2, Vec2, Vec3, Vec4, Vec4Swizzles};
+use girandole::glam::{Affine2, Vec2, Vec4, Vec4Swizzles};
 
 /// Longest side of an image, pixels. The renderer packs a side into 16 bits, and larger images show
 /// no more in pictures of usual sizes.
@@ -91,18 +91,6 @@ impl Texture {
         let texel = Vec4::from(rgba[y * *width as usize + x].map(f32::from)) / 255.0;
         if self.is_srgb { texel.truncate().map(srgb_to_linear).extend(texel.w) } else { texel }
     }
-
-    /// The mean linear colour of the image.
-    pub fn mean(&self) -> Vec3 {
-        let step = self.pixels.rgba.len().div_ceil(1024);
-        let (mut sum, mut count) = (Vec3::ZERO, 0.0);
-        for pixel in self.pixels.rgba.iter().step_by(step) {
-            let color = Vec4::from(pixel.map(f32::from)).truncate() / 255.0;
-            sum += if self.is_srgb { color.map(srgb_to_linear) } else { color };
-            count += 1.0;
-        }
-        sum / count
-    }
 }
 
 #[cfg(test)]
@@ -130,6 +118,5 @@ mod tests {
         assert_eq!([at(&texture, 1.25).x, at(&texture, 1.75).x], [1.0, 0.0]);
         texture.is_nearest = true;
         assert_eq!([at(&texture, 0.49).x, at(&texture, 0.51).x, at(&texture, 1e30).x], [0.0, 1.0, 0.0]);
-        assert_eq!(texture.mean(), Vec3::splat(0.5));
     }
 }

@@ -46,6 +46,7 @@ fn build(is_still: bool) -> Result<Stage, Box<dyn std::error::Error>> {
         },
         lamp_clearance: 0.3,
         exposure: 0.12,
+        is_metered: false,
         warnings: Vec::new(),
     };
     let asphalt = material(&mut scene, Vec3::splat(0.12), 0.35, 0.0);

@@ -43,7 +43,9 @@ pub struct FrameUniform {
     /// the same points on lights.
     pub is_spread: u32,
     pub splits: u32,
-    pub padding: [u32; 3],
+    /// The radiance that shows as white, in nits.
+    pub white: f32,
+    pub padding: [u32; 2],
 }
 
 /// What a picture is made with.
@@ -96,7 +98,8 @@ impl FrameUniform {
             first_half: first_half(spp),
             is_spread: 1,
             splits: splits.get() as u32,
-            padding: [0; 3],
+            white: 1.0 / scene.exposure,
+            padding: [0; 2],
         }
     }
 }
@@ -130,7 +133,7 @@ impl Record {
             rows: [
                 material.base_color.extend(material.roughness),
                 material.emission.extend(material.metallic),
-                Vec4::new(material.opacity, cutoff, material.unlit, 0.0),
+                Vec4::new(material.opacity, cutoff, if material.is_unlit { 1.0 } else { 0.0 }, 0.0),
             ],
             words: [
                 if material.two_sided_emission { TWO_SIDED } else { 0 } | alpha,
@@ -244,7 +247,8 @@ mod tests {
             first_attribute,
             first_half,
             is_spread,
-            splits
+            splits,
+            white
         );
         same!("Node", Node, min0, child0, max0, padding0, min1, child1, max1, padding1);
         same!("Triangle", PackedTriangle, corner, material, edge1, flags, edge2, attributes);

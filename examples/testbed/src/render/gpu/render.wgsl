@@ -44,6 +44,8 @@ struct Frame {
     is_spread: u32,
     // The largest number of clusters that a sample splits.
     splits: u32,
+    // The radiance that shows as white, in nits.
+    white: f32,
 }
 
 struct Node {

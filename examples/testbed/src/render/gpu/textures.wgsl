@@ -52,7 +52,7 @@ fn textured(facet: Triangle, weights: vec2<f32>) -> Record {
         }
     }
     if found.row2.z > 0.0 {
-        found.row1 += vec4<f32>(found.row0.xyz * found.row2.z, 0.0);
+        found.row1 += vec4<f32>(found.row0.xyz * frame.white, 0.0);
         found.row0 = vec4<f32>(vec3<f32>(0.0), found.row0.w);
     }
     return found;

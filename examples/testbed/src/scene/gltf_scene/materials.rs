@@ -130,7 +130,7 @@ fn convert(material: &GltfMaterial<'_>) -> Material {
         metallic: surface.metallic_factor().clamp(0.0, 1.0),
         emission: material_emission(material),
         two_sided_emission: material.double_sided() || is_unlit,
-        unlit: if is_unlit { 1.0 } else { 0.0 },
+        is_unlit,
         see_through: see_through(material),
         alpha,
         opacity: opacity.clamp(0.0, 1.0),

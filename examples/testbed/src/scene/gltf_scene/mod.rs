@@ -4,8 +4,7 @@
 //!
 //! 1. this file: how the stage is put together;
 //! 2. `notes`, `images`, `materials`, `attributes` and `skins`: textured surfaces, and what is not used;
-//! 3. `extent`, `occupancy`, `viewpoint` and `exposure`: a camera and an exposure for scenes without a
-//!    camera;
+//! 3. `extent`, `occupancy` and `viewpoint`: a camera for scenes without one;
 //! 4. `node_map`, `animation` and `sway`: the file's animations, or wind where there are none.
 
 use std::path::Path;
@@ -19,7 +18,7 @@ use girandole::gltf::{
 use girandole::{DirectionalLight, LightWorld, Policy};
 
 use super::texture::{self, Texture};
-use super::{Alpha, Animation, Camera, Material, Mesh, Object, Scene, SceneError, Sky, Stage, Triangle, rng};
+use super::{Alpha, Animation, Camera, Material, Mesh, Object, Scene, SceneError, Sky, Stage, Triangle};
 
 pub mod notes;
 pub mod images;
@@ -30,7 +29,6 @@ pub mod skins;
 pub mod extent;
 pub mod occupancy;
 pub mod viewpoint;
-pub mod exposure;
 
 pub mod node_map;
 pub mod animation;
@@ -110,6 +108,7 @@ pub fn stage(path: &Path, camera: Option<Camera>) -> Result<Stage, SceneError> {
         sky: SKY,
         lamp_clearance: LAMP_CLEARANCE,
         exposure: 1.0,
+        is_metered: true,
         warnings: images.warnings,
     };
     scene.warnings.extend(placed.warnings);
@@ -120,9 +119,6 @@ pub fn stage(path: &Path, camera: Option<Camera>) -> Result<Stage, SceneError> {
         world.add_directional(moon())?;
     }
     scene.camera = camera.or(own_camera).unwrap_or_else(|| viewpoint::camera(&scene, &world, &extent));
-    scene.exposure = exposure::exposure(&scene, &world);
-    // White shows as white, however bright the lights are.
-    scene.materials.iter_mut().for_each(|material| material.unlit /= scene.exposure);
     let node_map = NodeMap::new(&file.document, &placed.node_objects, &lights);
     let animation: Box<dyn Animation> = match Player::new(&file, node_map.clone()).map_err(|error| fail(error.0))? {
         Some(player) => Box::new(player),

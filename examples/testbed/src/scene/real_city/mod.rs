@@ -239,7 +239,7 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     let roof = blocks::highest_near(buildings, below, ROOF_REACH, shift);
     scene.camera.eye.y = scene.camera.eye.y.max(roof + ROOF_CLEARANCE);
     scene.lamp_clearance = 0.1;
-    scene.exposure = 0.5;
+    scene.is_metered = true;
     scene.warnings = warnings;
     let mut stage = Stage { scene, world, animation: Box::new(Still) };
     if let Some(mut traffic) = traffic {
