@@ -63,7 +63,7 @@ pub struct Measured {
 pub fn measure(options: &Options) -> Result<Measured, SceneError> {
     let plan = options.plan();
     let Played { stage, times: world_times, upload_bytes } =
-        play(&options.scene, plan.frames, Upkeep::Budgeted(DEFAULT_BUDGET))?;
+        play((&options.scene, plan.size), plan.frames, Upkeep::Budgeted(DEFAULT_BUDGET))?;
     let mut view = SceneView::new(&stage.scene, options.matte, &plan)?;
     meter(&mut view.scene, &view.geometry, &stage.world, plan.size);
     let prepared = Prepared::new(&stage.world)?;
@@ -246,13 +246,13 @@ impl Bench<'_> {
         match change {
             Change::Upkeep(upkeep) => {
                 let Played { stage, times, .. } =
-                    play(&self.options.scene, self.plan.frames, upkeep)?;
+                    play((&self.options.scene, self.plan.size), self.plan.frames, upkeep)?;
                 world_times = times;
                 other = Some(stage.world);
             }
             Change::SolidAngles => {
                 let budget = Upkeep::Budgeted(DEFAULT_BUDGET);
-                let Played { mut stage, .. } = play(&self.options.scene, self.plan.frames, budget)?;
+                let Played { mut stage, .. } = play((&self.options.scene, self.plan.size), self.plan.frames, budget)?;
                 stage.world.set_solid_angle_sampling(true);
                 other = Some(stage.world);
             }

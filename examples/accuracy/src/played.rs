@@ -41,12 +41,12 @@ pub struct Played {
     pub upload_bytes: f64,
 }
 
-/// Loads a scene and plays it for at least two frames. Directional lights are removed, since they
+/// Loads a scene for pictures of a size and plays it for at least two frames. Directional lights are removed, since they
 /// belong to no tree. What is timed uses one thread.
-pub fn play(options: &SceneOptions, frames: u32, upkeep: Upkeep) -> Result<Played, SceneError> {
+pub fn play((options, size): (&SceneOptions, (u32, u32)), frames: u32, upkeep: Upkeep) -> Result<Played, SceneError> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let pool = pool.map_err(|error| SceneError(format!("cannot start a thread: {error}")))?;
-    let mut stage = options.load()?;
+    let mut stage = options.load(size)?;
     stage.remove_directionals()?;
     let budget = start(&mut stage.world, upkeep)?;
     let mut uploads = Uploads::start();

@@ -64,11 +64,11 @@ pub struct SceneOptions {
 }
 
 impl SceneOptions {
-    /// Loads the scene.
-    pub fn load(&self) -> Result<Stage, SceneError> {
+    /// Loads the scene for pictures of this width and height.
+    pub fn load(&self, (width, height): (u32, u32)) -> Result<Stage, SceneError> {
         let Self { gltf, lamps, traffic, vtypes, net, buildings, seed, cars, world, lamps_columns, .. } = self.clone();
         let mut stage = if let Some(path) = gltf {
-            gltf_scene::stage(&path, self.camera())?
+            gltf_scene::stage_in_frame(&path, self.camera(), width as f32 / height as f32)?
         } else if [&lamps, &traffic, &net, &buildings].into_iter().any(Option::is_some) {
             let (vehicle_types, lamp_columns) = (vtypes, lamps_columns.unwrap_or_default());
             let files = RealCityOptions { lamps, lamp_columns, traffic, vehicle_types, net, buildings, cars, seed };

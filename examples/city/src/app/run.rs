@@ -19,7 +19,7 @@ const TICKS: u64 = 1000;
 /// Renders all frames. `print` receives lines for the user. Invalid input is refused before the
 /// first file is written.
 pub fn run(options: &Options, print: &mut dyn FnMut(&str)) -> Result<(), SceneError> {
-    let stage = options.scene.load()?;
+    let stage = options.scene.load(options.size)?;
     stage.scene.warnings.iter().for_each(|warning| print(&format!("warning: {warning}")));
     let chosen = backend::choose(options.backend)?;
     print(&chosen.to_string());

@@ -97,13 +97,17 @@ fn title(view: ViewKind) -> String {
 
 impl Shell {
     fn new(options: &Options, proxy: egui_winit::winit::event_loop::EventLoopProxy<()>) -> Self {
+        let window_size = options.window_size.unwrap_or(WINDOW_SIZE);
         let controls = first_controls(options);
+        // Beside the panel.
+        let size = (window_size.0.saturating_sub(panel::WIDTH as u32).max(1), window_size.1);
+        let options = &Options { size, ..options.clone() };
         let wake = move || {
             // The event loop may have ended already; then nobody waits.
             let _ = proxy.send_event(());
         };
         Self {
-            window_size: options.window_size.unwrap_or(WINDOW_SIZE),
+            window_size,
             folder: options.folder().unwrap_or(Path::new(".")).to_owned(),
             worker: Worker::start(options, controls, wake),
             presenter: None,

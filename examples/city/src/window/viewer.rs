@@ -70,7 +70,7 @@ impl Viewer {
         }
         let chosen = backend::choose(choice)?;
         let backend = chosen.to_string();
-        let session = Session::new(options.scene.load()?, options.settings(), options.pace(), chosen)?;
+        let session = Session::new(options.scene.load(options.size)?, options.settings(), options.pace(), chosen)?;
         let accumulation = Accumulation::default();
         Ok(Self { options, session, backend, accumulation, last: *controls })
     }

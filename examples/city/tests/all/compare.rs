@@ -25,7 +25,7 @@ const LEAST_FACTOR: f64 = 4.0;
 #[test]
 fn girandole_has_less_error_than_uniform_choices_with_four_times_the_samples() {
     let options = options("--compare --size 64x36 --spp 4");
-    let stage = options.scene.load().expect("the city");
+    let stage = options.scene.load(options.size).expect("the city");
     let plan = Plan::new(&options.settings(), stage.world.light_count());
     let mut session =
         Session::new(stage, options.settings(), options.pace(), backend::cpu("a test")).expect("a valid scene");

@@ -16,7 +16,7 @@ use testbed::render::settings::{LightChoice, Settings};
 use testbed::render::shading::View;
 use testbed::render::textures::OpacitySeed;
 use testbed::scene::real_city::{self, RealCityOptions};
-use testbed::scene::{SceneError, Stage, gltf_scene};
+use testbed::scene::{Scene, SceneError, Stage, gltf_scene};
 use testbed::testing::gltf_documents::{
     Document, SQUARE, SQUARE_INDICES, data_uri, floats, png, square, square_primitive, textured_scene,
 };
@@ -446,6 +446,35 @@ fn files_without_a_camera_give_a_usable_picture() {
         // What shows geometry is neither dark nor burnt out, and it is a good part of the picture.
         assert!(shown.len() > 60, "{name}: {} of 576 pixels, {camera:?}", shown.len());
         assert!((0.1..0.8).contains(&mean), "{name}: mean {mean}, {camera:?}");
+    }
+}
+
+#[test]
+fn a_scene_without_a_camera_fills_pictures_of_any_shape() {
+    let scenes =
+        [still_life(1.0, [30_000.0, -500.0, 7.0], true, 0.0, true), still_life(3.0, [0.0; 3], false, 1.0, false)];
+    for (index, text) in scenes.iter().enumerate() {
+        let path = write(&format!("fill-{index}"), text);
+        for (width, height) in [(400, 900), (500, 500), (1600, 900), (1500, 300)] {
+            let aspect = width as f32 / height as f32;
+            let Scene { camera, objects, meshes, .. } =
+                gltf_scene::stage_in_frame(&path, None, aspect).expect("a valid scene").scene;
+            let view = View::new(&camera, width, height);
+            let place = |vertex: Vec3| {
+                let toward = vertex - view.eye;
+                let across = Vec2::new(toward.dot(view.right), toward.dot(view.up));
+                across / Vec2::new(view.right.length_squared(), view.up.length_squared()) / toward.dot(view.forward)
+            };
+            let corners = objects.iter().flat_map(|object| {
+                let triangles = meshes[object.mesh as usize].triangles.iter();
+                triangles.flat_map(|triangle| triangle.vertices.map(|v| place(object.transform.transform_point3(v))))
+            });
+            let (low, high) = corners.fold((Vec2::MAX, Vec2::MIN), |(low, high), at| (low.min(at), high.max(at)));
+            // From -1 to 1 is the whole picture. Both sides are in its middle, and the longer one fills 90 %.
+            let filled = (high - low) * 0.5;
+            assert!((high + low).abs().max_element() < 2e-3, "{width}x{height}: {low}, {high}");
+            assert!((filled.max_element() - 0.9).abs() < 2e-3, "{width}x{height}: {low}, {high}");
+        }
     }
 }
 

@@ -17,7 +17,7 @@ const TICKS: u64 = 1000;
 /// Compares the samplers at the first frame. `print` receives lines for the user. Invalid input is
 /// refused before the folder is created.
 pub fn compare(options: &Options, print: &mut dyn FnMut(&str)) -> Result<Comparison, SceneError> {
-    let stage = options.scene.load()?;
+    let stage = options.scene.load(options.size)?;
     stage.scene.warnings.iter().for_each(|warning| print(&format!("warning: {warning}")));
     let chosen = backend::cpu("--compare renders on the CPU");
     print(&chosen.to_string());

@@ -2,7 +2,16 @@
 
 use girandole::glam::Vec3;
 
-use super::Scene;
+use super::{Object, Scene};
+
+/// The corners of all visible triangles, in world space.
+pub fn vertices(scene: &Scene) -> impl Iterator<Item = Vec3> {
+    let is_shown = |object: &&Object| object.visible && object.transform.matrix3.determinant() != 0.0;
+    scene.objects.iter().filter(is_shown).flat_map(|object| {
+        let corners = scene.meshes[object.mesh as usize].triangles.iter().flat_map(|triangle| triangle.vertices);
+        corners.map(|vertex| object.transform.transform_point3(vertex))
+    })
+}
 
 /// The box of all visible triangles, in world space.
 #[derive(Clone, Copy, Debug)]
@@ -17,12 +26,8 @@ impl Extent {
     /// The box of a scene with at least one triangle. It is a point at the origin if all are hidden.
     pub fn of(scene: &Scene) -> Self {
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        let is_shown = |object: &&super::Object| object.visible && object.transform.matrix3.determinant() != 0.0;
-        for object in scene.objects.iter().filter(is_shown) {
-            for vertex in scene.meshes[object.mesh as usize].triangles.iter().flat_map(|t| t.vertices) {
-                let vertex = object.transform.transform_point3(vertex);
-                (low, high) = (low.min(vertex), high.max(vertex));
-            }
+        for vertex in vertices(scene) {
+            (low, high) = (low.min(vertex), high.max(vertex));
         }
         if low.cmple(high).all() { Self { low, high } } else { Self { low: Vec3::ZERO, high: Vec3::ZERO } }
     }

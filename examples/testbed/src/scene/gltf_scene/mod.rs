@@ -84,9 +84,14 @@ pub fn open(path: &Path) -> Result<GltfFile, SceneError> {
     })
 }
 
-/// Loads a file. The camera is `camera`, else the first perspective camera of the file, else it is
-/// placed where it shows the scene.
+/// Loads a file for pictures of 16:9. See [`stage_in_frame`].
 pub fn stage(path: &Path, camera: Option<Camera>) -> Result<Stage, SceneError> {
+    stage_in_frame(path, camera, 16.0 / 9.0)
+}
+
+/// Loads a file. The camera is `camera`, else the first perspective camera of the file, else it is
+/// placed where it shows the scene in a picture that is `aspect` times as wide as high.
+pub fn stage_in_frame(path: &Path, camera: Option<Camera>, aspect: f32) -> Result<Stage, SceneError> {
     let fail = |what: String| SceneError(format!("{}: {what}", path.display()));
     let file = open(path)?;
     let images = images::load(&file, path.parent()).map_err(|error| fail(error.0))?;
@@ -118,7 +123,7 @@ pub fn stage(path: &Path, camera: Option<Camera>) -> Result<Stage, SceneError> {
         scene.warnings.push("the file has no lights; a moon is added".into());
         world.add_directional(moon())?;
     }
-    scene.camera = camera.or(own_camera).unwrap_or_else(|| viewpoint::camera(&scene, &world, &extent));
+    scene.camera = camera.or(own_camera).unwrap_or_else(|| viewpoint::camera(&scene, &world, &extent, aspect));
     let node_map = NodeMap::new(&file.document, &placed.node_objects, &lights);
     let animation: Box<dyn Animation> = match Player::new(&file, node_map.clone()).map_err(|error| fail(error.0))? {
         Some(player) => Box::new(player),

@@ -5,7 +5,7 @@ use std::f32::consts::{PI, TAU};
 use girandole::glam::{Vec2, Vec3, vec2, vec3};
 use girandole::{LightWorld, Shape};
 
-use super::extent::Extent;
+use super::extent::{Extent, vertices};
 use super::occupancy::Occupancy;
 use super::{Camera, Scene};
 
@@ -13,6 +13,8 @@ use super::{Camera, Scene};
 pub const FIELD_OF_VIEW: f32 = PI / 3.0;
 /// Height of the camera above the ground, metres.
 const EYE_HEIGHT: f32 = 2.0;
+/// Share of the width or the height of the picture that a scene seen from outside fills.
+const FILLED: f32 = 0.9;
 /// Distance within which a view is examined, metres.
 const REACH: f32 = 40.0;
 /// Scenes with a smaller diagonal, in metres, are no place for an eye of this height.
@@ -54,10 +56,10 @@ fn triangles(scene: &Scene) -> Vec<[Vec3; 3]> {
 }
 
 /// A camera among the lights if the scene is large enough to stand in and shows lights from there, and
-/// else one that sees all of it from outside.
-pub fn camera(scene: &Scene, world: &LightWorld, extent: &Extent) -> Camera {
+/// else one that sees all of it from outside, in a picture that is `aspect` times as wide as high.
+pub fn camera(scene: &Scene, world: &LightWorld, extent: &Extent, aspect: f32) -> Camera {
     let inside = (extent.size() >= MIN_STREET_SIZE).then(|| among_lights(scene, world)).flatten();
-    inside.unwrap_or_else(|| outside(scene, extent))
+    inside.unwrap_or_else(|| outside(scene, extent, aspect))
 }
 
 /// A camera two metres above the ground, near the brightest lights, in the direction with the best
@@ -135,7 +137,7 @@ fn ground(triangles: &[[Vec3; 3]], at: Vec2, top: f32) -> Option<f32> {
 
 /// A camera that sees the whole scene from outside and above, from the side that shows most of its
 /// emissive surfaces.
-fn outside(scene: &Scene, extent: &Extent) -> Camera {
+fn outside(scene: &Scene, extent: &Extent, aspect: f32) -> Camera {
     let sides = [(0.37, 0.64), (-0.64, 0.37), (0.64, -0.37), (-0.37, -0.64)];
     let directions = sides.map(|(x, z)| vec3(x, 0.32, z));
     let mut shown = [0.0f32; 4];
@@ -156,26 +158,42 @@ fn outside(scene: &Scene, extent: &Extent) -> Camera {
     shown[0] *= 1.1;
     let best =
         (0..4).max_by(|a, b| shown[*a].total_cmp(&shown[*b])).filter(|&best| shown[best] > shown[0]).unwrap_or(0);
-    let (target, toward_eye) = (extent.middle(), directions[best].normalize());
-    Camera {
-        eye: target + toward_eye * fitting_distance(extent, toward_eye),
-        target,
-        vertical_fov: FIELD_OF_VIEW,
-        up: Vec3::Y,
-    }
+    let forward = -directions[best].normalize();
+    let eye = fitting_eye(vertices(scene), extent, forward, aspect);
+    Camera { eye, target: eye + forward * eye.distance(extent.middle()), vertical_fov: FIELD_OF_VIEW, up: Vec3::Y }
 }
 
-/// The distance from the middle of a box, along a unit vector, from which the whole box fits into a picture
-/// of 4:3 or wider, with some room around it.
-fn fitting_distance(extent: &Extent, toward_eye: Vec3) -> f32 {
-    let right = Vec3::Y.cross(toward_eye).normalize();
-    let up = toward_eye.cross(right);
-    let half_height = (FIELD_OF_VIEW * 0.5).tan();
-    let distance = |corner: usize| {
-        let side = |axis: usize| if corner >> axis & 1 == 0 { extent.low[axis] } else { extent.high[axis] };
-        let at = vec3(side(0), side(1), side(2)) - extent.middle();
-        let across = (at.dot(right).abs() * 0.75).max(at.dot(up).abs());
-        across / half_height + at.dot(toward_eye)
+/// Where a camera that looks along a unit vector shows all points as large as fits into the `FILLED` part of
+/// a picture, in its middle. `aspect` is the width of the picture by its height.
+fn fitting_eye(points: impl Iterator<Item = Vec3>, extent: &Extent, forward: Vec3, aspect: f32) -> Vec3 {
+    let right = forward.cross(Vec3::Y).normalize();
+    let axes = [right, right.cross(forward), forward];
+    let mut points: Vec<[f32; 3]> = points.map(|point| axes.map(|axis| axis.dot(point - extent.middle()))).collect();
+    if points.is_empty() {
+        // All is hidden.
+        points.push([0.0; 3]);
+    }
+    // Where the sides of a view of this slope touch points on both sides: across and in depth.
+    let touching = |axis: usize, slope: f32| {
+        let (mut high, mut low) = (f32::NEG_INFINITY, f32::NEG_INFINITY);
+        for point in &points {
+            (high, low) = (high.max(point[axis] - slope * point[2]), low.max(-point[axis] - slope * point[2]));
+        }
+        ((high - low) * 0.5, (high + low) / (-2.0 * slope))
     };
-    1.1 * (0..8).map(distance).fold(extent.size() * 0.1, f32::max)
+    let slope = (FIELD_OF_VIEW * 0.5).tan() * FILLED;
+    let slopes = [slope * aspect, slope];
+    // The eye is not within flat scenes either.
+    let nearest = points.iter().map(|point| point[2]).fold(extent.size(), f32::min);
+    let depth = touching(0, slopes[0]).1.min(touching(1, slopes[1]).1).min(nearest - extent.size() * 0.1);
+    let middle = [0, 1].map(|axis| {
+        // The view touches with a smaller slope on the axis that has room: bisection.
+        let (mut low, mut high) = (0.0, slopes[axis]);
+        for _ in 0..24 {
+            let slope = (low + high) * 0.5;
+            if touching(axis, slope).1 < depth { low = slope } else { high = slope }
+        }
+        touching(axis, high).0
+    });
+    extent.middle() + axes[0] * middle[0] + axes[1] * middle[1] + forward * depth
 }
