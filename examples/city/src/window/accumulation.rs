@@ -114,6 +114,11 @@ impl Accumulation {
         accumulated
     }
 
+    /// Whether each pixel shows the sky or an emissive surface.
+    pub fn clear_pixels(&self) -> Vec<bool> {
+        self.last.iter().flat_map(|last| &last.pixels).map(|pixel| pixel.visible.is_clear).collect()
+    }
+
     /// The mean number of frames in a pixel.
     pub fn mean_frames(&self) -> f32 {
         let frames = |last: &Last| last.pixels.iter().map(|pixel| pixel.frames).sum::<f32>() / last.pixels.len() as f32;

@@ -3,6 +3,8 @@
 /// An sRGB colour.
 pub type Rgb = [u8; 3];
 
+/// Where a picture has no value.
+pub const NOTHING: Rgb = [110, 110, 110];
 /// Trees that wait for a rebuild.
 pub const WAITING: Rgb = [255, 64, 64];
 

@@ -1,21 +1,28 @@
 //! The panel at the side of the window: views, sliders, switches and plots.
 
 use super::app::stage_times::StageTimes;
-use super::colors::{Rgb, WAITING, inferno, viridis};
+use super::colors::{NOTHING, Rgb, WAITING, inferno, viridis};
 use super::controls::{Controls, SAMPLERS, ViewKind};
 use super::noise_view::RANGE;
 use super::overlay::OLD;
 use super::recording::{Record, Recording};
 use super::viewer::Shown;
-use egui::{Color32, RichText, Slider, SliderClamping, Ui};
-use egui_plot::{Line, Plot, PlotPoints};
+use egui::style::ScrollStyle;
+use egui::{Button, Color32, Rangef, Slider, SliderClamping, TextStyle, Ui};
+use egui_plot::{AxisHints, Line, Plot, PlotPoints};
 use girandole::{MAX_CANDIDATES, MAX_SPLITS};
 use testbed::render::settings::LightChoice;
 
 /// Width of the panel, points.
 pub const WIDTH: f32 = 300.0;
+/// Colour of text: lighter than egui's, whose grey is hard to read.
+const TEXT: Color32 = Color32::from_gray(225);
+/// Side of a square that shows a colour, points.
+const KEY_SIDE: f32 = 10.0;
 /// Height of a plot, points.
 const PLOT_HEIGHT: f32 = 110.0;
+/// Distances of the numbers beside a plot at which they begin to show and are clear, points.
+const LABEL_SPACING: Rangef = Rangef { min: 11.0, max: 14.0 };
 /// Colours of the stages of a frame: those of Okabe and Ito (2008) with a lighter blue, and two
 /// greys and a green.
 const STAGE_COLORS: [Color32; 10] = [
@@ -63,7 +70,10 @@ pub struct Status<'a> {
 /// Shows the panel, changes the controls, and returns the button that was pressed.
 pub fn show(ui: &mut Ui, controls: &mut Controls, status: &Status<'_>) -> Option<Press> {
     let mut press = None;
-    egui::ScrollArea::vertical().show(ui, |ui| {
+    ui.visuals_mut().override_text_color = Some(TEXT);
+    // The bar shows that there is more below.
+    ui.spacing_mut().scroll = ScrollStyle::solid();
+    egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         ui.horizontal_wrapped(|ui| {
             for (view, key) in ViewKind::ALL.into_iter().zip(1..) {
                 ui.selectable_value(&mut controls.view, view, view.name()).on_hover_text(format!("Key {key}"));
@@ -82,11 +92,8 @@ pub fn show(ui: &mut Ui, controls: &mut Controls, status: &Status<'_>) -> Option
         plots(ui, status.recording);
         ui.separator();
         ui.label(
-            RichText::new(
-                "W A S D fly, E and Q up and down, Shift faster, mouse wheel changes the speed; drag to look \
-                 around. Space stops the time, N steps, R rewinds, Esc closes.",
-            )
-            .small(),
+            "W A S D fly, E and Q up and down, Shift faster, mouse wheel changes the speed; drag to look \
+             around. Space stops the time, N steps, R rewinds, Esc closes.",
         );
     });
     press
@@ -135,7 +142,9 @@ fn sliders(ui: &mut Ui, controls: &mut Controls) {
 fn time_buttons(ui: &mut Ui, controls: &mut Controls) -> Option<Press> {
     let mut press = None;
     ui.horizontal(|ui| {
-        ui.toggle_value(&mut controls.is_frozen, "Freeze").on_hover_text("Space");
+        if ui.add(Button::new("Freeze").selected(controls.is_frozen)).on_hover_text("Space").clicked() {
+            controls.is_frozen = !controls.is_frozen;
+        }
         if ui.button("Step").on_hover_text("N").clicked() {
             (controls.is_frozen, press) = (true, Some(Press::Step));
         }
@@ -150,7 +159,7 @@ fn legend(ui: &mut Ui, view: ViewKind) {
     let color = |[r, g, b]: Rgb| Color32::from_rgb(r, g, b);
     let scale = |ui: &mut Ui, map: fn(f32) -> Rgb, ends: [String; 2]| {
         ui.horizontal(|ui| {
-            ui.small(&ends[0]);
+            ui.label(&ends[0]);
             let (place, _) = ui.allocate_exact_size(egui::vec2(120.0, 10.0), egui::Sense::hover());
             let steps = 40;
             for step in 0..steps {
@@ -162,21 +171,35 @@ fn legend(ui: &mut Ui, view: ViewKind) {
                 );
                 ui.painter().rect_filled(bar, 0.0, color(map(share)));
             }
-            ui.small(&ends[1]);
+            ui.label(&ends[1]);
         });
     };
     match view {
         ViewKind::Picture => {}
         ViewKind::Noise => {
-            ui.small("Relative standard error of each pixel.");
+            ui.label("Relative standard error of each pixel.");
             scale(ui, inferno, RANGE.map(percent));
+            key(ui, color(NOTHING), "sky or emissive surface");
         }
         ViewKind::Trees => {
-            ui.small("Boxes of the light trees, by updates since the last build.");
+            ui.label("Boxes of the light trees, by updates since the last build.");
             scale(ui, viridis, ["0".into(), format!("{OLD}")]);
-            ui.small(RichText::new("waits for a rebuild").color(color(WAITING)));
+            key(ui, color(WAITING), "waits for a rebuild");
         }
     }
+}
+
+/// What a colour stands for: a square, and text in the colour that is easy to read.
+fn key(ui: &mut Ui, color: Color32, name: &str) {
+    let text = ui.painter().layout_no_wrap(name.into(), TextStyle::Body.resolve(ui.style()), TEXT);
+    let size = egui::vec2(KEY_SIDE + 4.0 + text.size().x, text.size().y);
+    let (place, _) = ui.allocate_exact_size(size, egui::Sense::hover());
+    let square = egui::Rect::from_center_size(
+        place.left_center() + egui::vec2(KEY_SIDE * 0.5, 0.0),
+        egui::Vec2::splat(KEY_SIDE),
+    );
+    ui.painter().rect_filled(square, 1.0, color);
+    ui.painter().galley(place.right_top() - egui::vec2(text.size().x, 0.0), text, TEXT);
 }
 
 /// A power of two as a percentage.
@@ -185,7 +208,7 @@ fn percent(power: f32) -> String {
 }
 
 fn numbers(ui: &mut Ui, status: &Status<'_>) {
-    ui.small(status.backend);
+    ui.label(status.backend);
     let Some(shown) = status.shown else {
         ui.label("Loading the scene ...");
         return;
@@ -222,10 +245,12 @@ fn plots(ui: &mut Ui, recording: &Recording) {
 /// A plot over the last frames, with its legend below: it has no room for both.
 fn plot(ui: &mut Ui, title: &str, lines: Vec<(&str, Color32, Vec<[f64; 2]>)>) {
     ui.label(title);
-    let names: Vec<(&str, Color32)> = lines.iter().map(|(name, color, _)| (*name, *color)).collect();
+    let names: Vec<(&str, Color32)> =
+        lines.iter().filter(|(name, ..)| !name.is_empty()).map(|(name, color, _)| (*name, *color)).collect();
     Plot::new(title)
         .height(PLOT_HEIGHT)
         .include_y(0.0)
+        .custom_y_axes(vec![AxisHints::new_y().label_spacing(LABEL_SPACING)])
         .allow_drag(false)
         .allow_zoom(false)
         .allow_scroll(false)
@@ -237,7 +262,7 @@ fn plot(ui: &mut Ui, title: &str, lines: Vec<(&str, Color32, Vec<[f64; 2]>)>) {
         });
     ui.horizontal_wrapped(|ui| {
         for (name, color) in names {
-            ui.small(RichText::new(name).color(color));
+            key(ui, color, name);
         }
     });
 }

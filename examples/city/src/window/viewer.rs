@@ -46,6 +46,24 @@ pub struct Wish {
     pub size: (u32, u32),
 }
 
+/// The last filtered picture. It is shown until rendering has taken as long as its filter did.
+struct Filtered {
+    size: (u32, u32),
+    pixels: Vec<u8>,
+    /// Time that the filter took.
+    cost: Duration,
+    /// Time that rendering has taken since then.
+    rendering: Duration,
+}
+
+impl Filtered {
+    /// The same after a frame, whose rendering took some time; `None` if the next filter is due.
+    fn unless_due(self, rendering: Duration) -> Option<Self> {
+        let rendering = self.rendering + rendering;
+        (rendering < self.cost).then_some(Self { rendering, ..self })
+    }
+}
+
 /// Renders a scene that the user flies through.
 pub struct Viewer {
     options: Options,
@@ -53,6 +71,7 @@ pub struct Viewer {
     /// Where frames are rendered, for the user.
     backend: String,
     accumulation: Accumulation,
+    filtered: Option<Filtered>,
     /// The controls of the last picture.
     last: Controls,
 }
@@ -72,7 +91,7 @@ impl Viewer {
         let backend = chosen.to_string();
         let session = Session::new(options.scene.load(options.size)?, options.settings(), options.pace(), chosen)?;
         let accumulation = Accumulation::default();
-        Ok(Self { options, session, backend, accumulation, last: *controls })
+        Ok(Self { options, session, backend, accumulation, filtered: None, last: *controls })
     }
 
     /// Where frames are rendered.
@@ -144,13 +163,25 @@ impl Viewer {
         let mut stats = frame.stats;
         let scene = self.session.scene();
         let accumulated = self.accumulation.add(&frame.image, scene, self.session.geometry(), is_still);
-        let is_filtered = controls.is_filtered && controls.view != ViewKind::Noise;
-        let image = if is_filtered { self.session.denoise(&accumulated) } else { accumulated };
         stats.times.denoising = laps.lap();
-        let exposure = scene.exposure * controls.exposure_ev.exp2();
-        let pixels = match controls.view {
-            ViewKind::Noise => noise_picture(&image),
-            _ => tone_map(&image, exposure),
+        let is_filtered = controls.is_filtered && controls.view != ViewKind::Noise;
+        let last = self.filtered.take().filter(|last| is_filtered && !step && last.size == *size);
+        let last = last.and_then(|last| last.unless_due(stats.times.rendering));
+        let pixels = if let Some(last) = last {
+            self.filtered.insert(last).pixels.clone()
+        } else {
+            let image = if is_filtered { self.session.denoise(&accumulated) } else { accumulated };
+            let cost = laps.lap();
+            stats.times.denoising += cost;
+            let exposure = scene.exposure * controls.exposure_ev.exp2();
+            let pixels = match controls.view {
+                ViewKind::Noise => noise_picture(&image, &self.accumulation.clear_pixels()),
+                _ => tone_map(&image, exposure),
+            };
+            if is_filtered {
+                self.filtered = Some(Filtered { size: *size, pixels: pixels.clone(), cost, rendering: Duration::ZERO });
+            }
+            pixels
         };
         stats.times.tone_mapping = laps.lap();
         let frames = self.accumulation.mean_frames();
@@ -194,6 +225,7 @@ impl Viewer {
 #[cfg(test)]
 mod tests {
     use super::super::app::options::Parsed;
+    use super::super::colors::NOTHING;
     use super::*;
     use girandole::glam::Vec3;
     use testbed::render::settings::LightChoice;
@@ -277,6 +309,9 @@ mod tests {
         assert!(trees.lines.len() > 1000);
         let noise = with(&mut viewer, ViewKind::Noise);
         assert!(noise.overlay.is_none() && noise.pixels.iter().any(|byte| *byte > 200));
+        // Above the middle of the street is the sky.
+        let pixel = |x: usize, y: usize| &noise.pixels[(y * SIZE.0 as usize + x) * 3..][..3];
+        assert!(pixel(24, 0) == NOTHING && pixel(24, 24) != NOTHING);
     }
 
     #[test]
@@ -308,6 +343,32 @@ mod tests {
             assert_eq!((first.frames, moved.frames), (1.0, 1.0));
             assert_eq!(viewer.camera(), camera);
         }
+    }
+
+    #[test]
+    fn the_filter_takes_no_longer_than_rendering() {
+        let with = |cost| Filtered {
+            size: SIZE,
+            pixels: Vec::new(),
+            cost: Duration::from_millis(cost),
+            rendering: Duration::ZERO,
+        };
+        let frames = |cost| {
+            let mut last = Some(with(cost));
+            (1..).find(|_| {
+                last = last.take().and_then(|last| last.unless_due(Duration::from_millis(4)));
+                last.is_none()
+            })
+        };
+        assert_eq!([1, 4, 5, 10, 400].map(frames), [1, 1, 2, 3, 100].map(Some));
+        // A picture of another size does not wait for its turn.
+        let mut viewer = viewer("cpu");
+        viewer.filtered = Some(with(u64::MAX));
+        let controls = Controls { is_filtered: true, ..controls() };
+        assert_eq!(shown(&mut viewer, controls).pixels.len(), 0, "the last filtered picture");
+        let wish = Wish { size: (16, 9), ..wish(controls) };
+        let shown = viewer.frame(&wish, false).expect("a scene that renders");
+        assert_eq!(shown.pixels.len(), 16 * 9 * 3);
     }
 
     #[test]
