@@ -132,9 +132,10 @@ pub fn stage_in_frame(path: &Path, camera: Option<Camera>, aspect: f32) -> Resul
     Ok(Stage { scene, world, animation })
 }
 
-/// A light for files without lights, from above and from behind the usual camera.
+/// A light for files without lights, from above and from behind the usual camera. It is ten times as bright
+/// as a full moon, so that surfaces are brighter than the sky.
 fn moon() -> DirectionalLight {
-    DirectionalLight { direction: Vec3::new(-0.5, -0.75, -0.43).normalize(), illuminance: Vec3::new(0.16, 0.21, 0.32) }
+    DirectionalLight { direction: Vec3::new(-0.5, -0.75, -0.43).normalize(), illuminance: Vec3::new(1.6, 2.1, 3.2) }
 }
 
 /// The geometry of a file.
