@@ -496,8 +496,10 @@ impl TreeStore {
         let mut has_fallen = false;
         // The next frames evict the rest.
         for slot in fallbacks.into_iter().take(MAX_FALLBACKS) {
-            let is_same = |subject: &Subject| self.residency.get(slot).key == Some(subject.key);
-            let Some(subject) = Subject::of(world, slot).filter(is_same) else { continue };
+            // What has just become small is sent whole: nothing would bring it back.
+            let may_fall =
+                |subject: &Subject| self.residency.get(slot).key == Some(subject.key) && may_stand_in(subject.tree());
+            let Some(subject) = Subject::of(world, slot).filter(may_fall) else { continue };
             let state = self.residency.get(slot).clone();
             match self.show_stand_ins(world, &subject, state, room) {
                 // Without room for stand-ins the tree stays.
