@@ -1,6 +1,7 @@
 //! Plans of frames: their commands, their cost, and what happens to lost, repeated and refused
 //! ones. The kernels run on GPUs in other tests, by way of `GpuLights`, which plays these plans.
 
+mod anew;
 mod limits;
 mod readers;
 mod same_frame;

@@ -9,7 +9,7 @@ use girandole::{
 use super::limits::{lamp, lamps};
 use super::update;
 use testbed::testing::plan_device::{Played, slots};
-use testbed::testing::plan_records::check_parts;
+use testbed::testing::plan_records::check_as_new;
 use testbed::testing::support::Rng;
 
 /// The words of an instance record that say where its tree is.
@@ -141,7 +141,7 @@ fn readers_that_skip_frames_or_start_late_end_with_the_records_of_one_that_follo
         update(&mut world);
         for reader in [&mut follower, &mut skipper] {
             reader.frame(&world);
-            check_parts(reader, &world);
+            check_as_new(reader, &world);
         }
     }
 }

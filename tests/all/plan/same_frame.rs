@@ -8,7 +8,7 @@ use girandole::{InstanceKey, Light, LightTree, LightWorld, Placement, Policy, Tr
 use super::limits::{bytes, idle, lamp, lamps, played, row};
 use super::update;
 use testbed::testing::plan_device::Played;
-use testbed::testing::plan_records::{check, check_parts};
+use testbed::testing::plan_records::{check, check_as_new};
 use testbed::testing::support::Rng;
 
 /// Plays frames in which nothing changes. The last of them send nothing.
@@ -71,7 +71,7 @@ fn a_tree_that_gets_light_parts_in_the_frame_in_which_it_would_move_to_a_gap_has
     }
     update(&mut world);
     played.frame(&world);
-    check_parts(&played, &world);
+    check_as_new(&played, &world);
     assert!(played.planner.stands_in(large));
     rest(&mut played, &world);
     check(&played, &world);
@@ -197,6 +197,6 @@ fn an_opened_tree_flickers_together_with_many_small_trees() {
         played.frame(&world);
         assert_eq!(played.device.dispatches["scatter"], 3, "nodes, lights and records of parts");
         check(&played, &world);
-        check_parts(&played, &world);
+        check_as_new(&played, &world);
     }
 }

@@ -1,16 +1,28 @@
-//! Reads the buffers of a device as shaders do, and compares them with the world. For worlds of point
-//! lights.
+//! Reads the buffers of a device as shaders do, and compares them with the world, which has point
+//! lights only, or with those of a new planner.
 
-use girandole::tree::{EMPTY_SLOT, LEAF, WIDTH};
+use std::collections::HashSet;
+
+use girandole::plan::{LightPlanner, PlanLimits};
+use girandole::tree::{EMPTY_SLOT, LEAF, NO_PARENT, WIDTH};
 use girandole::{Light, LightTree, LightWorld};
 
-use super::plan_device::Played;
+use super::plan_device::{Device, Played, slots};
 
 /// The index of the first stand-in of a tree.
 const STAND_IN: u32 = 1 << 30;
 
-/// The word of a node that holds its parent.
+/// The word of a node that holds its parent, and that of a light that holds its place.
 const PARENT: usize = 36;
+const PLACE: usize = 7;
+
+/// The words of the parameters that say where directional lights, parts and masks start.
+const PLACES_OF_PARAMS: [usize; 3] = [1, 10, 15];
+const FLAGS: usize = 12;
+/// The bytes of the record of a part.
+const PART_BYTES: usize = 80;
+/// The words of an instance that say where its tree, its nodes, its lights and its parts start.
+const PLACES_OF_INSTANCE: [usize; 4] = [13, 14, 15, 16];
 
 /// Bits of the flags of an instance.
 const LIVE: u32 = 1;
@@ -28,9 +40,23 @@ impl Records<'_> {
         u32::from_le_bytes(self.bytes[at..at + 4].try_into().expect("four bytes"))
     }
 
+    fn words(&self, record: u32) -> Vec<u32> {
+        (0..self.stride).map(|word| self.word(record, word)).collect()
+    }
+
     fn float(&self, record: u32, word: usize) -> f32 {
         f32::from_bits(self.word(record, word))
     }
+}
+
+/// The parameters, nodes, instances and lights.
+fn records(played: &Played) -> [Records<'_>; 4] {
+    let [params, _, nodes, instances, lights] = played.bound().map(|id| played.device.content(id));
+    let params = Records { bytes: params, stride: 16 };
+    let of = |bytes, word| Records { bytes, stride: 4 * params.word(0, word) as usize };
+    let others = [of(nodes, 4), of(instances, 7), of(lights, 6)];
+    let [nodes, instances, lights] = others;
+    [params, nodes, instances, lights]
 }
 
 /// What was found of an instance.
@@ -44,14 +70,11 @@ pub struct Found {
 /// Checks that shaders find for each shown instance either its lights or stand-ins of about the same
 /// flux, and never anything else. Returns how many of each.
 pub fn check(played: &Played, world: &LightWorld) -> Found {
-    let [params, _, nodes, instances, lights] = played.bound();
-    let params = Records { bytes: played.device.content(params), stride: 0 };
-    let records = |id, word| Records { bytes: played.device.content(id), stride: 4 * params.word(0, word) as usize };
-    let (nodes, lights, instances) = (records(nodes, 4), records(lights, 6), records(instances, 7));
+    let [_, nodes, instances, lights] = records(played);
     let mut all = Found::default();
     for key in world.instances() {
         let slot = world.slot(key).expect("it lives");
-        let flags = instances.word(slot, 12);
+        let flags = instances.word(slot, FLAGS);
         assert_eq!(flags & LIVE, LIVE, "slot {slot} is shown");
         let [node_base, light_base] = [14, 15].map(|word| instances.word(slot, word));
         let tree_key = world.instance_tree(key).expect("it lives");
@@ -78,7 +101,7 @@ pub fn check(played: &Played, world: &LightWorld) -> Found {
                 }
                 let index = target & !LEAF;
                 let record = light_base.wrapping_add(index);
-                match lights.word(record, 7) {
+                match lights.word(record, PLACE) {
                     // A light that is an opening of its tree by itself.
                     opening if opening & LEAF != 0 => openings.push(opening & !LEAF),
                     found => assert_eq!(found, node * WIDTH as u32 + place, "the place of a light"),
@@ -113,30 +136,97 @@ fn part_records(played: &Played, slot: u32, tree: u32) -> Vec<u8> {
     let words = |id, stride| Records { bytes: played.device.content(id), stride };
     let (count, parts) = (words(pass, 1).word(0, 0), words(parts, 2));
     let own = (0..count).filter(|part| parts.word(*part, 0) == slot).count();
-    // A record has 80 bytes.
-    played.device.content(trees)[80 * tree as usize..][..80 * own].to_vec()
+    played.device.content(trees)[PART_BYTES * tree as usize..][..PART_BYTES * own].to_vec()
 }
 
-/// Checks that the top level is built from the same parts as with a new planner, but for trees that
-/// wait. Every instance must be shown, and the last plan must have built the top level.
-pub fn check_parts(played: &Played, world: &LightWorld) {
-    let mut fresh = Played::new();
-    fresh.frame(world);
-    let instances = |played: &Played| {
-        let [params, _, _, instances, _] = played.bound();
-        let params = Records { bytes: played.device.content(params), stride: 0 };
-        (instances, 4 * params.word(0, 7) as usize)
+/// Checks that shaders and the build of the top level read the same bits as with a new planner, but
+/// for the places of records in their buffers, and for trees that wait in an older version. Stand-ins
+/// are those of a new planner that sends no large tree whole. Returns how many trees were compared.
+///
+/// Nodes that a tree has spare, and slots without an instance, are read by nobody, so they may hold
+/// what was there before.
+pub fn check_as_new(played: &Played, world: &LightWorld) -> Found {
+    let new = |limits| {
+        let mut new = Played { planner: LightPlanner::new(limits), device: Device::default() };
+        new.frame(world);
+        new
     };
-    for key in world.instances().filter(|key| world.instance_tree(*key).is_some_and(|t| !played.planner.is_waiting(t)))
-    {
-        let slot = world.slot(key).expect("it lives");
-        let records = |played: &Played| {
-            let (id, stride) = instances(played);
-            let tree = Records { bytes: played.device.content(id), stride }.word(slot, 13);
-            part_records(played, slot, tree)
-        };
-        assert!(records(played) == records(&fresh), "the parts of slot {slot}");
+    let whole = new(PlanLimits::default());
+    let few = world.trees().any(|tree| played.planner.stands_in(tree));
+    let few = few.then(|| new(PlanLimits::default().with_frame_bytes(0)));
+    let [params, _, instances, _] = records(played);
+    let [expected, ..] = records(&whole);
+    let [ours, new] = [&params, &expected].map(|params| without(params.words(0), &PLACES_OF_PARAMS));
+    assert_eq!(ours, new, "parameters");
+    assert_eq!(params.word(0, 15) > 0, expected.word(0, 15) > 0, "masks");
+    for light in 0..params.word(0, 2) {
+        let [ours, new] = [played, &whole].map(|played| {
+            let [params, .., lights] = records(played);
+            lights.words(params.word(0, 1) + light)
+        });
+        assert_eq!(ours, new, "directional light {light}");
     }
+    let (mut seen, mut found) = (HashSet::new(), Found::default());
+    for slot in 1..slots(world) as u32 {
+        let Some(key) = world.instance_at(slot) else {
+            assert_eq!(instances.word(slot, FLAGS) & LIVE, 0, "slot {slot}");
+            continue;
+        };
+        let tree_key = world.instance_tree(key).expect("it lives");
+        let tree = world.tree(tree_key).expect("it lives");
+        let stands_in = instances.word(slot, FLAGS) & STANDS_IN != 0;
+        let is_older = !stands_in && played.planner.is_waiting(tree_key);
+        let new = few.as_ref().filter(|_| stands_in).unwrap_or(&whole);
+        let read = [played, new].map(|played| {
+            let [_, nodes, instances, lights] = records(played);
+            let mut words = instances.words(slot);
+            // The flags of an older version have its birth number.
+            words[FLAGS] &= if is_older { LIVE } else { u32::MAX };
+            let bases = PLACES_OF_INSTANCE.map(|word| words[word]);
+            (without(words, &PLACES_OF_INSTANCE), bases, nodes, lights)
+        });
+        let [(ours, bases, nodes, lights), (expected, new_bases, new_nodes, new_lights)] = read;
+        assert_eq!(ours, expected, "slot {slot}");
+        if ours[FLAGS] & LIVE == 0 || is_older {
+            continue;
+        }
+        let parts = part_records(played, slot, bases[0]);
+        assert!(parts == part_records(new, slot, new_bases[0]), "the parts of slot {slot}");
+        if !seen.insert(tree_key) {
+            continue;
+        }
+        let (mut below, mut read, mut openings) = (vec![0], Vec::new(), 0);
+        while let Some(node) = below.pop().filter(|_| !tree.nodes().is_empty()) {
+            let words = nodes.words(bases[1] + node);
+            assert_eq!(words, new_nodes.words(new_bases[1] + node), "node {node} of slot {slot}");
+            openings += usize::from(words[PARENT] & LEAF != 0 && words[PARENT] != NO_PARENT);
+            let children = (0..WIDTH).map(|place| words[4 + 4 * place]).filter(|child| *child != EMPTY_SLOT);
+            let (leaves, inner): (Vec<_>, Vec<_>) = children.partition(|child| child & LEAF != 0);
+            below.extend(inner);
+            read.extend(leaves.into_iter().map(|leaf| leaf & !LEAF));
+        }
+        if !stands_in {
+            // Also those that were removed.
+            read = (0..tree.lights().len() as u32).collect();
+        }
+        for light in &read {
+            let words = lights.words(bases[2].wrapping_add(*light));
+            assert_eq!(words, new_lights.words(new_bases[2].wrapping_add(*light)), "light {light} of slot {slot}");
+            openings += usize::from(words[PLACE] & LEAF != 0 && words[PLACE] != NO_PARENT);
+        }
+        // A part that is no opening is the whole tree.
+        let expected = parts.len() / PART_BYTES;
+        assert!(openings == expected || (openings, expected) == (0, 1), "{openings} openings of {expected}");
+        found.stand_ins += usize::from(stands_in);
+        found.lights += usize::from(!stands_in);
+    }
+    found
+}
+
+/// Words without those that name places.
+fn without(mut words: Vec<u32>, places: &[usize]) -> Vec<u32> {
+    places.iter().for_each(|place| words[*place] = 0);
+    words
 }
 
 fn check_stand_ins(tree: &LightTree, found: &[(u32, Light)]) {
