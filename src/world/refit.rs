@@ -103,6 +103,7 @@ impl LightWorld {
             entry.births.add(&added, entry.tree.lights().len(), self.scene.births.next());
         }
         let (lights, may_open) = (entry.tree.light_count(), entry.may_open());
+        let have_leaves_moved = !entry.tree.moved_leaves().is_empty();
         if lights != former_lights {
             self.rebuilds.scheduler.was_resized(key, lights);
         }
@@ -130,7 +131,7 @@ impl LightWorld {
             self.log.tree(slot_of(key));
             if is_replaced {
                 self.crowds().1.renew(key)
-            } else if !added.is_empty() || !removed.is_empty() {
+            } else if !added.is_empty() || !removed.is_empty() || have_leaves_moved {
                 self.crowds().1.update(key)
             }
         }

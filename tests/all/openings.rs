@@ -151,6 +151,26 @@ fn probabilities_add_up_and_every_light_that_contributes_has_one() {
 }
 
 #[test]
+fn lights_that_jump_out_of_openings_are_reached_in_their_new_places() {
+    let mut rng = Rng(193);
+    for round in 0..8 {
+        let Town { mut world, lamps: [tree, other], .. } = town(&mut rng);
+        // Few enough of the lights to get other places one by one, and enough to change openings.
+        for (tree, count) in [(tree, 3000), (other, 400)] {
+            let lights: Vec<(u32, Light)> = (0..count / 21)
+                .map(|i| (21 * i + round, Light::point(rng.position(20.0), Vec3::splat(rng.between(1.0, 50.0)))))
+                .collect();
+            world.set_lights(tree, &lights).expect("valid");
+        }
+        world.update(FrameBudget::NONE);
+        let sampler = world.sampler();
+        for _ in 0..3 {
+            assert_probabilities(&sampler, &rng.masked_point(15.0), 100, &mut rng);
+        }
+    }
+}
+
+#[test]
 fn the_gpu_chooses_the_same_lights_while_openings_come_and_go() {
     let (device, queue) = gpu();
     let mut rng = Rng(192);
