@@ -31,6 +31,16 @@ fn weighed(i: u32) -> f32 {
     return light_pmf(place(i), bitcast<u32>(values[i + 2u].x), bitcast<u32>(values[i + 2u].y));
 }
 
+fn resampled(i: u32) -> f32 {
+    let kept = light_resample(place(i), values[i + 2u], values[i].w, 8u);
+    return kept.chosen.radiance.x * kept.weight;
+}
+
+fn hit(i: u32) -> f32 {
+    let s = light_hit(place(i), values[i + 2u].xyz, values[i].w);
+    return s.radiance.x * s.pmf / s.pdf;
+}
+
 fn weighed_then(i: u32) -> f32 {
     return light_pmf_previous(place(i), bitcast<u32>(values[i + 2u].x), bitcast<u32>(values[i + 2u].y));
 }
@@ -45,7 +55,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 ";
 
 /// The uses of each pipeline.
-const CASES: [(&str, &str); 8] = [
+const CASES: [(&str, &str); 9] = [
     ("a sample", "sum += sampled(at);"),
     ("two samples", "sum += sampled(at); sum += sampled(at + 3u);"),
     ("four samples", "sum += sampled(at); sum += sampled(at + 3u); sum += sampled(at + 6u); sum += sampled(at + 9u);"),
@@ -59,6 +69,11 @@ const CASES: [(&str, &str); 8] = [
     (
         "a sample, a probability, and that of the last frame",
         "sum += sampled(at); sum += weighed(at + 3u); sum += weighed_then(at + 6u);",
+    ),
+    (
+        "the same, and a sample of eight candidates, a hit, and each probability twice",
+        "sum += sampled(at); sum += resampled(at + 3u); sum += hit(at + 6u); sum += weighed(at + 9u); \
+         sum += weighed(at + 12u); sum += weighed_then(at + 15u); sum += weighed_then(at + 18u);",
     ),
 ];
 
