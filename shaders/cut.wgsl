@@ -281,7 +281,10 @@ fn light_weigh(
         for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
             let packed = light_packed_child(in_top, at, slot);
             if light_has_flux(packed) && (left_out & (1u << slot)) == 0u {
-                let estimate = light_importance_along(packed, local, view);
+                var estimate = light_importance_along(packed, local, view);
+                // #if MASKS
+                estimate.lux *= light_seen_share(in_top, packed.child_bits, shading_point.mask);
+                // #endif
                 light_take(cut, &lanes, place.instance, slot, packed, view, local, weighing, estimate);
             }
         }
@@ -291,7 +294,10 @@ fn light_weigh(
     for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
         let packed = light_packed_child(in_top, at, slot);
         if light_has_flux(packed) && (left_out & (1u << slot)) == 0u {
-            let estimate = light_importance(packed, local, view);
+            var estimate = light_importance(packed, local, view);
+            // #if MASKS
+            estimate.lux *= light_seen_share(in_top, packed.child_bits, shading_point.mask);
+            // #endif
             light_take(cut, &lanes, place.instance, slot, packed, view, local, weighing, estimate);
         }
     }

@@ -67,7 +67,8 @@ fn light_parent(in_top: bool, index: u32) -> u32 {
 
 // #if MASKS
 // A bit for each child of a node: 1 if the masks of instances below it and a mask have a bit in
-// common. All of them in a tree, whose lights have the mask of one instance. Twin of `hide_masked`.
+// common. All of them in a tree, whose lights have the mask of one instance. Twin of `weigh_masks`,
+// with light_seen_share.
 fn light_met_children(in_top: bool, index: u32, mask: u32) -> u32 {
     if !in_top || (light_params.masks == 0u && mask != 0u) {
         return 0xffu;
@@ -75,11 +76,28 @@ fn light_met_children(in_top: bool, index: u32, mask: u32) -> u32 {
     if light_params.masks == 0u {
         return 0u;
     }
-    let at = light_params.masks + 2u * index;
+    let at = light_params.masks + LIGHT_MASK_QUADS * index + 1u;
     let first = (light_top[at] & vec4(mask)) != vec4(0u);
     let last = (light_top[at + 1u] & vec4(mask)) != vec4(0u);
     let bits = select(vec4(0u), vec4(1u, 2u, 4u, 8u), first) | select(vec4(0u), vec4(16u, 32u, 64u, 128u), last);
     return bits.x | bits.y | bits.z | bits.w;
+}
+
+// The share of the flux below a child of a node that a mask sees, if the child is one of
+// light_met_children. 1 for a part of an instance and in a tree. Twin of `MaskShares::seen`.
+fn light_seen_share(in_top: bool, child_bits: u32, mask: u32) -> f32 {
+    if !in_top || light_params.masks == 0u || mask == 0xffffffffu || (child_bits & LIGHT_LEAF) != 0u {
+        return 1.0;
+    }
+    let words = light_top[light_params.masks + LIGHT_MASK_QUADS * child_bits].xyz;
+    var bits = (words.x | words.y | words.z) & mask;
+    var sum = 0u;
+    while bits != 0u && sum < LIGHT_MASK_WHOLE {
+        let code = (words >> vec3(firstTrailingBit(bits))) & vec3(1u);
+        sum += (1u << (code.x | (code.y << 1u) | (code.z << 2u))) >> 1u;
+        bits &= bits - 1u;
+    }
+    return f32(min(sum, LIGHT_MASK_WHOLE)) / f32(LIGHT_MASK_WHOLE);
 }
 // #endif
 

@@ -3,8 +3,8 @@
 
 // The cluster of each node of the piece that is packed already.
 var<workgroup> pack_clusters: array<LightCluster, TOP_MAX_NODES>;
-// For each node of the piece the union of the masks below it.
-var<workgroup> pack_masks: array<u32, TOP_MAX_NODES>;
+// For each such node the three words of its `MaskShares`.
+var<workgroup> pack_shares: array<u32, 3u * TOP_MAX_NODES>;
 
 // The cluster of a child. Nodes of the same piece, which begin at `first`, have theirs in workgroup
 // memory: other invocations of this dispatch may not see what one of them writes to `clusters`.
@@ -31,29 +31,27 @@ fn node_leaf(part: u32) -> u32 {
     return LIGHT_LEAF | LIGHT_PART | select(0u, LIGHT_SINGLE, (below & LIGHT_LEAF) != 0u) | part;
 }
 
-// The union of the masks of all instances below a child.
-fn node_mask(child_bits: u32, first: u32) -> u32 {
+// The `MaskShares` of a child.
+fn node_shares(child_bits: u32, first: u32) -> vec3<u32> {
     if child_bits == LIGHT_EMPTY_SLOT {
-        return 0u;
+        return vec3(0u);
     }
     if (child_bits & LIGHT_LEAF) != 0u {
-        return nodes[top_part(child_bits & ~LIGHT_LEAF) + 3u];
+        return vec3(nodes[top_part(child_bits & ~LIGHT_LEAF) + 3u]);
     }
     let in_piece = child_bits - first;
     if in_piece < TOP_MAX_NODES {
-        return pack_masks[in_piece];
+        let at = 3u * in_piece;
+        return vec3(pack_shares[at], pack_shares[at + 1u], pack_shares[at + 2u]);
     }
-    var all_masks = 0u;
-    for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
-        all_masks |= nodes[top_masks(child_bits) + slot];
-    }
-    return all_masks;
+    let at = top_masks(child_bits);
+    return vec3(nodes[at], nodes[at + 1u], nodes[at + 2u]);
 }
 
-// What the invocations of a node exchange: eight words of each, by word and invocation. Rows have one
+// What the invocations of a node exchange: seven words of each, by word and invocation. Rows have one
 // word more, so that the eight words of a node are in different banks of memory.
-var<workgroup> pack_words: array<u32, LIGHT_WIDTH * (TOP_NODE_LANES + 1u)>;
-// One word for each invocation: what it has made of the eight values of one word.
+var<workgroup> pack_words: array<u32, 7u * (TOP_NODE_LANES + 1u)>;
+// One word for each invocation: what the first seven have made of the eight values of one word.
 var<workgroup> pack_results: array<u32, TOP_NODE_LANES>;
 
 fn pack_word(word: u32, lane: u32) -> u32 {
@@ -108,25 +106,27 @@ fn node_pack(lane: u32, node: u32, is_used: bool, piece: u32) {
     let first = lane - slot;
     let place = node * LIGHT_WIDTH + slot;
     var child_bits = LIGHT_EMPTY_SLOT;
-    var child = CLUSTER_EMPTY;
     if is_used {
         child_bits = nodes[node_child_word(stored, place)];
-        child = node_child(child_bits, piece);
     }
+    if top_pass.masks != 0u {
+        // First, while few registers are in use.
+        pack_masks(lane, node, is_used, child_bits, piece);
+    }
+    let child = node_child(child_bits, piece);
     let is_lit = child.flux > 0.0;
     pack_words[pack_word(0u, lane)] = bitcast<u32>(child.flux);
     for (var k = 0u; k < 3u; k++) {
         pack_words[pack_word(1u + k, lane)] = bitcast<u32>(select(NOWHERE, child.box_min[k], is_lit));
         pack_words[pack_word(4u + k, lane)] = bitcast<u32>(select(-NOWHERE, child.box_max[k], is_lit));
     }
-    pack_words[pack_word(7u, lane)] = bitcast<u32>(child.range);
     workgroupBarrier();
-    // Each of the eight invocations finds the result of one word.
+    // Each of seven invocations finds the result of one word.
     if slot == 0u {
         pack_results[lane] = bitcast<u32>(pack_sum(slot, first));
     } else if slot < 4u {
         pack_results[lane] = bitcast<u32>(pack_least(slot, first));
-    } else {
+    } else if slot < 7u {
         pack_results[lane] = bitcast<u32>(pack_greatest(slot, first));
     }
     workgroupBarrier();
@@ -138,7 +138,6 @@ fn node_pack(lane: u32, node: u32, is_used: bool, piece: u32) {
         merged.flux = min(total, LIGHT_MAX_FLUX);
         merged.box_min = pack_result3(first, 1u);
         merged.box_max = pack_result3(first, 4u);
-        merged.range = pack_result(first, 7u);
     }
     let middle = 0.5 * (merged.box_min + merged.box_max);
     for (var k = 0u; k < 3u; k++) {
@@ -146,20 +145,9 @@ fn node_pack(lane: u32, node: u32, is_used: bool, piece: u32) {
         pack_words[pack_word(3u + k, lane)] = bitcast<u32>(share * child.axis[k]);
     }
     pack_words[pack_word(6u, lane)] = bitcast<u32>(share * child.variance);
-    var mask = 0u;
-    if top_pass.masks != 0u {
-        mask = node_mask(child_bits, piece);
-    }
-    pack_words[pack_word(7u, lane)] = mask;
     workgroupBarrier();
     if slot < 7u {
         pack_results[lane] = bitcast<u32>(pack_sum(slot, first));
-    } else {
-        var all_masks = 0u;
-        for (var other = 0u; other < LIGHT_WIDTH; other++) {
-            all_masks |= pack_words[pack_word(7u, first + other)];
-        }
-        pack_results[lane] = all_masks;
     }
     workgroupBarrier();
     var unit = vec3(0.0);
@@ -176,6 +164,7 @@ fn node_pack(lane: u32, node: u32, is_used: bool, piece: u32) {
     let way = child.mean - merged.mean;
     pack_words[pack_word(0u, lane)] = bitcast<u32>(share * (way.x * way.x + way.y * way.y + way.z * way.z));
     pack_words[pack_word(1u, lane)] = bitcast<u32>(cap_about(unit, child));
+    pack_words[pack_word(2u, lane)] = bitcast<u32>(child.range);
     workgroupBarrier();
     if is_used {
         if total > 0.0 {
@@ -191,21 +180,89 @@ fn node_pack(lane: u32, node: u32, is_used: bool, piece: u32) {
             step_bits(merged.box_min.z, merged.box_max.z),
         );
         if slot == 0u {
+            merged.range = pack_greatest(2u, first);
             let parent = nodes[node_tail_word(stored, node)];
             node_store(stored, node, merged.box_min, bits, parent);
             clusters[top_pass.capacity + node] = merged;
             pack_clusters[node - piece] = merged;
-            pack_masks[node - piece] = pack_results[first + 7u];
         }
         node_store_child(stored, place, child_packed(child, merged.box_min, bits));
-        if top_pass.masks != 0u {
-            nodes[top_masks(node) + slot] = mask;
-        }
         if child_bits != LIGHT_EMPTY_SLOT && (child_bits & LIGHT_LEAF) != 0u {
             let part = child_bits & ~LIGHT_LEAF;
             nodes[top_part(part) + 2u] = place;
             node_store_child_bits(stored, place, node_leaf(part));
         }
+    }
+    // The words may be written again.
+    workgroupBarrier();
+}
+
+// Twin of `weights` in src/top/masks.rs; `greatest` is the greatest flux of the eight.
+fn pack_weight(flux: u32, greatest: u32) -> u32 {
+    let mantissa = (128u | (flux & 127u)) << 4u;
+    return select(max(mantissa >> min((greatest >> 7u) - (flux >> 7u), 12u), 1u), 0u, flux == 0u);
+}
+
+// Twin of `nearest_code` in src/top/masks.rs.
+fn pack_code(sum: u32, total: u32) -> u32 {
+    if sum == 0u {
+        return 0u;
+    }
+    var code = 7u;
+    while code > 1u && 256u * sum < TOP_MASK_ROUNDED * ((1u << code) >> 1u) * total {
+        code--;
+    }
+    return code;
+}
+
+// Stores the `NodeMasks` of a node. The arguments are as for node_pack, and the bits of a child. Twin of
+// `MaskShares::merged`. Call from uniform control flow.
+fn pack_masks(lane: u32, node: u32, is_used: bool, child_bits: u32, piece: u32) {
+    let slot = lane % LIGHT_WIDTH;
+    let first = lane - slot;
+    var flux = 0u;
+    var shares = vec3(0u);
+    if is_used {
+        flux = pack_half(node_child(child_bits, piece).flux, 0x8000u);
+        shares = node_shares(child_bits, piece);
+        nodes[top_masks(node) + 4u + slot] = shares.x | shares.y | shares.z;
+    }
+    for (var j = 0u; j < 3u; j++) {
+        pack_words[pack_word(j, lane)] = shares[j];
+    }
+    pack_words[pack_word(3u, lane)] = flux;
+    workgroupBarrier();
+    var greatest = 0u;
+    for (var child = 0u; child < LIGHT_WIDTH; child++) {
+        greatest = max(greatest, pack_words[pack_word(3u, first + child)]);
+    }
+    // Each of the eight invocations finds the codes of four bits.
+    var sums = vec4(0u);
+    var total = 0u;
+    for (var child = 0u; child < LIGHT_WIDTH; child++) {
+        var child_codes = vec4(0u);
+        for (var j = 0u; j < 3u; j++) {
+            let word = pack_words[pack_word(j, first + child)] >> (4u * slot);
+            child_codes |= ((vec4(word) >> vec4(0u, 1u, 2u, 3u)) & vec4(1u)) << vec4(j);
+        }
+        let weight = pack_weight(pack_words[pack_word(3u, first + child)], greatest);
+        sums += weight * ((vec4(1u) << child_codes) >> vec4(1u));
+        total += weight;
+    }
+    var codes = 0u;
+    for (var i = 0u; i < 4u; i++) {
+        codes |= pack_code(sums[i], total) << (4u * i);
+    }
+    pack_results[lane] = codes;
+    workgroupBarrier();
+    if is_used && slot < 3u {
+        var word = 0u;
+        for (var child = 0u; child < LIGHT_WIDTH; child++) {
+            let bits = (pack_results[first + child] >> slot) & 0x1111u;
+            word |= ((bits | (bits >> 3u) | (bits >> 6u) | (bits >> 9u)) & 15u) << (4u * child);
+        }
+        nodes[top_masks(node) + slot] = word;
+        pack_shares[3u * (node - piece) + slot] = word;
     }
     // The words may be written again.
     workgroupBarrier();

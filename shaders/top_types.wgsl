@@ -46,9 +46,10 @@ fn top_part(index: u32) -> u32 {
     return 4u * (top_pass.parts + index);
 }
 
-// The first of the eight words with the masks of a node's children.
+// The first word of a node's masks: three for the shares of the node, one unused, then one for each
+// child. See `NodeMasks` in src/top/masks.rs.
 fn top_masks(node: u32) -> u32 {
-    return 4u * (top_pass.masks + 2u * node);
+    return 4u * (top_pass.masks + LIGHT_MASK_QUADS * node);
 }
 
 // The index of an invocation in a dispatch of one or two dimensions.

@@ -134,7 +134,7 @@ struct LightParams {
     padding_after: u32,
     // The sector whose centre the origin is; 0 in worlds without sectors.
     home: vec3<i32>,
-    // The offset of the masks in the same buffer; 0 if they are not stored. For each child of each
-    // node of the top level there is the union of the masks of all instances below it.
+    // The offset of the masks in the same buffer; 0 if they are not stored. See `NodeMasks` in
+    // src/top/masks.rs.
     masks: u32,
 }

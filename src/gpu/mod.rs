@@ -95,7 +95,7 @@ use crate::world::{LightWorld, Revision};
 /// | light | 32 | 32 if a light is not a point, or has a range |
 /// | instance | 80 | 48 for [`Effects::NON_RIGID`], 16 for [`Effects::FACTORS`] or [`Effects::MASKS`], 16 for [`Effects::SECTORS`] |
 /// | leaf of the top level | 24 | none |
-/// | node of the top level | as any node | 32 for [`Effects::MASKS`] |
+/// | node of the top level | as any node | 48 for [`Effects::MASKS`] |
 ///
 /// ```
 /// use girandole::gpu::{GpuError, GpuLights};

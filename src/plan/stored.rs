@@ -11,6 +11,7 @@ use std::ops::Range;
 use super::layout::{InstanceRecord, LightRecord, Strides};
 use super::node_record::NodeRecord;
 use crate::effects::Effects;
+use crate::top::masks::NodeMasks;
 
 /// Bytes of a `vec4<u32>`, the unit of strides and offsets.
 const QUAD: usize = 16;
@@ -32,6 +33,8 @@ pub(crate) const RIGID_STRIDE: u32 = quads(offset_of!(InstanceRecord, to_local))
 /// The quads of an instance's factor and mask, which are the last of its record where they are stored,
 /// but for the sector.
 pub(crate) const FACTOR_QUADS: u32 = quads(offset_of!(InstanceRecord, sector) - offset_of!(InstanceRecord, factor));
+/// The quads of the masks of a node of the top level: the shares of the node, then two for the children.
+pub(crate) const MASK_QUADS: u32 = quads(size_of::<NodeMasks>());
 /// The quads of an instance where nothing but the sector is left out.
 pub(crate) const WITHOUT_SECTOR: u32 = quads(offset_of!(InstanceRecord, sector));
 

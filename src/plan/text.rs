@@ -24,6 +24,7 @@ use crate::shading::gloss;
 use crate::shading::importance;
 use crate::shading::segment;
 use crate::shading::shading_point;
+use crate::top::masks;
 use crate::tree;
 use crate::visibility;
 
@@ -236,6 +237,8 @@ pub(crate) fn constants() -> String {
         ("RIGID_STRIDE", stored::RIGID_STRIDE),
         ("FACTOR_QUADS", stored::FACTOR_QUADS),
         ("WITHOUT_SECTOR", stored::WITHOUT_SECTOR),
+        ("MASK_QUADS", stored::MASK_QUADS),
+        ("MASK_WHOLE", masks::WHOLE),
         ("WAYS", visibility::WAYS as u32),
         ("MIN_IDLE", visibility::MIN_IDLE),
         ("BINS", visibility::BINS as u32),
@@ -632,7 +635,11 @@ mod tests {
                 "light_brightness light_factored LightInstance.factor LightLocalShadingPoint.brightness \
                  LIGHT_MAX_FINITE",
             ),
-            (Effects::MASKS, "light_met_children LightInstance.mask LightShadingPoint.mask"),
+            (
+                Effects::MASKS,
+                "light_met_children light_seen_share LightInstance.mask LightShadingPoint.mask \
+                 LIGHT_MASK_QUADS LIGHT_MASK_WHOLE",
+            ),
             (Effects::SECTORS, "light_from_home LightInstance.sector LIGHT_SECTOR_EDGE"),
             (
                 Effects::DIRECTIONAL,

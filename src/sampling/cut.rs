@@ -63,10 +63,10 @@ pub(crate) trait InstanceTrees<'a> {
         None
     }
 
-    /// Sets the importances of those children to 0 which no light is below that reaches the shading
-    /// point by its mask.
+    /// Multiplies the importance of each child of a node by the share of the flux below it that
+    /// reaches the shading point by its mask; 0 only if nothing does. `record` is the node.
     #[inline(always)]
-    fn hide_masked(&self, _tree: &TreeView<'a>, _node: u32, _importance: &mut Lanes) {}
+    fn weigh_masks(&self, _tree: &TreeView<'a>, _node: u32, _record: &Node, _importance: &mut Lanes) {}
 }
 
 /// The importances of the children of a node, which is in `tree`. 0 where masks hide all lights.
@@ -80,7 +80,7 @@ pub(crate) fn seen_importances<'a>(
     instance_trees: &impl InstanceTrees<'a>,
 ) -> ChildImportances {
     let mut children = child_importances(record, &tree.local);
-    instance_trees.hide_masked(tree, node, &mut children.importance);
+    instance_trees.weigh_masks(tree, node, record, &mut children.importance);
     children
 }
 

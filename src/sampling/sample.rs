@@ -22,6 +22,7 @@ use crate::shading::importance::LocalShadingPoint;
 use crate::shading::segment::LocalSegment;
 use crate::shading::shading_point::ShadingPoint;
 use crate::top::TopLevel;
+use crate::top::masks::NodeMasks;
 use crate::tree::{ChildRef, Lanes, LightTree, NO_LEAF, Node, WIDTH};
 use crate::visibility::{CellGrid, LearntCell, VisibilityTable};
 use crate::world::LightWorld;
@@ -138,7 +139,7 @@ pub(crate) struct MaskedWorldTrees<'a, 's> {
     trees: WorldTrees<'a, 's>,
     learnt: Option<LearntCell<'a>>,
     /// [`TopLevel::masks`].
-    masks: &'a [[u32; WIDTH]],
+    masks: &'a [NodeMasks],
 }
 
 impl<'a> InstanceTrees<'a> for WorldTrees<'a, '_> {
@@ -157,7 +158,7 @@ impl<'a, 's> WorldTrees<'a, 's> {
     }
 
     /// The same with the masks of the top level.
-    pub fn with_masks(self, masks: &'a [[u32; WIDTH]], learnt: Option<LearntCell<'a>>) -> MaskedWorldTrees<'a, 's> {
+    pub fn with_masks(self, masks: &'a [NodeMasks], learnt: Option<LearntCell<'a>>) -> MaskedWorldTrees<'a, 's> {
         MaskedWorldTrees { trees: self, learnt, masks }
     }
 }
@@ -185,13 +186,18 @@ impl<'a> InstanceTrees<'a> for MaskedWorldTrees<'a, '_> {
     }
 
     #[inline(always)]
-    fn hide_masked(&self, tree: &TreeView<'a>, node: u32, importance: &mut Lanes) {
+    fn weigh_masks(&self, tree: &TreeView<'a>, node: u32, record: &Node, importance: &mut Lanes) {
         // Below the top level all lights have the mask of one instance.
-        if tree.is_top() {
-            let mask = self.trees.shading_point.mask;
-            let masks = self.masks.get(node as usize).unwrap_or(&[u32::MAX; WIDTH]);
-            for slot in 0..WIDTH {
-                importance[slot] = if masks[slot] & mask == 0 { 0.0 } else { importance[slot] };
+        if !tree.is_top() {
+            return;
+        }
+        let mask = self.trees.shading_point.mask;
+        let unions = self.masks.get(node as usize).map_or([u32::MAX; WIDTH], |masks| masks.children);
+        for slot in 0..WIDTH {
+            if unions[slot] & mask == 0 {
+                importance[slot] = 0.0;
+            } else if let Some(ChildRef::Node(child)) = record.child(slot) {
+                importance[slot] *= self.masks.get(child as usize).map_or(1.0, |masks| masks.shares.seen(mask));
             }
         }
     }
@@ -486,7 +492,7 @@ impl<'a> LightSampler<'a> {
     }
 
     /// The masks of the top level; `None` if no mask hides anything from a shading point.
-    pub(crate) fn masks(&self, shading_point: &ShadingPoint) -> Option<&'a [[u32; WIDTH]]> {
+    pub(crate) fn masks(&self, shading_point: &ShadingPoint) -> Option<&'a [NodeMasks]> {
         let masks = &self.top.masks;
         (!masks.is_empty() || shading_point.mask == 0).then_some(masks)
     }

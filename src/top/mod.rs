@@ -10,12 +10,14 @@
 //! pass works on pieces that fit into a workgroup, so no workgroup waits for another
 //! (docs/decisions.md, 66).
 
+pub(crate) mod masks;
 mod split;
 
 use crate::cluster::Cluster;
 use crate::instance::part::{PART, PART_BITS, Part};
 use crate::tree::space_order::{NO_KEY, SpaceOrder, identity};
 use crate::tree::{ChildRef, Children, EMPTY_SLOT, NO_PARENT, Node, WIDTH, WideCluster};
+use masks::{MaskShares, NodeMasks};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use split::{BINS, CELL_BITS, COST_SLACK, DIAGONAL_SHARE, FLUX_BITS, MAX_ZOOM, TINY_SHARE};
 #[cfg(any(feature = "gpu-plan", test))]
@@ -45,9 +47,8 @@ pub(crate) struct TopLevel {
     places: Vec<u32>,
     /// For each instance slot the first of its parts, and the number of all parts.
     first_parts: Vec<u32>,
-    /// For each child of each node the union of the masks of all instances below it. Empty if all
-    /// instances have all bits.
-    pub masks: Vec<[u32; WIDTH]>,
+    /// The masks below each node. Empty if all instances have all bits.
+    pub masks: Vec<NodeMasks>,
 }
 
 /// A part or a node that has no parent yet.
@@ -149,17 +150,19 @@ impl TopLevel {
         top
     }
 
-    /// Stores the masks of all children. `mask_of` returns the mask of the instance in a slot.
+    /// Stores the masks below all nodes. `mask_of` returns the mask of the instance in a slot.
     /// O(nodes).
     pub fn set_masks(&mut self, mask_of: impl Fn(u32) -> u32) {
-        self.masks = vec![[0; WIDTH]; self.nodes.len()];
+        self.masks = vec![NodeMasks::default(); self.nodes.len()];
         // Children come before their parents, and the root is the parent of the last ones.
         for node in (1..self.nodes.len()).chain([0]) {
-            self.masks[node] = std::array::from_fn(|slot| match self.nodes[node].child(slot) {
-                Some(ChildRef::Leaf(leaf)) => self.part(leaf).map_or(0, |part| mask_of(part.slot)),
-                Some(ChildRef::Node(child)) => self.masks[child as usize].iter().fold(0, |all, mask| all | mask),
-                None => 0,
+            let record = &self.nodes[node];
+            let children = std::array::from_fn(|slot| match record.child(slot) {
+                Some(ChildRef::Leaf(leaf)) => MaskShares::of_part(self.part(leaf).map_or(0, |part| mask_of(part.slot))),
+                Some(ChildRef::Node(child)) => self.masks[child as usize].shares,
+                None => MaskShares::default(),
             });
+            self.masks[node] = NodeMasks::new(&children, &record.flux);
         }
     }
 

@@ -10,7 +10,7 @@ use girandole::{
 };
 
 use crate::gpu::{OTHER_PICKS, ask, close, gpu, requests, sample};
-use testbed::testing::support::{Rng, SPLITS, all_pmfs, user_data_of};
+use testbed::testing::support::{Rng, SPLITS, all_pmfs, assert_frequencies, assert_probabilities, user_data_of};
 
 /// Cars in a row along x that share a tree of one lamp.
 fn cars(count: u32) -> (LightWorld, Vec<InstanceKey>) {
@@ -170,6 +170,67 @@ fn the_mean_over_a_masked_world_is_that_of_the_lights_that_reach_the_point() {
         // Six standard deviations: a false alarm in one of 10^8 runs.
         let limit = 6.0 * ((second - exact * exact).max(0.0) / f64::from(draws)).sqrt() + 1.0e-4 * exact;
         assert!((mean - exact).abs() <= limit && limit < 0.2 * exact, "{mean} for {exact}, within {limit}");
+    }
+}
+
+/// Equal lamps 5 m above a square of 1 km. Each has one of 32 masks: at random, or in stripes of 3 m.
+fn lamps_of_32_masks(count: u32, in_stripes: bool) -> LightWorld {
+    let mut rng = Rng(5);
+    let mut world = LightWorld::new();
+    let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::splat(100.0))]).expect("valid"));
+    for _ in 0..count {
+        let (x, z) = (rng.between(-500.0, 500.0), rng.between(-500.0, 500.0));
+        let at = Placement::at(DVec3::new(x.into(), 5.0, z.into()));
+        let key = world.add_instance(lamp, at, Policy::Static).expect("valid");
+        let number = if in_stripes { ((x + 500.0) * 0.32) as u32 } else { (32.0 * rng.unit()) as u32 };
+        world.set_mask(key, 1 << (number % 32)).expect("it lives");
+    }
+    world
+}
+
+/// The relative standard deviation of one sample, from the probabilities of all lights, which are points.
+fn exact_sigma(world: &LightWorld, at: &ShadingPoint) -> f64 {
+    let sampler = world.sampler();
+    let mut pmfs = Vec::new();
+    sampler.distribution(at, &mut pmfs);
+    let (mut total, mut second) = (0.0, 0.0);
+    for (light, pmf) in sampler.all_lights().zip(pmfs) {
+        let Some(incident) = sampler.sample_light(at, light, [0.5; 2]) else { continue };
+        let lux = f64::from(incident.radiance.y * incident.direction.dot(at.normal));
+        total += lux;
+        second += lux * lux / f64::from(pmf);
+    }
+    (second / (total * total) - 1.0).sqrt()
+}
+
+#[test]
+fn a_point_that_sees_one_of_32_lamps_expects_little_of_clusters_that_it_hardly_sees() {
+    // It is 0.88 and 1.04 if a cluster weighs as much as if all of its lamps were seen.
+    for (in_stripes, most) in [(false, 0.6), (true, 0.55)] {
+        let world = lamps_of_32_masks(20_000, in_stripes);
+        let mut rng = Rng(310);
+        let points = 32;
+        let sum: f64 = (0..points)
+            .map(|_| Vec3::new(rng.between(-400.0, 400.0), 0.0, rng.between(-400.0, 400.0)))
+            .map(|position| exact_sigma(&world, &ShadingPoint::surface(position, Vec3::Y).with_mask(1 << 3)))
+            .sum();
+        let sigma = sum / f64::from(points);
+        assert!(sigma < most, "in stripes: {in_stripes}, sigma {sigma}");
+    }
+}
+
+#[test]
+fn lamps_of_many_masks_are_drawn_as_often_as_their_probabilities_say() {
+    let mut rng = Rng(311);
+    for in_stripes in [false, true] {
+        let world = lamps_of_32_masks(1000, in_stripes);
+        let sampler = world.sampler();
+        for mask in [1 << 3, 0b1011 << 20, !1, u32::MAX] {
+            let position = Vec3::new(rng.between(-400.0, 400.0), 0.0, rng.between(-400.0, 400.0));
+            let at = ShadingPoint::surface(position, Vec3::Y).with_mask(mask);
+            assert_probabilities(&sampler, &at, 2000, &mut rng);
+            assert_frequencies(&sampler, &at, 20_000, &mut rng);
+        }
     }
 }
 

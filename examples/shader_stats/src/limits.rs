@@ -34,7 +34,7 @@ pub const LIMITS: [Limit; 29] = [
     limit("top_keys", "", [24, 0, 200]),
     limit("sort_scatter", "", [16, 0, 400]),
     limit("top_group", "", [88, 0, 6100]),
-    limit("top_node", "", [64, 0, 1300]),
+    limit("top_node", "", [64, 0, 1700]),
     limit("light_sample", "none", [88, 0, 2000]),
     limit("light_sample", "city", [96, 0, 3100]),
     limit("light_sample", "all", [144, 0, 5900]),

@@ -21,6 +21,7 @@ use crate::plan::node_record::NodeRecord;
 use crate::plan::pool::Growth;
 use crate::plan::stored::Missing;
 use crate::plan::top::TopBuild;
+use crate::top::masks::NodeMasks;
 use crate::tree::LightTree;
 use crate::tree::{ChildRef, Node, WIDTH};
 use crate::{InstanceKey, Light, LightWorld, Placement, Policy, TreeKey};
@@ -37,7 +38,7 @@ struct Built {
     clusters: Vec<ClusterRecord>,
     nodes: Vec<Node>,
     /// The masks of the nodes; empty if they are not stored.
-    masks: Vec<[u32; WIDTH]>,
+    masks: Vec<NodeMasks>,
 }
 
 impl Built {

@@ -7,11 +7,11 @@ use super::super::node_record::NodeRecord;
 use super::super::sort::SortBuffers;
 use super::passes::{Passes, Places};
 use crate::effects::Effects;
-use crate::tree::WIDTH;
+use crate::top::masks::NodeMasks;
 use crate::tree::space_order::{LEVEL_SAMPLES, LEVELS, PLANE_BITS};
 
-/// The bytes of the masks of one node: a word for each child.
-pub(super) const MASK_BYTES: u64 = 4 * WIDTH as u64;
+/// The bytes of the masks of one node.
+const MASK_BYTES: u64 = size_of::<NodeMasks>() as u64;
 
 /// What each build clears: the extremes of all means, the number of parts that are not dark, one unused
 /// word, and the numbers of parts of each level.

@@ -99,6 +99,7 @@ impl Stage {
             ("DIAGONAL_SHARE", top::DIAGONAL_SHARE),
             ("MAX_ZOOM", top::MAX_ZOOM as u32),
             ("TINY_SHARE", top::TINY_SHARE as u32),
+            ("MASK_ROUNDED", top::masks::ROUNDED),
             ("SPARSE_COUNTS", tree::SPARSE_COUNTS),
             ("FULL", tree::FULL as u32),
         ] {
