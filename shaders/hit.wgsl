@@ -34,7 +34,8 @@ fn light_meets(ray: LightRay, head: vec4<u32>, packed: LightPackedChild, dist: f
     return light_has_flux(packed) && near <= far * LIGHT_BOX_ROUNDING;
 }
 
-// The distance at which a ray hits a light that sends light back, or a number that is not above 0.
+// The distance at which a ray hits a light that shines toward the ray's origin, or a number that is not
+// above 0.
 fn light_hit_dist(
     light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, direction: vec3<f32>,
 ) -> f32 {
@@ -61,7 +62,9 @@ fn light_hit_dist(
     let u = light_linear(instance.to_world, select(light.b - light.a, 2.0 * light.b, is_parallelogram));
     let v = light_linear(instance.to_world, select(light.c - light.a, 2.0 * light.c, is_parallelogram));
     let across = cross(direction, v);
-    let inverse = 1.0 / dot(u, across);
+    let determinant = dot(u, across);
+    // Compilers may assume that no number is NaN.
+    let inverse = select(0.0, 1.0 / determinant, determinant != 0.0);
     let a = -dot(to_corner, across) * inverse;
     let around = cross(u, to_corner);
     let b = dot(direction, around) * inverse;
@@ -141,6 +144,11 @@ fn light_first_hit(shading_point: LightShadingPoint, direction: vec3<f32>, max_d
             // #if RANGES
             reaches = reaches && light_range_window(dist_sq, light.range) > 0.0;
             // #endif
+            // #if FACTORS
+            // What a factor makes black hides nothing.
+            let sent = light_factored(LightIncident(direction, dist, light.emission, 0.0, false), 0u, instance);
+            reaches = reaches && any(sent.radiance != vec3(0.0));
+            // #endif
             if reaches {
                 found = LightFirstHit(below.instance, index, dist);
             }
@@ -180,9 +188,8 @@ fn light_hit(shading_point: LightShadingPoint, direction: vec3<f32>, max_dist: f
     }
     let instance = light_instance(found.instance);
     let light = light_record(instance.light_base + found.light);
-    let point = shading_point.position + ray * found.dist;
     var incident = LightIncident(ray, found.dist, light.emission, 0.0, false);
-    incident.pdf = light_point_pdf(light, instance, shading_point, point);
+    incident.pdf = light_point_pdf(light, instance, shading_point, ray * found.dist);
     // #if RANGES
     incident.radiance *= light_range_window(found.dist * found.dist, light.range);
     // #endif

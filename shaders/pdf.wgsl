@@ -19,19 +19,19 @@ fn light_surface_pdf(to_plane: vec3<f32>, normal_area: vec3<f32>, kind: u32, dis
 
 // Twin of `sphere_pdf`.
 fn light_sphere_pdf(
-    light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, point: vec3<f32>,
+    light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, toward: vec3<f32>,
 ) -> f32 {
     let radius = light.c.x;
-    let to_center = light_into_tree(instance, light_toward(light.a, instance, shading_point));
+    let world_center = light_toward(light.a, instance, shading_point);
+    let to_center = light_into_tree(instance, world_center);
     let dist_sq = dot(to_center, to_center);
     if dist_sq < LIGHT_TINY || radius * radius >= dist_sq {
         return 0.0;
     }
     let sin_max_sq = radius * radius / dist_sq;
     let one_minus_cos_max = sin_max_sq / (1.0 + sqrt(1.0 - sin_max_sq));
-    let from_center = light_into_tree(instance, point - light_translation(instance.to_world)) - light.a;
+    let from_center = light_into_tree(instance, toward - world_center);
     let hit = length(to_center + light_normalize_or_zero(from_center) * radius);
-    let toward = point - shading_point.position;
     var local = hit;
     if hit <= LIGHT_CLOSE * sqrt(dist_sq) {
         local = length(light_into_tree(instance, toward));
@@ -50,9 +50,8 @@ fn light_sphere_pdf(
 
 // The density per steradian of the direction to a point on a given light. Twin of `point_pdf`.
 fn light_point_pdf(
-    light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, point: vec3<f32>,
+    light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, toward: vec3<f32>,
 ) -> f32 {
-    let toward = point - shading_point.position;
     let dist_sq = dot(toward, toward);
     let is_above = all(shading_point.normal == vec3(0.0)) || dot(shading_point.normal, toward) > 0.0;
     if !is_above || dist_sq < LIGHT_MIN_DIST_SQ || all(light.emission == vec3(0.0)) {
@@ -65,7 +64,7 @@ fn light_point_pdf(
     // #endif
     let kind = light.kind & LIGHT_KIND_MASK;
     if kind == LIGHT_KIND_SPHERE {
-        return light_sphere_pdf(light, instance, shading_point, point);
+        return light_sphere_pdf(light, instance, shading_point, toward);
     }
     if kind != LIGHT_KIND_RECTANGLE && kind != LIGHT_KIND_TRIANGLE {
         return 0.0;
@@ -96,7 +95,8 @@ fn light_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, point:
         return 0.0;
     }
     let placed = light_instance(instance);
-    let pdf = light_point_pdf(light_record(placed.light_base + light), placed, shading_point, light_limited(point));
+    let toward = light_limited(point) - shading_point.position;
+    let pdf = light_point_pdf(light_record(placed.light_base + light), placed, shading_point, toward);
     if pdf > 0.0 {
         return pdf * light_pmf(shading_point, instance, light);
     }

@@ -44,8 +44,7 @@ impl LightSampler<'_> {
         let placed = self.world.instance(instance)?;
         let record = self.world.tree(placed.tree)?.lights().get(index as usize)?;
         let frame = placed.shown()?.frame(self.world.home());
-        let point = shading_point.position + direction * dist;
-        let pdf = point_pdf(record, &frame, shading_point, self.world.solid_angle_sampling(), point);
+        let pdf = point_pdf(record, &frame, shading_point, self.world.solid_angle_sampling(), direction * dist);
         let radiance = record.emission * range_window(dist * dist, record.range);
         let radiance = placed.appearance.arriving(radiance)?;
         let incident = Incident { direction, dist, radiance, pdf, is_delta: false, along: 0.0 };
@@ -68,7 +67,9 @@ impl LightSampler<'_> {
             }
             let Some(frame) = placed.shown().map(|placed| placed.frame(self.world.home())) else { return };
             let mut meet = |light: u32, dist: &mut f32| {
-                let record = tree.lights().get(light as usize);
+                // What a factor makes black hides nothing.
+                let sends = |record: &&Light| placed.appearance.arriving(record.emission).is_some();
+                let record = tree.lights().get(light as usize).filter(sends);
                 if let Some(nearer) =
                     record.and_then(|record| hit_dist(record, &frame, shading_point, direction, *dist))
                 {
@@ -135,7 +136,7 @@ impl Ray {
     }
 }
 
-/// The distance at which a ray hits a light that sends light back, if it is less than `max_dist`.
+/// The distance at which a ray hits a light that shines toward the ray's origin, if it is less than `max_dist`.
 ///
 /// Triangles and rectangles are intersected as by Möller and Trumbore (*Fast, Minimum Storage Ray-Triangle
 /// Intersection*, 1997), relative to the shading point.
@@ -150,7 +151,7 @@ fn hit_dist(
         let normal_area = frame.normal_area(edges[0].cross(edges[1]));
         let (to_corner, [u, v]) = (frame.toward(corner, shading_point), edges.map(|edge| frame.to_world * edge));
         let across = direction.cross(v);
-        let inverse = 1.0 / u.dot(across);
+        let inverse = u.dot(across).recip();
         let a = -to_corner.dot(across) * inverse;
         let around = u.cross(to_corner);
         let b = direction.dot(around) * inverse;

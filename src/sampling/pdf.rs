@@ -35,21 +35,21 @@ impl LightSampler<'_> {
         let tree = self.world.tree(placed.tree);
         let Some(record) = tree.and_then(|tree| tree.lights().get(index as usize)) else { return 0.0 };
         let Some(frame) = placed.shown().map(|placed| placed.frame(self.world.home())) else { return 0.0 };
-        let pdf = point_pdf(record, &frame, shading_point, self.world.solid_angle_sampling(), point);
+        let toward = point - shading_point.position;
+        let pdf = point_pdf(record, &frame, shading_point, self.world.solid_angle_sampling(), toward);
         if pdf > 0.0 { pdf * self.pmf(shading_point, light) } else { 0.0 }
     }
 }
 
 /// The density per steradian of the direction to a point on a given light; 0 if sampling never
-/// returns it.
+/// returns it. `toward` is the vector to the point.
 pub(crate) fn point_pdf(
     light: &Light,
     frame: &InstanceTransform,
     shading_point: &ShadingPoint,
     by_solid_angle: bool,
-    point: Vec3,
+    toward: Vec3,
 ) -> f32 {
-    let toward = point - shading_point.position;
     let dist_sq = toward.length_squared();
     let is_above = shading_point.normal == Vec3::ZERO || shading_point.normal.dot(toward) > 0.0;
     let is_in_range = dist_sq >= MIN_DIST_SQ && range_window(dist_sq, light.range) > 0.0;
@@ -76,7 +76,7 @@ pub(crate) fn point_pdf(
                 None => surface_pdf(to_corner, normal_area, two_sided, dist_sq),
             }
         }
-        Shape::Sphere { center, radius } => sphere_pdf(center, radius, frame, shading_point, point),
+        Shape::Sphere { center, radius } => sphere_pdf(center, radius, frame, shading_point, toward),
     }
 }
 
@@ -94,8 +94,9 @@ fn near_surface_pdf(near: &NearSurface, to_plane: Vec3, normal_area: Vec3, two_s
     if is_lit_side(to_plane, normal_area, two_sided) { 1.0 / near.solid_angle() } else { 0.0 }
 }
 
-fn sphere_pdf(center: Vec3, radius: f32, frame: &InstanceTransform, shading_point: &ShadingPoint, point: Vec3) -> f32 {
-    let to_center = frame.to_local * frame.toward(center, shading_point);
+fn sphere_pdf(center: Vec3, radius: f32, frame: &InstanceTransform, shading_point: &ShadingPoint, toward: Vec3) -> f32 {
+    let world_center = frame.toward(center, shading_point);
+    let to_center = frame.to_local * world_center;
     let dist_sq = to_center.length_squared();
     let sin_max_sq = radius * radius / dist_sq;
     if !(dist_sq >= f32::MIN_POSITIVE && sin_max_sq < 1.0) {
@@ -104,9 +105,8 @@ fn sphere_pdf(center: Vec3, radius: f32, frame: &InstanceTransform, shading_poin
     let one_minus_cos_max = sin_max_sq / (1.0 + (1.0 - sin_max_sq).sqrt());
     // Projects the point back onto the sphere, so that a flat instance does not stretch its
     // rounding error.
-    let normal = (frame.to_local * (point - frame.translation) - center).normalize_or_zero();
+    let normal = (frame.to_local * (toward - world_center)).normalize_or_zero();
     let hit = (to_center + normal * radius).length();
-    let toward = point - shading_point.position;
     let is_close = hit <= CLOSE * dist_sq.sqrt();
     let local = if is_close { (frame.to_local * toward).length() } else { hit };
     let stretch = toward.length() / local;

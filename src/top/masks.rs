@@ -19,8 +19,8 @@ pub(crate) const ROUNDED: u32 = 181;
 const MAX_CODE: u32 = 7;
 
 /// For each bit of a mask the share of the flux below a node whose instances have the bit, as a code of
-/// three bits. Bit j of the code of bit i is bit i of word j. A code is 0 only if no instance has the
-/// bit, so what rounds to less than 1/64 counts as 1/64.
+/// three bits. Bit j of the code of bit i is bit i of word j. A code is 0 only if no instance that shines
+/// has the bit, so what rounds to less than 1/64 counts as 1/64.
 ///
 /// Codes of four bits would be more exact, but do not fit into the memory of a workgroup that packs
 /// nodes.

@@ -31,7 +31,7 @@ fn cosine(world: &LightWorld, light: LightId, direction: Vec3) -> f32 {
 
 /// The largest relative difference of two densities at a point that is known by its f32 coordinates
 /// only.
-fn tolerance(world: &LightWorld, shading_point: &ShadingPoint, light: LightId, point: Vec3) -> f32 {
+pub(crate) fn tolerance(world: &LightWorld, shading_point: &ShadingPoint, light: LightId, point: Vec3) -> f32 {
     let toward = point - shading_point.position;
     let coordinates = shading_point.position.abs().element_sum() + point.abs().element_sum() + 1.0;
     let height = toward.length() * cosine(world, light, toward.normalize());

@@ -189,6 +189,18 @@ impl Session {
         self.stage.scene.camera = camera;
     }
 
+    /// The exposure that was measured or given; `None` before the first frame of a scene that is measured.
+    pub fn exposure(&self) -> Option<f32> {
+        let scene = &self.stage.scene;
+        (!scene.is_metered).then_some(scene.exposure)
+    }
+
+    /// Sets the exposure, which is then not measured.
+    pub fn set_exposure(&mut self, exposure: f32) {
+        self.stage.scene.exposure = exposure;
+        self.stage.scene.is_metered = false;
+    }
+
     /// Changes the frame rate and the budget of the next frames.
     pub fn set_pace(&mut self, pace: Pace) {
         self.pace = pace;

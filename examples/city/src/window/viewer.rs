@@ -10,6 +10,7 @@ use super::overlay::{Overlay, tree_boxes};
 use girandole::{CandidateCount, FrameBudget, SplitCount};
 use std::time::Duration;
 use testbed::render::backend::{self, BackendChoice};
+use testbed::render::image::Image;
 use testbed::render::settings::Settings;
 use testbed::render::shading::View;
 use testbed::scene::{Camera, SceneError};
@@ -46,10 +47,13 @@ pub struct Wish {
     pub size: (u32, u32),
 }
 
-/// The last filtered picture. It is shown until rendering has taken as long as its filter did.
+/// The last filtered picture, and the boxes over it. They are shown until rendering has taken as long as
+/// the filter did.
 struct Filtered {
     size: (u32, u32),
-    pixels: Vec<u8>,
+    view: ViewKind,
+    image: Image,
+    overlay: Option<Overlay>,
     /// Time that the filter took.
     cost: Duration,
     /// Time that rendering has taken since then.
@@ -109,11 +113,18 @@ impl Viewer {
         self.session.scene().warnings.clone()
     }
 
-    /// Goes back to the start of the scene, with the same seed. The camera stays.
+    /// Goes back to the start of the scene, with the same seed. The camera and the exposure stay.
     pub fn rewind(&mut self, controls: &Controls) -> Result<(), SceneError> {
-        let camera = self.camera();
-        *self = Self::new(&self.options, controls)?;
+        self.restart(controls, self.options.backend)
+    }
+
+    fn restart(&mut self, controls: &Controls, choice: BackendChoice) -> Result<(), SceneError> {
+        let (camera, exposure) = (self.camera(), self.session.exposure());
+        *self = Self::with_backend(&self.options, controls, choice)?;
         self.session.set_camera(camera);
+        if let Some(exposure) = exposure {
+            self.session.set_exposure(exposure);
+        }
         Ok(())
     }
 
@@ -133,11 +144,10 @@ impl Viewer {
             (self.last.cars, notice) = (wish.controls.cars, Some(error.to_string()));
         }
         let shown = self.try_frame(wish, step).or_else(|error| {
-            let again = Self::new(&self.options, &wish.controls);
-            *self = again.or_else(|_| Self::with_backend(&self.options, &wish.controls, BackendChoice::Cpu))?;
+            self.rewind(&wish.controls).or_else(|_| self.restart(&wish.controls, BackendChoice::Cpu))?;
             notice = Some(format!("{error}; {}", self.backend));
             self.try_frame(wish, step).or_else(|_| {
-                *self = Self::with_backend(&self.options, &wish.controls, BackendChoice::Cpu)?;
+                self.restart(&wish.controls, BackendChoice::Cpu)?;
                 notice = Some(format!("{error}; {}", self.backend));
                 self.try_frame(wish, step)
             })
@@ -154,7 +164,8 @@ impl Viewer {
         self.session.set_frozen(controls.is_frozen && !step);
         let is_still = self.session.is_still();
         let frame = self.session.frame(&|_| {})?;
-        if controls.sampler != self.last.sampler || !controls.is_accumulated {
+        let is_other_sampler = controls.sampler != self.last.sampler;
+        if is_other_sampler || !controls.is_accumulated {
             self.accumulation.clear();
         }
         self.last = *controls;
@@ -165,35 +176,30 @@ impl Viewer {
         let accumulated = self.accumulation.add(&frame.image, scene, self.session.geometry(), is_still);
         stats.times.denoising = laps.lap();
         let is_filtered = controls.is_filtered && controls.view != ViewKind::Noise;
-        let last = self.filtered.take().filter(|last| is_filtered && !step && last.size == *size);
-        let last = last.and_then(|last| last.unless_due(stats.times.rendering));
-        let pixels = if let Some(last) = last {
-            self.filtered.insert(last).pixels.clone()
-        } else {
-            let image = if is_filtered { self.session.denoise(&accumulated) } else { accumulated };
-            let cost = laps.lap();
+        let is_same = |last: &Filtered| (last.size, last.view) == (*size, controls.view) && !is_other_sampler && !step;
+        let last = self.filtered.take().filter(|last| is_filtered && is_same(last));
+        let exposure = scene.exposure * controls.exposure_ev.exp2();
+        let (pixels, overlay) = if let Some(last) = last.and_then(|last| last.unless_due(stats.times.rendering)) {
+            let last = self.filtered.insert(last);
+            (tone_map(&last.image, exposure), last.overlay.clone())
+        } else if is_filtered {
+            let image = self.session.denoise(&accumulated);
+            let (cost, view, overlay) = (laps.lap(), controls.view, self.overlay(controls, *size));
             stats.times.denoising += cost;
-            let exposure = scene.exposure * controls.exposure_ev.exp2();
+            let pixels = tone_map(&image, exposure);
+            let rendering = Duration::ZERO;
+            self.filtered = Some(Filtered { size: *size, view, image, overlay: overlay.clone(), cost, rendering });
+            (pixels, overlay)
+        } else {
             let pixels = match controls.view {
-                ViewKind::Noise => noise_picture(&image, &self.accumulation.clear_pixels()),
-                _ => tone_map(&image, exposure),
+                ViewKind::Noise => noise_picture(&accumulated, &self.accumulation.clear_pixels()),
+                _ => tone_map(&accumulated, exposure),
             };
-            if is_filtered {
-                self.filtered = Some(Filtered { size: *size, pixels: pixels.clone(), cost, rendering: Duration::ZERO });
-            }
-            pixels
+            (pixels, self.overlay(controls, *size))
         };
         stats.times.tone_mapping = laps.lap();
         let frames = self.accumulation.mean_frames();
-        Ok(Shown {
-            width: size.0,
-            height: size.1,
-            pixels,
-            overlay: self.overlay(controls, *size),
-            stats,
-            frames,
-            notice: None,
-        })
+        Ok(Shown { width: size.0, height: size.1, pixels, overlay, stats, frames, notice: None })
     }
 
     /// Takes over the controls that are settings of the renderer.
@@ -275,6 +281,9 @@ mod tests {
             let again = shown(&mut viewer, controls());
             assert_eq!((again.stats.frame, again.pixels == picture.pixels), (picture.stats.frame, true));
         }
+        viewer.session.set_exposure(0.125);
+        viewer.rewind(&controls()).expect("the city is valid");
+        assert_eq!(viewer.session.exposure(), Some(0.125));
     }
 
     #[test]
@@ -349,7 +358,9 @@ mod tests {
     fn the_filter_takes_no_longer_than_rendering() {
         let with = |cost| Filtered {
             size: SIZE,
-            pixels: Vec::new(),
+            view: ViewKind::Picture,
+            image: Image { width: 1, height: 1, pixels: vec![Vec3::ZERO], variance: vec![0.0] },
+            overlay: None,
             cost: Duration::from_millis(cost),
             rendering: Duration::ZERO,
         };
@@ -365,7 +376,7 @@ mod tests {
         let mut viewer = viewer("cpu");
         viewer.filtered = Some(with(u64::MAX));
         let controls = Controls { is_filtered: true, ..controls() };
-        assert_eq!(shown(&mut viewer, controls).pixels.len(), 0, "the last filtered picture");
+        assert_eq!(shown(&mut viewer, controls).pixels.len(), 3, "the last filtered picture");
         let wish = Wish { size: (16, 9), ..wish(controls) };
         let shown = viewer.frame(&wish, false).expect("a scene that renders");
         assert_eq!(shown.pixels.len(), 16 * 9 * 3);

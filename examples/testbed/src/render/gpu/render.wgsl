@@ -365,7 +365,9 @@ fn to_smooth_surface(facet: Triangle, weights: vec2<f32>, placed: Record, side: 
     let x = cross(placed.row1.xyz, placed.row2.xyz);
     let y = cross(placed.row2.xyz, placed.row0.xyz);
     let z = cross(placed.row0.xyz, placed.row1.xyz);
-    return (x * moved.x + y * moved.y + z * moved.z) / dot(placed.row0.xyz, x);
+    let to_smooth = (x * moved.x + y * moved.y + z * moved.z) / dot(placed.row0.xyz, x);
+    // Flattened objects may have no inverse.
+    return select(vec3<f32>(0.0), to_smooth, all(abs(to_smooth) < vec3<f32>(1e18)));
 }
 
 fn met_surface(direction: vec3<f32>, hit: Hit) -> MetSurface {

@@ -51,7 +51,7 @@ impl Utm {
 
     /// Metres east and north; an error if the position is too far from the zone.
     pub fn project(self, degrees: DVec2) -> Result<DVec2, String> {
-        let east = degrees.x - (6.0 * f64::from(self.zone) - 183.0);
+        let east = (degrees.x - (6.0 * f64::from(self.zone) - 183.0) + 180.0).rem_euclid(360.0) - 180.0;
         if east.abs() > REACH {
             return Err(format!("{degrees} is too far from the zone of the network, EPSG:{}", self.epsg()));
         }
@@ -104,6 +104,10 @@ mod tests {
         assert_eq!(south.project(dvec2(3.0, 0.0)), Ok(dvec2(500_000.0, 10_000_000.0)));
         let pole = Utm::at(dvec2(3.0, 52.0)).project(dvec2(3.0, 90.0)).unwrap();
         assert!(pole.distance(dvec2(500_000.0, 0.9996 * 10_001_965.729)) < 1e-3, "{pole}");
+        // Zone 1 begins at the antimeridian. Positions on both sides of its middle mirror each other.
+        let zone = Utm::at(dvec2(-179.9, -17.0));
+        let [west, east] = [179.9, -173.9].map(|longitude| zone.project(dvec2(longitude, -17.0)).unwrap());
+        assert!((west.x + east.x - 1e6).abs() < 1e-6 && (west.y - east.y).abs() < 1e-6, "{west} {east}");
         assert!(south.project(dvec2(34.0, 0.0)).unwrap_err().contains("EPSG:32731"));
     }
 
