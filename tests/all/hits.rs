@@ -174,6 +174,22 @@ fn rays_that_meet_nothing_that_shines_hit_nothing() {
 }
 
 #[test]
+fn a_light_that_a_factor_makes_black_hides_none_behind_it() {
+    let mut world = LightWorld::new();
+    // X x Z points down.
+    let panel = Light::rectangle(Vec3::ZERO, Vec3::X, Vec3::Z, Vec3::Z);
+    let tree = world.add_tree(LightTree::new(vec![panel]).expect("valid"));
+    let [near, far] =
+        [1.0, 2.0].map(|y| world.add_instance(tree, Placement::at(DVec3::Y * y), Policy::Static).expect("valid"));
+    let hit = |world: &LightWorld| world.sampler().hit(&ShadingPoint::volume(Vec3::ZERO), Vec3::Y, 9.0);
+    let of = |instance| Some(LightId::Local { instance, light: 0 });
+    assert_eq!(hit(&world).map(|hit| hit.light), of(near));
+    // The light is blue.
+    world.set_factor(near, Vec3::X).expect("a live instance");
+    assert_eq!(hit(&world).map(|hit| hit.light), of(far));
+}
+
+#[test]
 fn rays_in_an_engines_shader_hit_what_they_hit_on_the_cpu() {
     let (device, queue) = gpu();
     let mut rng = Rng(901);
