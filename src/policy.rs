@@ -192,10 +192,12 @@ pub(crate) fn rebuild_request(
 /// of them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PolicySet {
-    len: usize,
-    static_count: usize,
-    refit_only_count: usize,
-    always_rebuild_count: usize,
+    len: u32,
+    static_count: u32,
+    refit_only_count: u32,
+    /// Most trees have this policy alone, and a map of its thresholds takes 200 bytes.
+    budgeted_count: u32,
+    always_rebuild_count: u32,
     /// The thresholds of all other policies, with the number of policies that have them.
     thresholds: BTreeMap<Threshold, usize>,
 }
@@ -211,9 +213,9 @@ struct Threshold {
 /// What a threshold is compared with: in each case less demanding policies have greater thresholds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Criterion {
-    /// The floor of [`Policy::Bounded`] and [`Policy::Budgeted`].
+    /// The floor of [`Policy::Bounded`].
     Floor,
-    /// The ceiling of [`Policy::Bounded`]; infinite for [`Policy::Budgeted`].
+    /// The ceiling of [`Policy::Bounded`].
     Ceiling,
     /// `deviation * factor` of [`Policy::Deviation`], by the number of its attribute.
     Deviation(u8),
@@ -242,6 +244,7 @@ impl PolicySet {
         match policy {
             Policy::Static => self.static_count += 1,
             Policy::RefitOnly => self.refit_only_count += 1,
+            Policy::Budgeted => self.budgeted_count += 1,
             Policy::AlwaysRebuild => self.always_rebuild_count += 1,
             _ => thresholds_of(&policy).for_each(|threshold| *self.thresholds.entry(threshold).or_default() += 1),
         }
@@ -253,6 +256,7 @@ impl PolicySet {
         match policy {
             Policy::Static => self.static_count -= 1,
             Policy::RefitOnly => self.refit_only_count -= 1,
+            Policy::Budgeted => self.budgeted_count -= 1,
             Policy::AlwaysRebuild => self.always_rebuild_count -= 1,
             _ => thresholds_of(&policy).for_each(|threshold| self.remove_threshold(threshold)),
         }
@@ -282,9 +286,10 @@ impl PolicySet {
         requests.max().unwrap_or_default()
     }
 
-    /// At most ten policies whose most demanding request is that of all policies.
+    /// At most eleven policies whose most demanding request is that of all policies.
     fn most_demanding(&self) -> impl Iterator<Item = Policy> {
         let always = (self.always_rebuild_count > 0).then_some(Policy::AlwaysRebuild);
+        let budgeted = (self.budgeted_count > 0).then_some(Policy::Budgeted);
         // Each floor is at most its own ceiling, and so the least floor at most the least ceiling.
         let bounded = self.least(Criterion::Floor).zip(self.least(Criterion::Ceiling));
         let bounded = bounded.map(|(floor, ceiling)| Policy::Bounded { floor, ceiling });
@@ -296,7 +301,7 @@ impl PolicySet {
                 factor.map(|factor| Policy::Ratio { attribute, factor }),
             ]
         });
-        [always, bounded].into_iter().chain(by_attribute).flatten()
+        [always, budgeted, bounded].into_iter().chain(by_attribute).flatten()
     }
 
     /// The least threshold of a criterion.
@@ -309,8 +314,7 @@ impl PolicySet {
 /// The thresholds of a policy that has some: one, or a floor and a ceiling.
 fn thresholds_of(policy: &Policy) -> impl Iterator<Item = Threshold> + use<> {
     let thresholds = match *policy {
-        Policy::Static | Policy::RefitOnly | Policy::AlwaysRebuild => [None, None],
-        Policy::Budgeted => bounds(DEFAULT_FLOOR, f32::INFINITY),
+        Policy::Static | Policy::RefitOnly | Policy::Budgeted | Policy::AlwaysRebuild => [None, None],
         Policy::Bounded { floor, ceiling } => bounds(floor, ceiling),
         Policy::Deviation { attribute, deviation, factor } => {
             [Some(Threshold::new(Criterion::Deviation(attribute as u8), factor * deviation)), None]
