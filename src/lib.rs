@@ -133,6 +133,7 @@
 
 // Modules are in the order in which data passes through them. A module imports only from modules
 // above it; `tests/all/dependencies.rs` checks that.
+mod rare;
 mod keys;
 pub mod effects;
 pub mod error;

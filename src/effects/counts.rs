@@ -2,6 +2,7 @@
 //! updates after their counts have fallen to 0.
 
 use super::Effects;
+use crate::rare::HasEmpty;
 
 /// How many calls of [`LightWorld::update`](crate::LightWorld::update) an effect stays in
 /// [`LightWorld::effects`](crate::LightWorld::effects) after nothing in the world has it any more.
@@ -36,6 +37,14 @@ const KINDS: usize = Effects::NAMES.len();
 pub struct EffectCounts {
     /// Indexed by the number of the effect.
     counts: [u64; KINDS],
+}
+
+impl HasEmpty for EffectCounts {
+    const EMPTY: &'static Self = &Self { counts: [0; KINDS] };
+
+    fn owned_bytes(&self) -> usize {
+        0
+    }
 }
 
 impl EffectCounts {

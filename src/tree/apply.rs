@@ -39,7 +39,7 @@ impl LightTree {
         check_lights(changes.iter().map(|(index, light)| (*index as usize, light)))?;
         self.apply(changes);
         // Only a world asks which leaves have moved.
-        self.edited.forget_moved();
+        self.forget_moved();
         Ok(())
     }
 
@@ -74,7 +74,7 @@ impl LightTree {
         if added + jumping.len() == 0 {
             return false;
         }
-        let before = self.edited.builds();
+        let before = self.builds;
         for (index, light) in changes.iter().filter(|(_, light)| !light.is_removed()) {
             if self.lights.get(*index as usize).is_none_or(Light::is_removed) {
                 self.insert(*index, jumping.get(index).unwrap_or(light));
@@ -85,7 +85,7 @@ impl LightTree {
             // been considered.
             self.rebuild();
         }
-        self.edited.builds() != before
+        self.builds != before
     }
 
     /// Whether a tree is built again for additions and removals: if it is divided into sides, which
@@ -106,7 +106,7 @@ impl LightTree {
             !former.is_removed() && !light.is_removed() && from.distance_squared(to) > least * least
         };
         let leaves_node = |index: u32, light: &Light| {
-            let node = self.wide[self.leaves[index as usize] as usize / WIDTH].merged().cluster.aabb;
+            let node = self.refit_data.wide[self.leaves[index as usize] as usize / WIDTH].merged().cluster.aabb;
             let to = light.aabb().center();
             // A dark node has no box.
             let away = if node.is_empty() { 0.0 } else { to.distance(to.clamp(node.min, node.max)) };
@@ -133,7 +133,9 @@ impl LightTree {
         for (index, light) in changes {
             self.hold_index(*index);
             self.lights[*index as usize] = *light;
-            self.edited.set_vacant(*index, light.is_removed());
+            if light.is_removed() || !self.edited.vacant().is_empty() {
+                self.edited.set_vacant(*index, light.is_removed());
+            }
         }
     }
 
@@ -150,11 +152,17 @@ impl LightTree {
     /// Replaces one light.
     fn set(&mut self, index: u32, light: &Light) {
         let former = std::mem::replace(&mut self.lights[index as usize], *light);
-        self.effects.remove(former.effects());
-        self.effects.add(light.effects());
+        if former.effects() != light.effects() {
+            self.effects.remove(former.effects());
+            self.effects.add(light.effects());
+        }
         let place = self.leaves[index as usize] as usize;
-        self.wide[place / WIDTH].set(place % WIDTH, &light.cluster());
-        self.dirty.insert(place / WIDTH);
+        if self.nodes.len() == 1 {
+            self.is_only_node_dirty = true;
+            return;
+        }
+        self.refit_data.wide[place / WIDTH].set(place % WIDTH, &light.cluster());
+        self.refit_data.dirty.insert(place / WIDTH);
     }
 }
 

@@ -6,18 +6,16 @@
 use std::collections::BTreeSet;
 
 use super::LightTree;
-use super::attributes::{AttributeSums, Attributes};
-use super::dirty::DirtyNodes;
+use super::attributes::Attributes;
 use super::edited::Edited;
 use super::layout::{PlacedLight, build_items};
 use super::node::{NO_LEAF, Node};
-use super::refitted::RefittedNodes;
+use super::refit_data::RefitData;
 use super::shape::{TreeShape, shape_tree};
-use super::tasks::RefitTasks;
-use super::wide::WideCluster;
 use crate::cluster::{Cluster, Linear};
 use crate::effects::EffectCounts;
 use crate::light::Light;
+use crate::rare::Rare;
 
 /// The clusters of more lights than this are computed by several threads; for fewer, waking a
 /// thread costs more than it saves.
@@ -50,30 +48,41 @@ impl LightTree {
         let count = shape.nodes.len();
         let mut tree = Self {
             leaves: vec![NO_LEAF; lights.len()],
-            effects: effects_of(&lights),
+            effects: Rare::default(),
             lights,
             nodes: vec![Node::EMPTY; count],
-            wide: vec![WideCluster::EMPTY; count],
+            refit_data: if count > 0 { RefitData::new(count).into() } else { Rare::default() },
             spans: vec![0; count],
             light_counts: vec![0; count],
             built_cost: 0.0,
-            attribute_sums: vec![AttributeSums::default(); count],
+            cost: 0.0,
             has_stale_sums: false,
-            dirty: DirtyNodes::empty(count),
-            refitted: RefittedNodes::empty(count),
+            is_frozen: false,
+            is_only_node_dirty: false,
+            is_only_node_refitted: false,
             edited: Edited::of_build(vacant),
-            tasks: RefitTasks::default(),
+            builds: 0,
             root: Cluster::EMPTY,
-            sides: vec![Cluster::EMPTY; shape.sides],
+            sides: vec![Cluster::EMPTY; shape.sides].into(),
             weights: reference.clone(),
             reference,
             attributes: Attributes::default(),
             is_placeholder: false,
         };
+        tree.count_all_effects();
         if count > 0 {
             tree.lay_out(&shape.nodes, placed);
         }
         tree
+    }
+
+    /// Counts the effects of all lights.
+    fn count_all_effects(&mut self) {
+        let mut counts = EffectCounts::default();
+        self.lights.iter().filter(|light| !light.is_removed()).for_each(|light| counts.add(light.effects()));
+        if counts != EffectCounts::default() {
+            self.effects = counts.into();
+        }
     }
 
     /// The clusters of all lights.
@@ -89,10 +98,12 @@ impl LightTree {
     }
 }
 
-fn effects_of(lights: &[Light]) -> EffectCounts {
-    let mut counts = EffectCounts::default();
-    lights.iter().filter(|light| !light.is_removed()).for_each(|light| counts.add(light.effects()));
-    counts
+/// Counts the effects of one more light.
+pub(super) fn count_effects(counts: &mut Rare<EffectCounts>, light: &Light) {
+    let effects = light.effects();
+    if !effects.is_empty() {
+        counts.add(effects);
+    }
 }
 
 /// The clusters of all lights that were not removed.

@@ -12,6 +12,9 @@ pub(super) struct DirtyNodes {
 }
 
 impl DirtyNodes {
+    /// The set of a tree without nodes.
+    pub const EMPTY: Self = Self { flags: Vec::new(), heap: BinaryHeap::new() };
+
     /// An empty set for a tree of `count` nodes.
     pub fn empty(count: usize) -> Self {
         Self { flags: vec![false; count], heap: BinaryHeap::with_capacity(count) }

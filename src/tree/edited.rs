@@ -2,8 +2,9 @@
 
 use std::collections::BTreeSet;
 
-/// What additions and removals have changed since the last build. Nothing is allocated before the
-/// first of them.
+use crate::rare::{HasEmpty, Rare};
+
+/// What additions and removals have changed since the last build.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Edited {
     /// The indices that have no light.
@@ -21,22 +22,16 @@ pub(super) struct Edited {
     is_changed: bool,
     /// The list of refit tasks is older than the nodes.
     has_stale_tasks: bool,
-    /// The builds of the whole tree so far.
-    builds: u64,
 }
 
 impl Edited {
     /// The state of a tree that was just built.
-    pub fn of_build(vacant: BTreeSet<u32>) -> Self {
-        Self { vacant, ..Self::default() }
+    pub fn of_build(vacant: BTreeSet<u32>) -> Rare<Self> {
+        if vacant.is_empty() { Rare::default() } else { Self { vacant, ..Self::default() }.into() }
     }
 
     pub fn vacant(&self) -> &BTreeSet<u32> {
         &self.vacant
-    }
-
-    pub fn take_vacant(&mut self) -> BTreeSet<u32> {
-        std::mem::take(&mut self.vacant)
     }
 
     /// Records whether an index has no light.
@@ -57,15 +52,6 @@ impl Edited {
     /// Whether subtrees may not be contiguous.
     pub fn is_scattered(&self) -> bool {
         self.is_scattered
-    }
-
-    pub fn builds(&self) -> u64 {
-        self.builds
-    }
-
-    /// Counts a build of the whole tree; `before` is the count before it.
-    pub fn count_build_after(&mut self, before: u64) {
-        self.builds = before + 1;
     }
 
     /// Records that a light was removed.
@@ -126,15 +112,32 @@ impl Edited {
         self.moved.clear();
     }
 
-    /// Whether the list of refit tasks must be made again.
-    pub fn take_stale_tasks(&mut self) -> bool {
-        std::mem::take(&mut self.has_stale_tasks)
+    /// Whether the list of refit tasks is older than the nodes.
+    pub fn has_stale_tasks(&self) -> bool {
+        self.has_stale_tasks
     }
 
-    /// The size of all arrays in bytes. Entries of sets count as numbers.
-    pub fn memory_bytes(&self) -> usize {
+    /// Records that the list of refit tasks was made again.
+    pub fn renewed_tasks(&mut self) {
+        self.has_stale_tasks = false;
+    }
+}
+
+impl HasEmpty for Edited {
+    const EMPTY: &'static Self = &Self {
+        vacant: BTreeSet::new(),
+        free: BTreeSet::new(),
+        built_lights: Vec::new(),
+        moved: Vec::new(),
+        is_scattered: false,
+        is_changed: false,
+        has_stale_tasks: false,
+    };
+
+    /// Entries of sets count as numbers.
+    fn owned_bytes(&self) -> usize {
         let Self { vacant, free, built_lights, moved, .. } = self;
-        size_of::<u32>() * (vacant.len() + free.len() + built_lights.capacity() + moved.capacity())
+        size_of::<u32>() * (vacant.len() + free.len()) + built_lights.owned_bytes() + moved.owned_bytes()
     }
 }
 

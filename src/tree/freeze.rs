@@ -2,20 +2,14 @@
 //! next edit computes it again.
 
 use super::LightTree;
-use super::attributes::AttributeSums;
-use super::dirty::DirtyNodes;
 use super::node::{NO_LEAF, WIDTH};
-use super::refitted::RefittedNodes;
+use super::refit_data::RefitData;
 use super::tasks::RefitTasks;
-use super::wide::WideCluster;
+use crate::rare::Rare;
 
 /// The data that only refits need. Nobody reads them: freeing them takes time, and may wait.
-pub struct RefitData {
-    _wide: Vec<WideCluster>,
-    _attribute_sums: Vec<AttributeSums>,
-    _dirty: DirtyNodes,
-    _refitted: RefittedNodes,
-    _tasks: RefitTasks,
+pub struct DroppedData {
+    _data: Rare<RefitData>,
 }
 
 impl LightTree {
@@ -33,47 +27,50 @@ impl LightTree {
     }
 
     /// Freezes the tree, and returns the data that it then does without.
-    pub(crate) fn freeze_into(&mut self) -> RefitData {
-        if self.dirty.len() > 0 {
+    pub(crate) fn freeze_into(&mut self) -> DroppedData {
+        if self.is_dirty() {
             self.refit_without_attributes();
         }
-        RefitData {
-            _wide: std::mem::take(&mut self.wide),
-            _attribute_sums: std::mem::take(&mut self.attribute_sums),
-            _dirty: std::mem::take(&mut self.dirty),
-            _refitted: std::mem::take(&mut self.refitted),
-            _tasks: std::mem::take(&mut self.tasks),
-        }
+        self.is_frozen = !self.nodes.is_empty();
+        self.cost = self.built_cost;
+        self.is_only_node_refitted = false;
+        DroppedData { _data: self.refit_data.take() }
     }
 
     /// Whether the tree is frozen; never for a tree without lights.
     pub fn is_frozen(&self) -> bool {
-        self.wide.len() < self.nodes.len()
+        self.is_frozen
     }
 
     /// Allocates the dropped data and computes them again. The nodes keep their bits, unless the
     /// tree was baked on a machine whose sines and cosines round differently.
     pub(super) fn thaw(&mut self) {
-        if !self.is_frozen() {
+        if !std::mem::take(&mut self.is_frozen) {
+            return;
+        }
+        if let [former] = self.nodes[..] {
+            let attributes = self.attributes;
+            self.refit_only_node::<true>();
+            self.attributes = attributes;
+            self.is_only_node_refitted = self.nodes[0] != former;
             return;
         }
         let count = self.nodes.len();
         let former = self.nodes.clone();
-        self.wide = vec![WideCluster::EMPTY; count];
+        self.refit_data = RefitData::new(count).into();
         for (light, place) in self.lights.iter().zip(&self.leaves) {
             if *place != NO_LEAF {
                 let place = *place as usize;
-                self.wide[place / WIDTH].set(place % WIDTH, &light.cluster());
+                self.refit_data.wide[place / WIDTH].set(place % WIDTH, &light.cluster());
             }
         }
-        self.attribute_sums = vec![AttributeSums::default(); count];
-        self.dirty = DirtyNodes::empty(count);
-        self.tasks = RefitTasks::new(&self.spans);
+        self.refit_data.tasks = RefitTasks::new(&self.spans);
         self.mark_all();
         self.refit_all::<true>();
-        self.refitted = RefittedNodes::empty(count);
+        self.cost = self.refit_data.attribute_sums[0].cost_per_spread(&self.root);
+        self.refit_data.refitted.clear();
         if self.nodes != former {
-            self.refitted.add_all();
+            self.refit_data.refitted.add_all();
         }
     }
 

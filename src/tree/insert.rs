@@ -11,6 +11,7 @@
 //! So paths stay short, whatever the order of the lights is, and each light pays for O(log n) others
 //! at most in each subtree that holds it.
 
+use super::build::count_effects;
 use super::cost::{orientation, size};
 use super::edited::make_room;
 use super::layout::{PlacedLight, build_items};
@@ -65,7 +66,7 @@ impl LightTree {
         let changes: Vec<_> = indices.iter().copied().zip(lights.iter().copied()).collect();
         self.apply(&changes);
         self.refit_changes();
-        self.edited.forget_moved();
+        self.forget_moved();
         Ok(indices)
     }
 
@@ -76,7 +77,7 @@ impl LightTree {
         self.hold_index(index);
         self.lights[index as usize] = *light;
         self.edited.set_vacant(index, false);
-        self.effects.add(light.effects());
+        count_effects(&mut self.effects, light);
         // A dark light goes where it would go if it shone.
         let own = light.cluster();
         let lit = if own.flux > 0.0 { own } else { Light { emission: glam::Vec3::ONE, ..*light }.cluster() };
@@ -94,7 +95,7 @@ impl LightTree {
             let child = self.nodes[node].children[choice.slot];
             if own.flux > 0.0 {
                 // Later additions see the box as it will be.
-                self.wide[node].set(choice.slot, &choice.merged);
+                self.refit_data.wide[node].set(choice.slot, &choice.merged);
             }
             if child & LEAF != 0 {
                 let pair = self.share_node(node * WIDTH + choice.slot, child & !LEAF);
@@ -117,7 +118,7 @@ impl LightTree {
             if is_light && has_room {
                 continue;
             }
-            let cluster = self.wide[node].get(slot);
+            let cluster = self.refit_data.wide[node].get(slot);
             let merged = merged(&cluster, light);
             let present = cost(&cluster);
             let rise = cost(&merged) - present;
@@ -133,9 +134,9 @@ impl LightTree {
     /// Writes a light to a slot of a node.
     fn put_leaf(&mut self, node: usize, slot: usize, index: u32, cluster: &Cluster) {
         self.nodes[node].children[slot] = index | LEAF;
-        self.wide[node].set(slot, cluster);
+        self.refit_data.wide[node].set(slot, cluster);
         self.place_leaf(index, node * WIDTH + slot);
-        self.dirty.insert(node);
+        self.refit_data.dirty.insert(node);
     }
 
     /// Puts a new node in the place of a light, which becomes its first child. There is room for the
@@ -156,14 +157,14 @@ impl LightTree {
     fn new_node_after(&mut self, node: usize) -> usize {
         let new = self.edited.take_node_after(node).unwrap_or_else(|| {
             make_room(&mut self.nodes);
-            make_room(&mut self.wide);
-            make_room(&mut self.attribute_sums);
+            make_room(&mut self.refit_data.wide);
+            make_room(&mut self.refit_data.attribute_sums);
             self.nodes.push(Node::EMPTY);
-            self.wide.push(WideCluster::EMPTY);
+            self.refit_data.wide.push(WideCluster::EMPTY);
             self.spans.push(0);
             self.light_counts.push(0);
-            self.attribute_sums.push(AttributeSums::default());
-            self.dirty.grow(self.nodes.len());
+            self.refit_data.attribute_sums.push(AttributeSums::default());
+            self.refit_data.dirty.grow(self.nodes.len());
             self.edited.append_node();
             self.nodes.len() - 1
         });
@@ -198,7 +199,8 @@ impl LightTree {
             for slot in 0..self.nodes[node].count() {
                 match self.nodes[node].children[slot] {
                     light if light & LEAF != 0 => {
-                        lights.push(PlacedLight { index: light & !LEAF, cluster: self.wide[node].get(slot) });
+                        lights
+                            .push(PlacedLight { index: light & !LEAF, cluster: self.refit_data.wide[node].get(slot) });
                     }
                     child => below.push(child as usize),
                 }
@@ -213,7 +215,7 @@ impl LightTree {
             places[i] = self.new_node_after(places[i - 1]);
         }
         self.nodes[root] = Node { parent: self.nodes[root].parent, ..Node::EMPTY };
-        self.wide[root] = WideCluster::EMPTY;
+        self.refit_data.wide[root] = WideCluster::EMPTY;
         for (shaped, node) in shape.iter().zip(&places) {
             self.nodes[*node].set_count(shaped.count as usize);
             for (slot, child) in shaped.children[..shaped.count as usize].iter().enumerate() {
@@ -226,14 +228,16 @@ impl LightTree {
                     self.nodes[child].parent = (*node * WIDTH + slot) as u32;
                 }
             }
-            self.dirty.insert(*node);
+            self.refit_data.dirty.insert(*node);
         }
         for node in places.into_iter().rev() {
             self.count_lights(node);
             self.edited.was_built(node, self.light_counts[node]);
-            let (cluster, place) =
-                (self.wide[node].merged_for(self.weights.as_deref()).cluster, self.nodes[node].parent as usize);
-            self.wide[place / WIDTH].set(place % WIDTH, &cluster);
+            let (cluster, place) = (
+                self.refit_data.wide[node].merged_for(self.weights.as_deref()).cluster,
+                self.nodes[node].parent as usize,
+            );
+            self.refit_data.wide[place / WIDTH].set(place % WIDTH, &cluster);
         }
     }
 }

@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::LightTree;
 use super::node::{EMPTY_SLOT, LEAF, Node, WIDTH};
+use super::refitted::Refitted;
 use super::shape::{BuildItem, ShapeNode};
 use super::tasks::RefitTasks;
 use crate::cluster::{Cluster, Linear};
@@ -53,7 +54,7 @@ impl LightTree {
         for node in (0..shape.len()).rev() {
             self.count_lights(node);
         }
-        self.tasks = RefitTasks::new(&self.spans);
+        self.refit_data.tasks = RefitTasks::new(&self.spans);
         self.refit_all::<true>();
         self.finish_build();
     }
@@ -62,7 +63,11 @@ impl LightTree {
     pub(super) fn finish_build(&mut self) {
         self.update_sides();
         self.update_attributes();
-        self.built_cost = self.cost_per_spread();
+        self.built_cost = self.cost;
+        if self.nodes.len() == 1 {
+            self.is_only_node_refitted = self.refitted() == Refitted::All;
+            self.refit_data.take();
+        }
     }
 
     /// Lays out a node of a shape and marks it for the next refit.
@@ -78,13 +83,13 @@ impl LightTree {
             if *child & LEAF != 0 {
                 let PlacedLight { index, cluster } = &loaded[slot];
                 self.leaves[*index as usize] = (node * WIDTH + slot) as u32;
-                self.wide[node].set(slot, cluster);
+                self.refit_data.wide[node].set(slot, cluster);
                 *child = index | LEAF;
             }
         }
         self.nodes[node] = Node { children, parent: shaped.parent, steps: shaped.count << 24, ..Node::EMPTY };
         self.spans[node] = shaped.span;
-        self.dirty.flags_mut()[node] = true;
+        self.refit_data.dirty.flags_mut()[node] = true;
     }
 
     /// Counts the lights below a node whose child nodes have been counted.

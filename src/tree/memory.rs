@@ -1,9 +1,7 @@
 //! The memory that a tree takes.
 
 use super::LightTree;
-use super::attributes::AttributeSums;
 use super::node::Node;
-use super::wide::WideCluster;
 use crate::cluster::{Cluster, Linear};
 use crate::light::Light;
 
@@ -14,7 +12,8 @@ use crate::light::Light;
 pub struct TreeMemory {
     /// The nodes, and the data that builds record about them.
     pub nodes: usize,
-    /// The lights, the places of their leaves, and the sets of added and removed lights.
+    /// The lights, the places of their leaves, the numbers of lights with effects, and the sets of added
+    /// and removed lights.
     pub lights: usize,
     /// The data that only refits need, and that [`LightTree::freeze`] drops.
     pub refits: usize,
@@ -45,23 +44,20 @@ impl LightTree {
     /// The memory of the tree on the heap, by use. Each index in a set of removed lights counts as
     /// 4 bytes. O(1).
     pub fn memory(&self) -> TreeMemory {
-        let Self { lights, leaves, nodes, wide, spans, light_counts, attribute_sums, sides, .. } = self;
+        let Self { lights, leaves, nodes, refit_data, spans, light_counts, sides, .. } = self;
         let words = spans.capacity() + light_counts.capacity();
         let maps = [&self.reference, &self.weights].into_iter().flatten().count();
         let reference = maps * size_of::<Linear>();
         TreeMemory {
             nodes: size_of::<Node>() * nodes.capacity()
-                + size_of::<Cluster>() * sides.capacity()
+                + size_of::<Cluster>() * sides.len()
                 + size_of::<u32>() * words
                 + reference,
             lights: size_of::<Light>() * lights.capacity()
                 + size_of::<u32>() * leaves.capacity()
+                + self.effects.memory_bytes()
                 + self.edited.memory_bytes(),
-            refits: size_of::<WideCluster>() * wide.capacity()
-                + size_of::<AttributeSums>() * attribute_sums.capacity()
-                + self.dirty.memory_bytes()
-                + self.refitted.memory_bytes()
-                + self.tasks.memory_bytes(),
+            refits: refit_data.memory_bytes(),
         }
     }
 

@@ -19,6 +19,7 @@ mod pack;
 mod placeholder;
 mod rebuild;
 mod refit;
+mod refit_data;
 mod refitted;
 mod remove;
 mod openings;
@@ -54,16 +55,14 @@ pub(crate) use wide::{Lanes, WideCluster};
 use std::collections::BTreeSet;
 use std::fmt;
 
-use attributes::AttributeSums;
-use dirty::DirtyNodes;
 use edited::Edited;
-use refitted::RefittedNodes;
-use tasks::RefitTasks;
+use refit_data::RefitData;
 
 use crate::cluster::{Cluster, Linear};
 use crate::effects::EffectCounts;
 use crate::error::WorldError;
 use crate::light::Light;
+use crate::rare::Rare;
 
 /// A light tree: lights, and a tree of nodes with up to eight children over them.
 ///
@@ -76,36 +75,40 @@ pub struct LightTree {
     /// [`Light::REMOVED`] at the indices of removed lights.
     lights: Vec<Light>,
     /// The effects of all lights.
-    effects: EffectCounts,
+    effects: Rare<EffectCounts>,
     /// For each light the place of its leaf, `node * WIDTH + slot`. [`NO_LEAF`] for removed lights.
     leaves: Vec<u32>,
     /// The packed nodes, which are sampled.
     nodes: Vec<Node>,
-    /// The clusters that each node is packed from. Edits change the lanes of lights, refits the
-    /// lanes of nodes. Empty in a frozen tree.
-    wide: Vec<WideCluster>,
     /// The number of nodes in each node's subtree as it was built, itself included; 0 for a node that
     /// edits have left spare.
     spans: Vec<u32>,
     /// The number of lights in each node's subtree.
     light_counts: Vec<u32>,
+    refit_data: Rare<RefitData>,
     /// The splitting cost relative to the spread of the lights, when the tree was built.
     built_cost: f32,
-    /// Each subtree's part of the attributes. Empty in a frozen tree.
-    attribute_sums: Vec<AttributeSums>,
-    /// Some of these sums are older than the nodes.
+    /// The same as of the last refit with attributes; `built_cost` in a frozen tree.
+    cost: f32,
+    /// The attributes, and some of the sums for them, are older than the nodes.
     has_stale_sums: bool,
-    /// Nodes with lanes that changed since the last refit.
-    dirty: DirtyNodes,
-    refitted: RefittedNodes,
+    /// The lights have not changed since [`LightTree::freeze`]. Never in a tree without lights.
+    is_frozen: bool,
+    /// In a tree of one node: whether lights have changed since the last refit. Other trees list the
+    /// nodes of such lights.
+    is_only_node_dirty: bool,
+    /// In a tree of one node: whether a refit has written it since [`LightTree::forget_refitted`] was
+    /// last called. Other trees list such nodes.
+    is_only_node_refitted: bool,
     /// What additions and removals of lights have changed since the build.
-    edited: Edited,
-    tasks: RefitTasks,
+    edited: Rare<Edited>,
+    /// The builds of the whole tree so far.
+    builds: u32,
     /// The cluster of all lights.
     root: Cluster,
     /// The clusters of the sides, which are the children of the root; empty if the tree is not
     /// divided by direction.
-    sides: Vec<Cluster>,
+    sides: Box<[Cluster]>,
     /// The map of the instance that builds are made for, if it stretches or scales: they divide the
     /// lights as they lie in the world.
     reference: Option<Box<Linear>>,
@@ -210,13 +213,22 @@ impl LightTree {
 
     /// The nodes that refits have written since [`LightTree::forget_refitted`] was last called.
     pub(crate) fn refitted(&self) -> Refitted<'_> {
-        self.refitted.get()
+        if self.is_only_node_refitted { Refitted::All } else { self.refit_data.refitted.get() }
     }
 
     /// Empties the lists of [`LightTree::refitted`] nodes and of [`LightTree::moved_leaves`].
     pub(crate) fn forget_refitted(&mut self) {
-        self.refitted.clear();
-        self.edited.forget_moved();
+        self.is_only_node_refitted = false;
+        if self.refit_data.refitted.get() != Refitted::Some(&[]) {
+            self.refit_data.refitted.clear();
+        }
+        self.forget_moved();
+    }
+
+    fn forget_moved(&mut self) {
+        if !self.edited.moved().is_empty() {
+            self.edited.forget_moved();
+        }
     }
 
     /// The map for which builds divide and weigh the lights; `None` for the tree's own space.
@@ -237,7 +249,7 @@ impl fmt::Debug for LightTree {
             .field("lights", &self.light_count())
             .field("nodes", &self.nodes.len())
             .field("is_frozen", &self.is_frozen())
-            .field("effects", &self.effects)
+            .field("effects", &*self.effects)
             .field("cluster", &self.root)
             .field("attributes", &self.attributes)
             .finish_non_exhaustive()

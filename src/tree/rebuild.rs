@@ -6,10 +6,10 @@ use crate::light::Light;
 impl LightTree {
     /// Rebuilds all nodes from the present lights. Lights keep their indices. O(n log n).
     pub fn rebuild(&mut self) {
-        let vacant = self.edited.take_vacant();
-        let builds = self.edited.builds();
+        let vacant = self.edited.vacant().clone();
+        let builds = self.builds;
         *self = Self::build_for(std::mem::take(&mut self.lights), self.reference.take(), vacant);
-        self.edited.count_build_after(builds);
+        self.builds = builds.wrapping_add(1);
     }
 
     /// How much the tree's splitting cost has risen since its last build, relative to the spread of
@@ -19,15 +19,10 @@ impl LightTree {
     /// Unlike [`Attribute::SplittingCost`](super::Attribute) it does not depend on the box around
     /// all lights, which a single stray light stretches.
     pub fn cost_rise(&self) -> f32 {
-        if self.attribute_sums.is_empty() || self.built_cost <= 0.0 {
+        if self.is_frozen || self.built_cost <= 0.0 {
             return 0.0;
         }
-        self.cost_per_spread() / self.built_cost.max(f32::MIN_POSITIVE) - 1.0
-    }
-
-    /// The splitting cost of the tree relative to the spread of its lights. 0 for a frozen tree.
-    pub(super) fn cost_per_spread(&self) -> f32 {
-        self.attribute_sums.first().map_or(0.0, |sums| sums.cost_per_spread(&self.root))
+        self.cost / self.built_cost.max(f32::MIN_POSITIVE) - 1.0
     }
 
     /// Replaces this tree by one that was built from an earlier state of its lights. Lights that
@@ -55,7 +50,7 @@ impl LightTree {
             built.hold_index(last as u32);
         }
         let former = std::mem::replace(self, built);
-        (former, self.dirty.len() > 0 || is_built_again)
+        (former, self.is_dirty() || is_built_again)
     }
 }
 

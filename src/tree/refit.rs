@@ -8,6 +8,7 @@ use std::ops::Range;
 use super::LightTree;
 use super::attributes::AttributeSums;
 use super::node::{ChildRef, NO_PARENT, Node, WIDTH};
+use super::refit_data::RefitData;
 use super::tasks::{RefitTask, RefitTasks};
 use super::wide::WideCluster;
 use crate::cluster::{Cluster, Linear};
@@ -24,13 +25,18 @@ impl LightTree {
     /// refits. O(changed lights · depth), and at most O(nodes). Allocates nothing, except what
     /// rayon needs to share a large tree among threads, and the dropped data of a frozen tree.
     pub fn refit(&mut self) {
-        if self.is_frozen() {
-            if !self.has_stale_sums {
-                return;
-            }
-            self.thaw();
+        if self.is_frozen() && !self.has_stale_sums {
+            return;
         }
-        if std::mem::take(&mut self.has_stale_sums) {
+        self.thaw();
+        let are_sums_stale = std::mem::take(&mut self.has_stale_sums);
+        if self.nodes.len() <= 1 {
+            if self.nodes.len() == 1 && (self.is_only_node_dirty || are_sums_stale) {
+                self.refit_only_node::<true>();
+            }
+            return;
+        }
+        if are_sums_stale {
             self.mark_all();
             self.refit_all::<true>();
         } else {
@@ -42,29 +48,63 @@ impl LightTree {
 
     /// [`LightTree::refit`] if lights have changed since the last refit. O(1) otherwise.
     pub(crate) fn refit_changes(&mut self) {
-        if self.dirty.len() > 0 {
+        if self.is_dirty() {
             self.refit();
         }
     }
 
+    /// Whether lights have changed since the last refit.
+    pub(super) fn is_dirty(&self) -> bool {
+        self.is_only_node_dirty || self.refit_data.dirty.len() > 0
+    }
+
+    /// The clusters of the lights of a tree of one node.
+    pub(super) fn wide_of_only_node(&self) -> WideCluster {
+        let mut wide = WideCluster::EMPTY;
+        for slot in 0..self.nodes[0].count() {
+            if let Some(ChildRef::Leaf(light)) = self.nodes[0].child(slot) {
+                wide.set(slot, &self.lights[light as usize].cluster());
+            }
+        }
+        wide
+    }
+
+    /// Refits a tree of one node, from its lights alone.
+    pub(super) fn refit_only_node<const MEASURE: bool>(&mut self) {
+        let (wide, sums) = (&mut [self.wide_of_only_node()], &mut [AttributeSums::default()]);
+        let is_dirty = &mut [true];
+        let slices =
+            NodeSlices { base: 0, nodes: &mut self.nodes, wide, sums, is_dirty, weights: self.weights.as_deref() };
+        if let Some(cluster) = with_vectors(Sweep::<MEASURE>(slices)) {
+            self.root = cluster;
+        }
+        if MEASURE {
+            self.set_attributes(&sums[0]);
+        }
+        (self.is_only_node_dirty, self.is_only_node_refitted) = (false, true);
+    }
+
     /// Copies the clusters of the sides, which frozen trees keep.
     pub(super) fn update_sides(&mut self) {
-        let Some(root) = self.wide.first() else { return };
+        let Some(root) = self.refit_data.wide.first() else { return };
         (0..).zip(&mut self.sides).for_each(|(slot, side)| *side = root.get(slot));
     }
 
     /// Computes the attributes of the tree from the sums at its root.
     pub(super) fn update_attributes(&mut self) {
-        self.attributes = self.attribute_sums.first().copied().unwrap_or_default().relative_to(&self.cluster());
+        let sums = self.refit_data.attribute_sums.first().copied().unwrap_or_default();
+        self.set_attributes(&sums);
+    }
+
+    fn set_attributes(&mut self, sums: &AttributeSums) {
+        self.attributes = sums.relative_to(&self.root);
+        self.cost = sums.cost_per_spread(&self.root);
     }
 
     /// Refits the marked ones of some consecutive nodes of a tree that is being built. The marked
     /// nodes after them have been refitted.
     pub(super) fn refit_nodes(&mut self, range: Range<usize>) {
-        let Self { nodes, wide, attribute_sums: sums, dirty, weights, .. } = self;
-        let slices =
-            NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut(), weights: weights.as_deref() };
-        if let Some(cluster) = with_vectors(SweepRange(slices, range)) {
+        if let Some(cluster) = with_vectors(SweepRange(self.slices(), range)) {
             self.root = cluster;
         }
     }
@@ -73,13 +113,19 @@ impl LightTree {
     /// keep their values until the next [`LightTree::refit`], which then visits all nodes. The
     /// nodes have the same bits as after [`LightTree::refit`].
     pub fn refit_without_attributes(&mut self) {
-        self.has_stale_sums |= self.dirty.len() > 0;
+        self.has_stale_sums |= self.is_dirty();
+        if self.is_only_node_dirty {
+            return self.refit_only_node::<false>();
+        }
         self.refit_dirty::<false>();
         self.update_sides();
     }
 
     fn refit_dirty<const MEASURE: bool>(&mut self) {
-        if self.dirty.len() < self.nodes.len().div_ceil(NODES_PER_LISTED) {
+        if self.refit_data.dirty.len() == 0 {
+            return;
+        }
+        if self.refit_data.dirty.len() < self.nodes.len().div_ceil(NODES_PER_LISTED) {
             with_vectors(RefitListed::<MEASURE>(self));
         } else {
             self.refit_all::<MEASURE>();
@@ -89,31 +135,35 @@ impl LightTree {
     /// Marks all nodes that have children.
     pub(super) fn mark_all(&mut self) {
         let is_used = self.spans.iter().map(|span| *span > 0);
-        self.dirty.flags_mut().iter_mut().zip(is_used).for_each(|(flag, is_used)| *flag = is_used);
+        self.refit_data.dirty.flags_mut().iter_mut().zip(is_used).for_each(|(flag, is_used)| *flag = is_used);
     }
 
     /// Sweeps over all nodes: over the subtrees in parallel, then over the nodes above them. Over
     /// all nodes in turn if subtrees are not contiguous.
     pub(super) fn refit_all<const MEASURE: bool>(&mut self) {
-        self.dirty.drop_order();
-        self.refitted.add_all();
-        if self.edited.take_stale_tasks() {
-            self.tasks = RefitTasks::new(&self.spans);
+        self.refit_data.dirty.drop_order();
+        self.refit_data.refitted.add_all();
+        if self.edited.has_stale_tasks() {
+            self.edited.renewed_tasks();
+            self.refit_data.tasks = RefitTasks::new(&self.spans);
         }
         if self.edited.is_scattered() {
-            let Self { nodes, wide, attribute_sums: sums, dirty, weights, .. } = self;
-            let slices =
-                NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut(), weights: weights.as_deref() };
-            if let Some(cluster) = with_vectors(Sweep::<MEASURE>(slices)) {
+            if let Some(cluster) = with_vectors(Sweep::<MEASURE>(self.slices())) {
                 self.root = cluster;
             }
             return;
         }
-        let Self { nodes, wide, attribute_sums: sums, dirty, tasks, weights, .. } = self;
-        let slices =
-            NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut(), weights: weights.as_deref() };
-        sweep_tasks::<MEASURE>(&mut tasks.subtrees, slices);
+        let mut subtrees = std::mem::take(&mut self.refit_data.tasks.subtrees);
+        sweep_tasks::<MEASURE>(&mut subtrees, self.slices());
+        self.refit_data.tasks.subtrees = subtrees;
         with_vectors(SweepUpper::<MEASURE>(self));
+    }
+
+    /// All nodes, with what refits know of them.
+    fn slices(&mut self) -> NodeSlices<'_> {
+        let Self { nodes, refit_data, weights, .. } = self;
+        let RefitData { wide, attribute_sums: sums, dirty, .. } = &mut **refit_data;
+        NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut(), weights: weights.as_deref() }
     }
 }
 
@@ -247,7 +297,8 @@ impl<const MEASURE: bool> VectorJob for SweepUpper<'_, MEASURE> {
 
     #[inline(always)]
     fn run(self) {
-        let LightTree { nodes, wide, attribute_sums: sums, dirty, tasks, root, weights, .. } = self.0;
+        let LightTree { nodes, refit_data, root, weights, .. } = self.0;
+        let RefitData { wide, attribute_sums: sums, dirty, tasks, .. } = &mut **refit_data;
         let mut slices =
             NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut(), weights: weights.as_deref() };
         for subtree in &mut tasks.subtrees {
@@ -281,7 +332,8 @@ impl<const MEASURE: bool> VectorJob for RefitListed<'_, MEASURE> {
 
     #[inline(always)]
     fn run(self) {
-        let LightTree { nodes, wide, attribute_sums: sums, dirty, refitted, root, weights, .. } = self.0;
+        let LightTree { nodes, refit_data, root, weights, .. } = self.0;
+        let RefitData { wide, attribute_sums: sums, dirty, refitted, .. } = &mut **refit_data;
         while let Some(node) = dirty.pop() {
             refitted.add(node);
             let mut slices =
@@ -318,8 +370,7 @@ mod tests {
         with_vectors(RefitListed::<true>(&mut tree));
         RefitListed::<true>(&mut plain).run();
         assert_eq!(tree.nodes, plain.nodes);
-        assert_eq!(tree.wide, plain.wide);
-        assert_eq!(format!("{:?}", tree.attribute_sums), format!("{:?}", plain.attribute_sums));
+        assert_eq!(format!("{:?}", tree.refit_data), format!("{:?}", plain.refit_data));
         assert_eq!(tree.root, plain.root);
         tree.check().expect("the tree is sound");
     }

@@ -24,6 +24,9 @@ const NODES_PER_LISTED: usize = 4;
 const LEAST_LISTED: usize = 16;
 
 impl RefittedNodes {
+    /// The list of a tree without nodes.
+    pub const EMPTY: Self = Self { nodes: Vec::new(), are_all: false };
+
     /// An empty list for a tree of `count` nodes, with memory for all that it may hold.
     pub fn empty(count: usize) -> Self {
         Self { nodes: Vec::with_capacity(count.min(LEAST_LISTED + count / NODES_PER_LISTED)), are_all: false }

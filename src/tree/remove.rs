@@ -28,7 +28,7 @@ impl LightTree {
         let changes: Vec<_> = lights.iter().map(|index| (*index, Light::REMOVED)).collect();
         self.apply(&changes);
         self.refit_changes();
-        self.edited.forget_moved();
+        self.forget_moved();
         Ok(())
     }
 
@@ -36,7 +36,9 @@ impl LightTree {
     pub(super) fn remove(&mut self, index: u32) {
         self.edited.was_removed();
         let former = std::mem::replace(&mut self.lights[index as usize], Light::REMOVED);
-        self.effects.remove(former.effects());
+        if !former.effects().is_empty() {
+            self.effects.remove(former.effects());
+        }
         self.edited.set_vacant(index, true);
         let place = std::mem::replace(&mut self.leaves[index as usize], NO_LEAF) as usize;
         let node = place / WIDTH;
@@ -64,8 +66,8 @@ impl LightTree {
         let record = &mut self.nodes[node];
         record.children[last] = EMPTY_SLOT;
         record.set_count(last);
-        self.wide[node].set(last, &Cluster::EMPTY);
-        self.dirty.insert(node);
+        self.refit_data.wide[node].set(last, &Cluster::EMPTY);
+        self.refit_data.dirty.insert(node);
     }
 
     /// Puts the child of a node that has no other into the place of the node, which becomes spare.
@@ -73,21 +75,21 @@ impl LightTree {
         let place = self.nodes[node].parent as usize;
         self.move_child(node * WIDTH, place);
         self.free_node(node);
-        self.dirty.insert(place / WIDTH);
+        self.refit_data.dirty.insert(place / WIDTH);
     }
 
     /// Moves a child from one place to another, whose former child is gone.
     fn move_child(&mut self, from: usize, to: usize) {
         let child = self.nodes[from / WIDTH].children[from % WIDTH];
-        let cluster = self.wide[from / WIDTH].get(from % WIDTH);
+        let cluster = self.refit_data.wide[from / WIDTH].get(from % WIDTH);
         self.nodes[to / WIDTH].children[to % WIDTH] = child;
-        self.wide[to / WIDTH].set(to % WIDTH, &cluster);
+        self.refit_data.wide[to / WIDTH].set(to % WIDTH, &cluster);
         if child & LEAF != 0 {
             self.place_leaf(child & !LEAF, to);
         } else {
             self.nodes[child as usize].parent = to as u32;
             // So that the node is sent with its new link.
-            self.dirty.insert(child as usize);
+            self.refit_data.dirty.insert(child as usize);
         }
     }
 
@@ -100,11 +102,11 @@ impl LightTree {
     /// Makes a node spare.
     pub(super) fn free_node(&mut self, node: usize) {
         self.nodes[node] = Node::EMPTY;
-        self.wide[node] = WideCluster::EMPTY;
-        self.attribute_sums[node] = AttributeSums::default();
+        self.refit_data.wide[node] = WideCluster::EMPTY;
+        self.refit_data.attribute_sums[node] = AttributeSums::default();
         self.spans[node] = 0;
         self.light_counts[node] = 0;
-        self.dirty.remove(node);
+        self.refit_data.dirty.remove(node);
         self.edited.free(node);
     }
 }

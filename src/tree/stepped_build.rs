@@ -9,6 +9,7 @@ use std::fmt;
 
 use super::LightTree;
 use super::attributes::AttributeSums;
+use super::build::count_effects;
 use super::layout::{PlacedLight, build_item};
 use super::node::{NO_LEAF, Node};
 use super::refitted::RefittedNodes;
@@ -251,7 +252,7 @@ impl TreeBuild {
             let reference = tree.reference.as_deref();
             shape.push(build_item(&light_in_place.cluster, placed.len() as u32, reference));
             placed.push(light_in_place);
-            tree.effects.add(light.effects());
+            count_effects(&mut tree.effects, light);
         }
         tree.leaves.resize(end, NO_LEAF);
         *next = end;
@@ -267,13 +268,13 @@ impl TreeBuild {
         let tree = &mut self.tree;
         match self.next {
             0 => tree.nodes.reserve_exact(count),
-            1 => tree.wide.reserve_exact(count),
+            1 => tree.refit_data.wide.reserve_exact(count),
             2 => tree.spans.reserve_exact(count),
             3 => tree.light_counts.reserve_exact(count),
-            4 => tree.attribute_sums.reserve_exact(count),
+            4 => tree.refit_data.attribute_sums.reserve_exact(count),
             _ => {
-                tree.dirty.reserve(count);
-                tree.refitted = RefittedNodes::empty(count);
+                tree.refit_data.dirty.reserve(count);
+                tree.refit_data.refitted = RefittedNodes::empty(count);
                 self.begin(BuildPhase::LayOut);
                 return ALLOCATE_TICKS;
             }
@@ -288,11 +289,11 @@ impl TreeBuild {
         let Self { tree, placed, shape, .. } = self;
         let shape = shape.as_mut().expect("the shape was allocated");
         tree.nodes.resize(end, Node::EMPTY);
-        tree.wide.resize(end, WideCluster::EMPTY);
+        tree.refit_data.wide.resize(end, WideCluster::EMPTY);
         tree.spans.resize(end, 0);
         tree.light_counts.resize(end, 0);
-        tree.attribute_sums.resize(end, AttributeSums::default());
-        tree.dirty.grow(end);
+        tree.refit_data.attribute_sums.resize(end, AttributeSums::default());
+        tree.refit_data.dirty.grow(end);
         for node in first..end {
             shape.link_children(node);
             tree.lay_out_node(&shape.nodes()[node], node, placed);
@@ -305,10 +306,10 @@ impl TreeBuild {
     }
 
     fn list_tasks(&mut self) -> usize {
-        let LightTree { tasks, spans, .. } = &mut self.tree;
+        let LightTree { refit_data, spans, .. } = &mut self.tree;
         let mut added = 0;
         while self.next < spans.len() && added < TASKS_PER_PIECE {
-            self.next = tasks.add(self.next, spans);
+            self.next = refit_data.tasks.add(self.next, spans);
             added += 1;
         }
         if self.next == spans.len() {
@@ -326,7 +327,7 @@ impl TreeBuild {
         self.next = nodes.start;
         if self.next == 0 {
             let sides = self.shape.as_ref().map_or(0, |shape| shape.sides());
-            self.tree.sides = vec![Cluster::EMPTY; sides];
+            self.tree.sides = vec![Cluster::EMPTY; sides].into();
             self.tree.finish_build();
             self.begin(BuildPhase::Done);
         }

@@ -27,6 +27,9 @@ pub(super) struct RefitTask {
 }
 
 impl RefitTasks {
+    /// The tasks of a tree without nodes.
+    pub const EMPTY: Self = Self { subtrees: Vec::new(), upper: Vec::new() };
+
     /// The tasks of a tree. `spans` has the number of nodes in each subtree.
     pub fn new(spans: &[u32]) -> Self {
         let mut tasks = Self::default();
@@ -45,6 +48,10 @@ impl RefitTasks {
             return node + 1;
         }
         let nodes = spans[node].max(1) as usize;
+        if self.subtrees.is_empty() {
+            // Most trees are one subtree.
+            self.subtrees.reserve_exact(1);
+        }
         self.subtrees.push(RefitTask { root: node, nodes, changed: None });
         node + nodes
     }

@@ -1,6 +1,7 @@
 //! Random numbers and comparisons for the unit tests of trees.
 
 use super::LightTree;
+use super::refit_data::RefitData;
 use crate::cluster::Cluster;
 
 pub(crate) use testbed::common::split_mix::Rng;
@@ -14,8 +15,9 @@ pub(crate) struct State {
 
 /// The complete state of a tree but for its lights.
 pub(crate) fn state_of(tree: &LightTree) -> State {
-    let LightTree { nodes, leaves, wide, spans, light_counts, built_cost, .. } = tree;
-    let LightTree { attribute_sums, has_stale_sums, dirty, tasks, .. } = tree;
+    let LightTree { nodes, leaves, refit_data, spans, light_counts, built_cost, cost, .. } = tree;
+    let LightTree { has_stale_sums, is_frozen, is_only_node_dirty, .. } = tree;
+    let RefitData { wide, attribute_sums, dirty, tasks, .. } = &**refit_data;
     let LightTree { root, sides, attributes, effects, .. } = tree;
     let bits = |floats: &[f32]| floats.iter().map(|v| v.to_bits()).collect::<Vec<u32>>();
     let wide = wide.iter().flat_map(|lanes| {
@@ -30,11 +32,13 @@ pub(crate) fn state_of(tree: &LightTree) -> State {
         wide.collect(),
         spans.clone(),
         light_counts.clone(),
-        vec![built_cost.to_bits()],
+        vec![built_cost.to_bits(), cost.to_bits()],
         cluster_bits(root),
         sides.iter().flat_map(cluster_bits).collect(),
     ];
-    let text = format!("{attribute_sums:?} {has_stale_sums} {dirty:?} {tasks:?} {attributes:?} {effects:?}");
+    let text = format!(
+        "{attribute_sums:?} {has_stale_sums} {dirty:?} {is_only_node_dirty} {is_frozen} {tasks:?} {attributes:?} {effects:?}"
+    );
     State { words, text }
 }
 

@@ -33,12 +33,11 @@ mod words;
 pub use error::BakeError;
 
 use super::LightTree;
-use super::dirty::DirtyNodes;
 use super::edited::Edited;
 use super::node::NO_LEAF;
-use super::refitted::RefittedNodes;
-use super::tasks::RefitTasks;
 use crate::cluster::Linear;
+use crate::effects::EffectCounts;
+use crate::rare::Rare;
 use header::{Counts, Header};
 use light_record::LIGHT_BYTES;
 use node_record::NODE_BYTES;
@@ -59,7 +58,7 @@ impl LightTree {
     ///
     /// O(lights), but for that build.
     pub fn bake(&self) -> Vec<u8> {
-        if self.dirty.len() > 0 {
+        if self.is_dirty() {
             let mut refitted = self.clone();
             refitted.freeze();
             return refitted.bake();
@@ -136,19 +135,20 @@ impl LightTree {
         let vacant = (0..).zip(&leaves).filter(|(_, place)| **place == NO_LEAF).map(|(index, _)| index).collect();
         let tree = Self {
             lights: records(sections.lights, LIGHT_BYTES, light),
-            effects,
+            effects: if effects == EffectCounts::default() { Rare::default() } else { effects.into() },
             leaves,
             nodes: records(sections.nodes, NODE_BYTES, node_record::read),
-            wide: Vec::new(),
+            refit_data: Rare::default(),
             spans: numbers(sections.spans),
             light_counts: numbers(sections.light_counts),
             built_cost,
-            attribute_sums: Vec::new(),
+            cost: built_cost,
             has_stale_sums,
-            dirty: DirtyNodes::default(),
-            refitted: RefittedNodes::default(),
+            is_frozen: counts.nodes > 0,
+            is_only_node_dirty: false,
+            is_only_node_refitted: false,
             edited: Edited::of_build(vacant),
-            tasks: RefitTasks::default(),
+            builds: 0,
             root,
             sides: sections.sides.chunks_exact(words::CLUSTER_WORDS * words::WORD).map(cluster).collect(),
             weights: reference.clone(),

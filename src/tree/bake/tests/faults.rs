@@ -203,7 +203,7 @@ fn each_number_that_builds_do_not_make_is_named_with_its_place() {
     assert!(root(|root| root.cos_half_angle = f32::NAN).contains("a number of a cluster is outside its limits"));
     assert!(root(|root| root.range = 0.0).contains("the box or the range of a cluster"));
     assert!(root(|root| root.aabb.min.x = 1.0e6).contains("the box or the range of a cluster"));
-    assert!(broken(|tree| tree.sides = vec![tree.root]).ends_with("the sides are not the children of the root"));
+    assert!(broken(|tree| tree.sides = [tree.root].into()).ends_with("the sides are not the children of the root"));
 }
 
 #[test]
@@ -222,7 +222,7 @@ fn an_empty_tree_has_no_nodes_and_no_lights() {
     let bytes = LightTree::build(Vec::new()).bake();
     assert_eq!(bytes.len(), HEADER_BYTES);
     let mut tree = LightTree::build(Vec::new());
-    tree.sides.push(Cluster::EMPTY);
+    tree.sides = [Cluster::EMPTY].into();
     let error = LightTree::from_baked(&tree.bake()).expect_err("a side of nothing");
     assert!(error.to_string().ends_with("there are lights or sides without a node"), "{error}");
     let mut tree = LightTree::build(Vec::new());
