@@ -207,7 +207,7 @@ impl LightPlanner {
             // Of a tree, indices of lights are those of the tree. Those of stand-ins follow on `STAND_IN`.
             let (tree, offset, openings) = match &write.source {
                 Source::StandIns(few) => (&**few, STAND_IN, [].as_slice()),
-                Source::Tree | Source::Piece => (&entry.tree, 0, entry.openings.as_slice()),
+                Source::Tree | Source::Piece => (&entry.tree, 0, &entry.openings[..]),
             };
             let [node_base, light_base] = write.bases;
             for run in &runs[node_runs.clone()] {

@@ -2,6 +2,7 @@
 
 use crate::keys::{DirectionalKey, slot_of};
 use crate::math::dice::hash;
+use crate::rare::HasEmpty;
 
 /// Bits of a birth number, which starts again from 1 after 2²³ - 1 edits.
 pub(crate) const BIRTH_BITS: u32 = 23;
@@ -32,10 +33,13 @@ impl Births {
     pub fn of(&self, light: u32) -> u32 {
         self.0.get(light as usize).copied().unwrap_or(0)
     }
+}
 
-    /// The size of the list in bytes.
-    pub fn memory_bytes(&self) -> usize {
-        size_of::<u32>() * self.0.capacity()
+impl HasEmpty for Births {
+    const EMPTY: &'static Self = &Self(Vec::new());
+
+    fn owned_bytes(&self) -> usize {
+        self.0.owned_bytes()
     }
 }
 
@@ -63,7 +67,7 @@ mod tests {
     #[test]
     fn added_lights_have_the_number_of_their_edit_and_others_keep_theirs() {
         let mut births = Births::default();
-        assert_eq!((births.of(0), births.of(1_000_000), births.memory_bytes()), (0, 0, 0));
+        assert_eq!((births.of(0), births.of(1_000_000), births.owned_bytes()), (0, 0, 0));
         births.add(&[2, 4], 5, 6);
         births.add(&[2], 5, 7);
         assert_eq!([0, 1, 2, 3, 4, 5].map(|light| births.of(light)), [0, 0, 7, 0, 6, 0]);

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use crate::rare::Rare;
 use crate::tree::LEAF;
 
 /// A log keeps one entry for this many nodes and lights of its tree.
@@ -19,7 +20,7 @@ pub(crate) struct ChangeLog {
     /// The revision before the first entry.
     start: u64,
     /// Indices of nodes, and those of lights with the bit [`LEAF`].
-    entries: VecDeque<u32>,
+    entries: Rare<VecDeque<u32>>,
 }
 
 /// The nodes and lights that changed: ascending indices, each once.
@@ -32,7 +33,7 @@ pub(crate) struct TreeChanges {
 impl Default for ChangeLog {
     /// The log of a new tree. A reader at revision 0 has read nothing of it.
     fn default() -> Self {
-        Self { start: 1, entries: VecDeque::new() }
+        Self { start: 1, entries: Rare::default() }
     }
 }
 
@@ -44,13 +45,15 @@ impl ChangeLog {
 
     /// The size of the log in bytes.
     pub fn memory_bytes(&self) -> usize {
-        size_of::<u32>() * self.entries.capacity()
+        self.entries.memory_bytes()
     }
 
     /// Records that the whole tree changed: all readers have to read all of it.
     pub fn restart(&mut self) {
         self.start = self.revision() + 1;
-        self.entries.clear();
+        if !self.entries.is_empty() {
+            self.entries.clear();
+        }
     }
 
     /// Records that nodes and lights changed, in a tree of `records` nodes and lights together.
@@ -58,6 +61,9 @@ impl ChangeLog {
     pub fn add(&mut self, nodes: &[u32], lights: impl ExactSizeIterator<Item = u32>, records: usize) {
         let room = LEAST_ENTRIES.max(records / RECORDS_PER_ENTRY);
         let added = nodes.len() + lights.len();
+        if added == 0 {
+            return;
+        }
         if added > room {
             return self.restart();
         }
@@ -65,7 +71,8 @@ impl ChangeLog {
         self.entries.drain(..surplus);
         self.start += surplus as u64;
         if self.entries.capacity() < room {
-            self.entries.reserve_exact(room - self.entries.len());
+            let held = self.entries.len();
+            self.entries.reserve_exact(room - held);
         }
         self.entries.extend(nodes);
         self.entries.extend(lights.map(|light| light | LEAF));

@@ -2,8 +2,6 @@
 
 use glam::Vec3;
 
-use super::births::Births;
-use super::staged::StagedLights;
 use super::{Instance, LightWorld, TreeEntry};
 use crate::effects::Effects;
 use crate::error::WorldError;
@@ -12,6 +10,7 @@ use crate::instance::placement::{Placed, Placement};
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::{DirectionalLight, Light};
 use crate::policy::{AttributeHistory, Policy};
+use crate::rare::Rare;
 use crate::scheduler::TreeFeatures;
 use crate::tree::{LightTree, TreeBuild, check_distinct, check_light_count, check_lights};
 
@@ -285,7 +284,7 @@ impl LightWorld {
     fn exchange(&mut self, tree: TreeKey, by: LightTree) -> LightTree {
         let birth = self.scene.births.next();
         let entry = &mut self.scene.trees[tree];
-        entry.births = Births::default();
+        entry.births = Rare::default();
         entry.replaced = birth;
         entry.instances.iter().for_each(|key| self.log.altered(slot_of(*key)));
         self.effects.change(|counts| {
@@ -295,7 +294,7 @@ impl LightWorld {
         entry.history = AttributeHistory::start(by.attributes());
         self.rebuilds.scheduler.was_replaced(tree, TreeFeatures::of(&by), by.light_count());
         let former = std::mem::replace(&mut entry.tree, by);
-        entry.staged = StagedLights::default();
+        entry.staged = Rare::default();
         entry.has_new_policy = false;
         self.edits.pending.remove(tree);
         self.cancel_build(tree);
@@ -537,7 +536,11 @@ impl LightWorld {
 
     fn attach(&mut self, key: InstanceKey, tree: TreeKey, policy: Policy) {
         let entry = &mut self.scene.trees[tree];
-        self.scene.instances[key].index_in_tree = entry.instances.len();
+        self.scene.instances[key].index_in_tree = entry.instances.len() as u32;
+        if entry.instances.is_empty() {
+            // Most trees of large worlds have one instance.
+            entry.instances.reserve_exact(1);
+        }
         entry.instances.push(key);
         entry.policies.insert(policy);
         entry.recount(&mut self.sums);
@@ -545,10 +548,10 @@ impl LightWorld {
 
     /// Removes the instance at an index of its tree's list; the last instance of the list takes the
     /// index. O(1).
-    fn detach(&mut self, tree: TreeKey, index: usize, policy: Policy) {
+    fn detach(&mut self, tree: TreeKey, index: u32, policy: Policy) {
         let entry = &mut self.scene.trees[tree];
-        entry.instances.swap_remove(index);
-        if let Some(moved) = entry.instances.get(index) {
+        entry.instances.swap_remove(index as usize);
+        if let Some(moved) = entry.instances.get(index as usize) {
             self.scene.instances[*moved].index_in_tree = index;
         }
         entry.policies.remove(policy);

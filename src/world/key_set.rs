@@ -8,7 +8,7 @@ pub(super) struct KeySet<K: Key> {
     /// In the order of insertion until a key is removed.
     keys: Vec<K>,
     /// The index of each key in the list.
-    indices: SecondaryMap<K, usize>,
+    indices: SecondaryMap<K, u32>,
 }
 
 impl<K: Key> Default for KeySet<K> {
@@ -27,7 +27,7 @@ impl<K: Key> KeySet<K> {
         if self.contains(key) {
             return false;
         }
-        self.indices.insert(key, self.keys.len());
+        self.indices.insert(key, self.keys.len() as u32);
         self.keys.push(key);
         true
     }
@@ -36,8 +36,8 @@ impl<K: Key> KeySet<K> {
     /// O(1).
     pub fn remove(&mut self, key: K) -> bool {
         let Some(index) = self.indices.remove(key) else { return false };
-        self.keys.swap_remove(index);
-        if let Some(moved) = self.keys.get(index) {
+        self.keys.swap_remove(index as usize);
+        if let Some(moved) = self.keys.get(index as usize) {
             self.indices[*moved] = index;
         }
         true
@@ -80,7 +80,7 @@ mod tests {
                 _ => {}
             }
             assert_eq!(set.keys, list);
-            assert!(list.iter().enumerate().all(|(index, key)| set.indices[*key] == index));
+            assert!(list.iter().enumerate().all(|(index, key)| set.indices[*key] as usize == index));
             assert_eq!(set.indices.len(), list.len());
         }
     }

@@ -18,7 +18,7 @@ pub struct WorldMemory {
     /// update.
     pub successors: usize,
     /// Edits of lights that wait for the next update, and the logs of changes for uploads. A tree
-    /// that was edited keeps this memory until it is frozen.
+    /// of more than eight lights that was edited keeps this memory until it is frozen.
     pub edits: usize,
     /// The lists of the instances and openings of each tree, and the lists of regions.
     pub lists: usize,

@@ -86,7 +86,7 @@ pub(super) struct OpeningEdit<'a> {
 impl OpeningEdit<'_> {
     /// Opens a tree anew, after its nodes were replaced.
     pub fn renew(&mut self, tree: TreeKey) {
-        self.set(tree, Vec::new());
+        self.set(tree, Box::default());
         self.update(tree);
     }
 
@@ -114,11 +114,11 @@ impl OpeningEdit<'_> {
         if is_about_due && entry.tree.has_openings(&entry.openings) {
             return;
         }
-        let openings = if due > 0 { entry.tree.openings(due) } else { Vec::new() };
+        let openings = if due > 0 { entry.tree.openings(due).into() } else { Box::default() };
         self.set(key, openings);
     }
 
-    fn set(&mut self, key: TreeKey, openings: Vec<Opening>) {
+    fn set(&mut self, key: TreeKey, openings: Box<[Opening]>) {
         let entry = &mut self.scene.trees[key];
         if entry.openings == openings {
             return;

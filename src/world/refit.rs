@@ -8,8 +8,19 @@ use crate::effects::EffectCounts;
 use crate::keys::{TreeKey, slot_of};
 use crate::light::Light;
 use crate::policy::AttributeHistory;
+use crate::rare::Rare;
 use crate::scheduler::{TreeFeatures, Work, WorkKind};
 use crate::tree::{LightTree, Refitted};
+
+/// Empties the list of staged lights after an update, and keeps its memory for the next edits of a tree
+/// of more than one node.
+fn clear(staged: &mut Rare<StagedLights>, tree: &LightTree) {
+    if tree.nodes().len() <= 1 {
+        staged.take();
+    } else if staged.memory_bytes() > 0 {
+        staged.clear();
+    }
+}
 
 impl LightWorld {
     /// Refits the trees whose lights changed or that were built in slices or in the background, and
@@ -53,7 +64,7 @@ impl LightWorld {
             // Otherwise all edits were taken back.
             let is_needed = !entry.staged.is_empty() || successor.is_some() || has_new_policy;
             if !is_needed {
-                entry.staged.clear();
+                clear(&mut entry.staged, &entry.tree);
             }
             is_needed.then(|| RefitJob {
                 key,
@@ -159,7 +170,7 @@ struct RefitJob {
     /// See [`TreeEntry::may_open`](super::scene::TreeEntry::may_open), before the edits.
     could_open: bool,
     tree: LightTree,
-    staged: StagedLights,
+    staged: Rare<StagedLights>,
     log: ChangeLog,
     /// The nodes that were refitted.
     refit_nodes: usize,
@@ -231,7 +242,7 @@ impl RefitJob {
             self.tree.refit_without_attributes();
         }
         self.log_changes(former_indices);
-        self.staged.clear();
+        clear(&mut self.staged, &self.tree);
     }
 
     fn list_added_and_removed(&mut self) {

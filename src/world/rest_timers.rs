@@ -74,7 +74,7 @@ struct Timer {
     /// The tree counts as moving. It is in [`RECENT`].
     is_moving: bool,
     /// The list that the tree is in; `None` if it is frozen.
-    list: Option<usize>,
+    list: Option<u8>,
 }
 
 impl Default for RestTimers {
@@ -175,13 +175,13 @@ impl RestTimers {
     /// Appends a tree that is in no list to a list.
     fn push_back(&mut self, list: usize, tree: TreeKey) {
         self.timers.push_back(list, tree);
-        self.timer(tree).list = Some(list);
+        self.timer(tree).list = Some(list as u8);
     }
 
     /// Removes a tree from its list. A tree that is in no list stays as it is.
     fn unlink(&mut self, tree: TreeKey) {
         if let Some(list) = self.timer(tree).list.take() {
-            self.timers.remove(list, tree);
+            self.timers.remove(usize::from(list), tree);
         }
     }
 }
@@ -239,7 +239,7 @@ mod tests {
             let mut changed_at = 0;
             for tree in trees {
                 let timer = &timers.timers[tree];
-                assert_eq!(timer.list, Some(list));
+                assert_eq!(timer.list, Some(list as u8));
                 assert!(list == RECENT || (list == settled(timer.doublings) && !timer.is_moving));
                 assert!(changed_at <= timer.changed_at && timer.changed_at <= timers.updates);
                 changed_at = timer.changed_at;

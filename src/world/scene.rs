@@ -4,17 +4,17 @@ use slotmap::SlotMap;
 
 use super::births::{BirthCounter, Births};
 use super::change_log::ChangeLog;
-use super::memory::WorldMemory;
 use super::origin::Origin;
 use super::slot_table::SlotTable;
 use super::staged::StagedLights;
-use super::sums::Sums;
+use super::sums::{Sums, TreeTerms};
 use crate::effects::Effects;
 use crate::instance::appearance::Appearance;
 use crate::instance::placement::{Placed, Placement};
 use crate::keys::{DirectionalKey, InstanceKey, RegionKey, TreeKey};
 use crate::light::DirectionalLight;
 use crate::policy::{AttributeHistory, Policy, PolicySet};
+use crate::rare::Rare;
 use crate::tree::{LightTree, Opening};
 
 /// The trees, instances and directional lights of a world, and the origin of their coordinates.
@@ -33,7 +33,7 @@ pub(super) const CROWD_UNIT: f64 = 1.0 / 256.0;
 /// A tree of a world.
 pub(crate) struct TreeEntry {
     pub tree: LightTree,
-    pub births: Births,
+    pub births: Rare<Births>,
     /// The number of the last edit that put another tree in the place of this one; 0 before any.
     pub replaced: u32,
     pub instances: Vec<InstanceKey>,
@@ -42,7 +42,7 @@ pub(crate) struct TreeEntry {
     /// The nodes and lights that changed, for uploads.
     pub log: ChangeLog,
     pub history: AttributeHistory,
-    pub(super) staged: StagedLights,
+    pub(super) staged: Rare<StagedLights>,
     /// A policy changed since the last update, so that the tree may request a rebuild although no
     /// light changes.
     pub has_new_policy: bool,
@@ -51,14 +51,14 @@ pub(crate) struct TreeEntry {
     /// of [`CROWD_UNIT`].
     pub crowd: u64,
     /// Where the top level leads into the tree, in the order of their places; none of a whole tree.
-    pub openings: Vec<Opening>,
+    pub openings: Box<[Opening]>,
     /// The tree that was built in slices or in the background. It replaces this one at the next
     /// refit.
     pub successor: Option<Box<LightTree>>,
     /// The revision of the log at which that build was begun.
     pub build_since: u64,
     /// What the sums over all trees hold of this one.
-    pub(super) counted: Sums,
+    pub(super) counted: TreeTerms,
 }
 
 /// What the weight of one tree is computed from.
@@ -83,7 +83,7 @@ pub(crate) struct Instance {
     /// The number of the edit that added it.
     pub birth: u32,
     /// Its index in its tree's list of instances.
-    pub index_in_tree: usize,
+    pub index_in_tree: u32,
     /// The region that it was added with.
     pub region: Option<RegionKey>,
 }
@@ -91,21 +91,21 @@ pub(crate) struct Instance {
 impl TreeEntry {
     pub fn new(tree: LightTree) -> Self {
         Self {
-            births: Births::default(),
+            births: Rare::default(),
             replaced: 0,
             history: AttributeHistory::start(tree.attributes()),
             tree,
             instances: Vec::new(),
             policies: PolicySet::default(),
             log: ChangeLog::default(),
-            staged: StagedLights::default(),
+            staged: Rare::default(),
             has_new_policy: false,
             weight: TreeWeight::default(),
             crowd: 0,
-            openings: Vec::new(),
+            openings: Box::default(),
             successor: None,
             build_since: 0,
-            counted: Sums::default(),
+            counted: TreeTerms::default(),
         }
     }
 
@@ -116,33 +116,26 @@ impl TreeEntry {
 
     /// Brings the sums over all trees up to date with this one. O(1).
     pub(super) fn recount(&mut self, sums: &mut Sums) {
-        let present = self.present_sums();
+        let present = self.present_terms();
         let former = std::mem::replace(&mut self.counted, present);
         sums.replace(&former, &present);
     }
 
     /// The present terms of this tree in the sums.
-    fn present_sums(&self) -> Sums {
-        let memory = WorldMemory {
-            trees: self.tree.memory(),
-            successors: self.successor.as_ref().map_or(0, |tree| size_of_val(&**tree) + tree.memory_bytes()),
+    fn present_terms(&self) -> TreeTerms {
+        TreeTerms {
+            memory: self.tree.memory(),
+            successor: self.successor.as_ref().map_or(0, |tree| size_of_val(&**tree) + tree.memory_bytes()),
             edits: self.staged.memory_bytes() + self.log.memory_bytes(),
             lists: size_of::<InstanceKey>() * self.instances.capacity()
-                + size_of::<Opening>() * self.openings.capacity()
+                + size_of::<Opening>() * self.openings.len()
                 + self.births.memory_bytes(),
-            tables: 0,
-        };
-        let instances = self.instances.len();
-        Sums {
-            memory,
-            placeholders: usize::from(self.tree.is_placeholder()),
-            lights: self.tree.light_count() * instances,
-            stored_lights: self.tree.light_count(),
-            instances,
-            wanted_openings: self.openings_wanted() * instances,
-            parts: self.openings.len().max(1) * instances,
-            opened: if self.openings.is_empty() { 0 } else { instances },
-            held_back: if self.is_held_back() { instances } else { 0 },
+            lights: self.tree.light_count() as u32,
+            instances: self.instances.len() as u32,
+            wanted_openings: self.openings_wanted() as u32,
+            openings: self.openings.len() as u32,
+            is_placeholder: self.tree.is_placeholder(),
+            is_held_back: self.is_held_back(),
         }
     }
 

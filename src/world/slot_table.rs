@@ -58,6 +58,10 @@ impl<K: Key, T> SlotTable<K, T> {
         let key = self.keys.insert(());
         let slot = slot_of(key) as usize;
         if self.slots.len() <= slot {
+            if self.slots.capacity() <= slot {
+                // Doubling would waste a quarter of the memory of a large world on average.
+                self.slots.reserve_exact(slot + 1 - self.slots.len() + slot / 8 + 4);
+            }
             self.slots.resize_with(slot + 1, || None);
         }
         self.slots[slot] = Some((key, value));

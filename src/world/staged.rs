@@ -4,6 +4,7 @@ use super::key_set::KeySet;
 use crate::error::WorldError;
 use crate::keys::TreeKey;
 use crate::light::Light;
+use crate::rare::HasEmpty;
 use crate::tree::{LightTree, check_indices};
 
 /// The staged lights of one tree: for each light that changes, its last value. A light that will be
@@ -23,12 +24,16 @@ pub(super) struct StagedLights {
     appended: usize,
 }
 
-impl StagedLights {
-    /// The size of all arrays in bytes.
-    pub fn memory_bytes(&self) -> usize {
-        size_of::<(u32, Light)>() * self.changes.capacity() + size_of::<u32>() * self.places.capacity()
-    }
+impl HasEmpty for StagedLights {
+    const EMPTY: &'static Self =
+        &Self { changes: Vec::new(), places: Vec::new(), next_vacant: 0, used_vacant: 0, appended: 0 };
 
+    fn owned_bytes(&self) -> usize {
+        self.changes.owned_bytes() + self.places.owned_bytes()
+    }
+}
+
+impl StagedLights {
     pub fn is_empty(&self) -> bool {
         self.changes.is_empty()
     }
@@ -87,6 +92,9 @@ impl StagedLights {
     pub fn set(&mut self, index: u32, light: Light, present: &[Light]) {
         let count = present.len().max(index as usize + 1);
         if self.places.len() < count {
+            if self.places.is_empty() {
+                self.places.reserve_exact(count);
+            }
             self.places.resize(count, 0);
         }
         let place = self.places[index as usize];
@@ -94,6 +102,11 @@ impl StagedLights {
         match (place.checked_sub(1), is_present) {
             (None, true) => {}
             (None, false) => {
+                let staged = self.changes.len();
+                if staged == self.changes.capacity() {
+                    // Twice as many, and never more than there are places.
+                    self.changes.reserve_exact(staged.max(4).min(self.places.len() - staged));
+                }
                 self.changes.push((index, light));
                 self.places[index as usize] = self.changes.len() as u32;
             }

@@ -1,8 +1,9 @@
 //! Sums over all trees of a world, kept up to date by every change.
 
 use super::memory::WorldMemory;
+use crate::tree::TreeMemory;
 
-/// The terms of one tree in the sums over all trees, or these sums.
+/// The sums over all trees.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sums {
     pub memory: WorldMemory,
@@ -22,18 +23,57 @@ pub(super) struct Sums {
     pub held_back: usize,
 }
 
+/// What the terms of one tree in these sums follow from.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct TreeTerms {
+    pub memory: TreeMemory,
+    /// The bytes of the result of a build, of edits and their log, and of lists.
+    pub successor: usize,
+    pub edits: usize,
+    pub lists: usize,
+    pub lights: u32,
+    pub instances: u32,
+    /// Of each instance.
+    pub wanted_openings: u32,
+    pub openings: u32,
+    pub is_placeholder: bool,
+    pub is_held_back: bool,
+}
+
+impl TreeTerms {
+    fn sums(&self) -> Sums {
+        let Self { memory: trees, successor: successors, edits, lists, .. } = *self;
+        let [lights, instances, wanted, openings] =
+            [self.lights, self.instances, self.wanted_openings, self.openings].map(|count| count as usize);
+        let instances_if = |condition: bool| if condition { instances } else { 0 };
+        Sums {
+            memory: WorldMemory { trees, successors, edits, lists, tables: 0 },
+            placeholders: usize::from(self.is_placeholder),
+            lights: lights * instances,
+            stored_lights: lights,
+            instances,
+            wanted_openings: wanted * instances,
+            parts: openings.max(1) * instances,
+            opened: instances_if(openings > 0),
+            held_back: instances_if(self.is_held_back),
+        }
+    }
+}
+
 impl Sums {
     /// Replaces the terms of a tree by others. O(1).
-    pub fn replace(&mut self, former: &Self, present: &Self) {
+    pub fn replace(&mut self, former: &TreeTerms, present: &TreeTerms) {
         self.remove(former);
+        let mut present = present.sums();
         self.memory.add(&present.memory);
-        self.counts().into_iter().zip(present.clone().counts()).for_each(|(sum, term)| *sum += *term);
+        self.counts().into_iter().zip(present.counts()).for_each(|(sum, term)| *sum += *term);
     }
 
     /// Subtracts the terms of a tree.
-    pub fn remove(&mut self, former: &Self) {
+    pub fn remove(&mut self, former: &TreeTerms) {
+        let mut former = former.sums();
         self.memory.remove(&former.memory);
-        self.counts().into_iter().zip(former.clone().counts()).for_each(|(sum, term)| *sum -= *term);
+        self.counts().into_iter().zip(former.counts()).for_each(|(sum, term)| *sum -= *term);
     }
 
     fn counts(&mut self) -> [&mut usize; 8] {
