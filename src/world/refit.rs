@@ -12,6 +12,10 @@ use crate::rare::Rare;
 use crate::scheduler::{TreeFeatures, Work, WorkKind};
 use crate::tree::{LightTree, Refitted};
 
+/// Trees that are moved out of the map at once. A job holds its tree by value, and more: the jobs of a
+/// million trees at once would take hundreds of megabytes.
+const TREES_AT_ONCE: usize = 4096;
+
 /// Empties the list of staged lights after an update, and keeps its memory for the next edits of a tree
 /// of more than one node.
 fn clear(staged: &mut Rare<StagedLights>, tree: &LightTree) {
@@ -29,7 +33,20 @@ impl LightWorld {
         let start = self.rebuilds.clock.now();
         self.edits.added.clear();
         self.edits.removed.clear();
-        let mut jobs = self.take_pending();
+        let pending: Vec<TreeKey> = self.edits.pending.drain().collect();
+        for trees in pending.chunks(TREES_AT_ONCE) {
+            self.refit_trees(trees, report);
+        }
+        if report.refit_trees > 0 {
+            self.top.take();
+            self.rebuilds.clock.worked(Work { kind: WorkKind::Refit, lights: report.refit_lights });
+        }
+        report.refit_time = self.rebuilds.clock.now().saturating_sub(start);
+    }
+
+    /// Refits some of these trees.
+    fn refit_trees(&mut self, trees: &[TreeKey], report: &mut FrameReport) {
+        let mut jobs = self.take_jobs(trees);
         #[cfg(feature = "parallel")]
         {
             use rayon::prelude::*;
@@ -46,18 +63,14 @@ impl LightWorld {
             }
             self.finish_refit(job);
         }
-        if report.refit_trees > 0 {
-            self.top.take();
-            self.rebuilds.clock.worked(Work { kind: WorkKind::Refit, lights: report.refit_lights });
-        }
-        report.refit_time = self.rebuilds.clock.now().saturating_sub(start);
     }
 
-    /// Moves the pending trees out of the map, so that threads can work on them. The trees that
-    /// stay behind are empty and cost nothing.
-    fn take_pending(&mut self) -> Vec<RefitJob> {
-        let (pending, trees) = (&mut self.edits.pending, &mut self.scene.trees);
-        let job = |key: TreeKey| {
+    /// Moves pending trees out of the map, so that threads can work on them. The trees that stay
+    /// behind are empty and cost nothing.
+    fn take_jobs(&mut self, pending: &[TreeKey]) -> Vec<RefitJob> {
+        let trees = &mut self.scene.trees;
+        let job = |key: &TreeKey| {
+            let key = *key;
             let entry = &mut trees[key];
             let successor = entry.successor.take();
             let has_new_policy = std::mem::take(&mut entry.has_new_policy);
@@ -87,7 +100,7 @@ impl LightWorld {
                 removed: Vec::new(),
             })
         };
-        pending.drain().filter_map(job).collect()
+        pending.iter().filter_map(job).collect()
     }
 
     /// Moves a tree back into the map and updates its rebuild request.
