@@ -84,7 +84,7 @@ pub fn requested_bytes(work: impl FnOnce()) -> usize {
 }
 
 /// Returns how many bytes more this thread holds after some work than before.
-fn held_bytes<T>(work: impl FnOnce() -> T) -> (T, isize) {
+pub fn held_bytes<T>(work: impl FnOnce() -> T) -> (T, isize) {
     let before = LIVE.get();
     let result = work();
     (result, LIVE.get() - before)
@@ -99,7 +99,7 @@ pub fn peak_bytes(work: impl FnOnce()) -> usize {
 }
 
 /// Runs on a pool of one thread, so that all of the work is counted.
-fn on_one_thread(work: impl FnOnce() + Send) {
+pub fn on_one_thread(work: impl FnOnce() + Send) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
     pool.install(work);
 }

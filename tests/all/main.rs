@@ -38,6 +38,7 @@ mod sampling;
 mod scheduler;
 mod segments;
 mod shader_text;
+mod small_trees;
 mod solid_angle;
 mod stand_ins;
 mod torture;
