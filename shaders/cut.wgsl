@@ -136,56 +136,45 @@ fn light_local_to_top(shading_point: LightShadingPoint) -> LightLocalShadingPoin
         local.segment = light_local_segment(shading_point.segment);
     }
     // #endif
-    // #if RANGES
-    local.range_scale = 1.0;
-    // #endif
     // #if FACTORS
     local.brightness = 1.0;
     // #endif
     // #if NON_RIGID
     local.scaled_instance = LIGHT_NO_INSTANCE;
-    // #if CONES
-    local.turn = vec2(1.0, 0.0);
-    // #endif
     // #endif
     return local;
 }
 
-// A shading point in the space of an instance's tree. Twin of `Placed::local_shading_point`.
+// A shading point in the space of an instance's tree, or in the axes of a scaled instance. Twin of
+// `Placed::local_shading_point`.
 fn light_local_to_tree(instance: u32, shading_point: LightShadingPoint) -> LightLocalShadingPoint {
     let placed = light_instance(instance);
     var local: LightLocalShadingPoint;
-    local.position = light_into_tree(placed, shading_point.position - light_translation(placed.to_world));
-    local.normal = light_normalize_or_zero(light_transposed(placed.to_world, shading_point.normal));
+    var axes = placed.to_world;
+    // #if NON_RIGID
+    local.scaled_instance = LIGHT_NO_INSTANCE;
+    if (placed.flags & LIGHT_NON_RIGID) != 0u {
+        axes = light_axes(placed);
+        local.scaled_instance = instance;
+    }
+    // #endif
+    local.position = light_transposed(axes, shading_point.position - light_translation(placed.to_world));
+    local.normal = light_normalize_or_zero(light_transposed(axes, shading_point.normal));
     local.has_normal = any(local.normal != vec3(0.0));
     local.margin = LIGHT_POSITION_MARGIN + LIGHT_RIGID_TOLERANCE;
     local.light_bit = LIGHT_LEAF;
     // #if GLOSSY
     local.gloss = shading_point.gloss;
-    local.gloss.tangent = light_transposed(placed.to_world, shading_point.gloss.tangent);
-    local.gloss.bitangent = light_transposed(placed.to_world, shading_point.gloss.bitangent);
+    local.gloss.tangent = light_transposed(axes, shading_point.gloss.tangent);
+    local.gloss.bitangent = light_transposed(axes, shading_point.gloss.bitangent);
     // #endif
     // #if SEGMENTS
     if light_is_segment(shading_point) {
-        local.segment = light_local_segment(light_into_tree(placed, shading_point.segment));
+        local.segment = light_local_segment(light_transposed(axes, shading_point.segment));
     }
-    // #endif
-    // #if RANGES
-    local.range_scale = 1.0;
     // #endif
     // #if FACTORS
     local.brightness = light_brightness(placed.factor);
-    // #endif
-    // #if NON_RIGID
-    let squeeze = max(sqrt(placed.to_local[2].w) * placed.to_local[1].w, 1.0);
-    local.margin = LIGHT_POSITION_MARGIN * squeeze + LIGHT_RIGID_TOLERANCE;
-    // #if RANGES
-    local.range_scale = placed.to_local[1].w;
-    // #endif
-    local.scaled_instance = select(LIGHT_NO_INSTANCE, instance, (placed.flags & LIGHT_NON_RIGID) != 0u);
-    // #if CONES
-    local.turn = vec2(placed.cos_turn, placed.sin_turn);
-    // #endif
     // #endif
     return local;
 }
@@ -313,7 +302,7 @@ fn light_take(
     var lux = estimate.lux;
     // #if LEARNS
     if weighing.in_cut {
-        lux *= light_visible_share(packed, view, instance, (*cut).cell);
+        lux *= light_visible_share(packed, view, instance, local, (*cut).cell);
     }
     // #endif
     if !weighing.is_split {

@@ -157,8 +157,8 @@ fn light_first_hit(shading_point: LightShadingPoint, direction: vec3<f32>, max_d
         if in_top {
             part = place.index * LIGHT_WIDTH + slot - 1u;
             entry = below.index;
-            let local = light_local_to_tree(below.instance, shading_point);
-            ray = light_ray(local.position, light_into_tree(instance, direction), local.margin);
+            let origin = light_into_tree(instance, shading_point.position - light_translation(instance.to_world));
+            ray = light_ray(origin, light_into_tree(instance, direction), light_tree_margin(instance));
         }
         place = below;
         slot = 0u;

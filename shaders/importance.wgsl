@@ -84,7 +84,8 @@ fn light_segment(origin: vec3<f32>, direction: vec3<f32>, length: f32) -> LightS
     return shading_point;
 }
 
-// A shading point in the space of a tree. Twin of `LocalShadingPoint`.
+// A shading point in the space of a tree, or in the axes of a scaled instance. Twin of
+// `LocalShadingPoint`.
 struct LightLocalShadingPoint {
     position: vec3<f32>,
     // A unit vector, or zero.
@@ -102,9 +103,6 @@ struct LightLocalShadingPoint {
     // The unit vector and half the length of a segment; 0 for a point.
     segment: vec4<f32>,
     // #endif
-    // #if RANGES
-    range_scale: f32,
-    // #endif
     // #if FACTORS
     // What the flux of the lights is multiplied by.
     brightness: f32,
@@ -112,10 +110,6 @@ struct LightLocalShadingPoint {
     // #if NON_RIGID
     // The slot of an instance that is scaled, sheared or mirrored, or LIGHT_NO_INSTANCE.
     scaled_instance: u32,
-    // #if CONES
-    // Cosine and sine of the angle by which caps are widened.
-    turn: vec2<f32>,
-    // #endif
     // #endif
 }
 
@@ -136,8 +130,114 @@ struct LightLanes {
 // A node as seen from a shading point; `head` are its first 16 bytes.
 fn light_node_view(head: vec4<u32>, local: LightLocalShadingPoint) -> LightNodeView {
     let corner = bitcast<vec3<f32>>(head.xyz);
-    let farthest = abs(corner) + 2.0 * LIGHT_STEPS * light_half_steps(head.w) + abs(local.position);
+    let reach = abs(corner) + 2.0 * LIGHT_STEPS * light_half_steps(head.w);
+    // #if NON_RIGID
+    if local.scaled_instance != LIGHT_NO_INSTANCE {
+        let scale = sqrt(light_instance(local.scaled_instance).to_local[2].w);
+        return LightNodeView(corner, head.w, light_sum_axes(reach * scale + abs(local.position)) * local.margin);
+    }
+    // #endif
+    let farthest = reach + abs(local.position);
     return LightNodeView(corner - local.position, head.w, light_sum_axes(farthest) * local.margin);
+}
+
+// A child relative to a shading point: sums over the three axes. Coordinates themselves would need
+// more registers.
+struct LightChild {
+    // From the shading point to the mean position: the squared length, and the part along the
+    // normal.
+    dist_sq: f32,
+    along: f32,
+    // How far the box rises above the plane through the shading point.
+    highest: f32,
+    // The squared distance of the box.
+    gap_sq: f32,
+    // Half the diagonal of the box, squared.
+    radius_sq: f32,
+    variance: f32,
+    // The part of the variance that lies along the normal, times 3; at most the variance.
+    normal_variance: f32,
+    flux: f32,
+    // #if GLOSSY
+    // The parts of the mean position along the tangents of a glossy surface.
+    tangents: vec2<f32>,
+    // #endif
+    // #if CONES
+    // The part of the mean position along the axis of emission.
+    facing: f32,
+    // The centre of the box: the squared distance, and the part along the axis.
+    center_sq: f32,
+    center_facing: f32,
+    // Length of the mean direction of emission, in [0, 1].
+    axis_length: f32,
+    cos_half_angle: f32,
+    // #endif
+    // #if RANGES
+    range: f32,
+    // #endif
+}
+
+// The sums over the coordinates of a child's box and mean position.
+fn light_see_box(
+    bounds: LightBox, packed: LightPackedChild, margin: f32, local: LightLocalShadingPoint,
+) -> LightChild {
+    let normal = local.normal;
+    let half_size = bounds.half_size;
+    let outside = max(abs(bounds.center) - (half_size + margin), vec3(0.0));
+    let half_along = normal * half_size;
+    let heights = normal * bounds.center + abs(normal) * half_size;
+    var child: LightChild;
+    child.dist_sq = light_sum_axes(bounds.toward * bounds.toward);
+    child.along = light_sum_axes(normal * bounds.toward);
+    child.highest = light_sum_axes(heights);
+    child.gap_sq = light_sum_axes(outside * outside);
+    child.radius_sq = light_sum_axes(half_size * half_size);
+    let deviation = light_deviation(packed);
+    child.variance = deviation * deviation * child.radius_sq;
+    child.normal_variance =
+        min(3.0 * (deviation * deviation) * light_sum_axes(half_along * half_along), child.variance);
+    child.flux = light_upper_half(packed.mean);
+    // #if GLOSSY
+    child.tangents = vec2(
+        light_sum_axes(local.gloss.tangent * bounds.toward), light_sum_axes(local.gloss.bitangent * bounds.toward),
+    );
+    // #endif
+    // #if RANGES
+    child.range = light_upper_half(packed.lobe.y);
+    // #endif
+    return child;
+}
+
+// #if CONES
+// The parts of these sums that depend on the axis of emission, and the cap.
+fn light_see_axis(child: ptr<function, LightChild>, axis: vec3<f32>, bounds: LightBox, packed: LightPackedChild) {
+    (*child).facing = light_sum_axes(axis * bounds.toward);
+    (*child).center_sq = light_sum_axes(bounds.center * bounds.center);
+    (*child).center_facing = light_sum_axes(axis * bounds.center);
+    let shortness = light_byte(packed.lobe.y, 0u) * (1.0 / LIGHT_STEPS);
+    (*child).axis_length = 1.0 - shortness * shortness;
+    let cap = light_byte(packed.lobe.x, 3u);
+    (*child).cos_half_angle = select(1.0 - cap * (1.0 / LIGHT_CAP_STEPS), -1.0, cap >= 2.0 * LIGHT_CAP_STEPS);
+}
+
+// #endif
+
+// A child as the shading point sees it. Twin of `LocalShadingPoint::child`, with the sums that
+// estimates start with.
+fn light_child(
+    packed: LightPackedChild, view: LightNodeView, margin: f32, local: LightLocalShadingPoint,
+) -> LightChild {
+    // #if NON_RIGID
+    if local.scaled_instance != LIGHT_NO_INSTANCE {
+        return light_scaled_child(packed, view, margin, local);
+    }
+    // #endif
+    let bounds = light_unpack_box(packed, view);
+    var child = light_see_box(bounds, packed, margin, local);
+    // #if CONES
+    light_see_axis(&child, light_unit_axis(packed.lobe.x), bounds, packed);
+    // #endif
+    return child;
 }
 
 // The squared error of a shading point's position, below which children are unresolved. `reach` is
@@ -202,36 +302,19 @@ fn light_weights(importances: LightLanes) -> LightLanes {
 // The importance of a child. Twin of `child_importances`.
 fn light_importance(packed: LightPackedChild, local: LightLocalShadingPoint, view: LightNodeView) -> LightImportance {
     let is_light = (packed.child_bits & local.light_bit) != 0u;
-    var child = light_unpack(packed, view, local.normal);
-    // #if NON_RIGID
-    // #if CONES
-    child.cos_half_angle = light_widened(child.cos_half_angle, local.turn);
-    // #endif
-    // #endif
+    var child = light_child(packed, view, view.margin, local);
     let is_dark = light_is_provably_dark(child, local, view.margin);
     let error_sq = LIGHT_MEAN_ERROR_SQ * child.radius_sq + light_position_error_sq(light_sum_axes(abs(local.position)));
     let is_unresolved = child.dist_sq + child.variance <= error_sq;
-    // #if NON_RIGID
-    if local.scaled_instance != LIGHT_NO_INSTANCE {
-        light_into_world(&child, packed, local.scaled_instance, view, local.normal);
-    }
-    // #endif
     // #if FACTORS
     child.flux *= local.brightness;
     // #endif
-    var tangents = vec2(0.0);
-    // #if GLOSSY
-    let toward = light_to_mean(packed, view);
-    tangents = vec2(light_sum_axes(local.gloss.tangent * toward), light_sum_axes(local.gloss.bitangent * toward));
-    // #endif
-    let estimate = light_estimate(child, is_light, local, tangents);
+    let estimate = light_estimate(child, is_light, local);
     let lux = select(estimate.lux, -estimate.lux, is_unresolved);
     return LightImportance(select(lux, 0.0, is_dark), estimate.doubt);
 }
 
-fn light_estimate(
-    child: LightChild, is_light: bool, local: LightLocalShadingPoint, tangents: vec2<f32>,
-) -> LightImportance {
+fn light_estimate(child: LightChild, is_light: bool, local: LightLocalShadingPoint) -> LightImportance {
     let dist_sq = max(child.dist_sq, LIGHT_MIN_IMPORTANCE);
     let dist = sqrt(dist_sq);
     let spread = child.variance / (dist_sq + child.variance);
@@ -261,7 +344,7 @@ fn light_estimate(
     if local.gloss.alpha > 0.0 {
         let inverse = 1.0 / dist;
         let reflected =
-            light_reflected(local.gloss, tangents.x * inverse, tangents.y * inverse, cosine * inverse, spread);
+            light_reflected(local.gloss, child.tangents.x * inverse, child.tangents.y * inverse, cosine * inverse, spread);
         lux *= reflected.value;
         doubt += select(reflected.doubt, 0.0, is_light);
     }
@@ -281,7 +364,7 @@ fn light_is_provably_dark(child: LightChild, local: LightLocalShadingPoint, marg
     let steepness = abs(local.normal.x) + abs(local.normal.y) + abs(local.normal.z);
     var is_dark = local.has_normal & (child.highest + margin * steepness <= 0.0);
     // #if RANGES
-    is_dark = is_dark | light_is_out_of_range(child, local);
+    is_dark = is_dark | light_is_out_of_range(child);
     // #endif
     // #if CONES
     is_dark = is_dark | light_is_turned_away(child, margin);
@@ -290,8 +373,8 @@ fn light_is_provably_dark(child: LightChild, local: LightLocalShadingPoint, marg
 }
 
 // #if RANGES
-fn light_is_out_of_range(child: LightChild, local: LightLocalShadingPoint) -> bool {
-    let reach = child.range * (local.range_scale * (1.0 + LIGHT_COSINE_MARGIN));
+fn light_is_out_of_range(child: LightChild) -> bool {
+    let reach = child.range * (1.0 + LIGHT_COSINE_MARGIN);
     return (child.range < LIGHT_UNLIMITED_RANGE) & (child.gap_sq > reach * reach)
         & (child.gap_sq <= LIGHT_MAX_DIST_SQ);
 }

@@ -60,6 +60,7 @@ fn light_rigid_to_local(to_world: array<vec4<f32>, 3>) -> array<vec4<f32>, 3> {
 }
 // #endif
 
+// #if AREAS
 // A vector of the world in the tree's space.
 fn light_into_tree(instance: LightInstance, v: vec3<f32>) -> vec3<f32> {
     var local = light_transposed(instance.to_world, v);
@@ -69,7 +70,16 @@ fn light_into_tree(instance: LightInstance, v: vec3<f32>) -> vec3<f32> {
     return local;
 }
 
-// #if AREAS
+// The largest rounding error of a position in the tree's space, per metre of its coordinates. Twin
+// of `Placed::tree_margin`.
+fn light_tree_margin(instance: LightInstance) -> f32 {
+    var squeeze = 1.0;
+    // #if NON_RIGID
+    squeeze = max(sqrt(instance.to_local[2].w) * instance.to_local[1].w, 1.0);
+    // #endif
+    return LIGHT_POSITION_MARGIN * squeeze + LIGHT_RIGID_TOLERANCE;
+}
+
 // The volume in the world of one cubic metre of the tree's space.
 fn light_volume_scale(instance: LightInstance) -> f32 {
     var volume = 1.0;

@@ -23,41 +23,17 @@ struct LightPackedChild {
     // #endif
 }
 
-// A child relative to a shading point: sums over the three axes. Coordinates themselves would need
-// more registers.
-struct LightChild {
-    // From the shading point to the mean position: the squared length, and the part along the
-    // normal.
-    dist_sq: f32,
-    along: f32,
-    // How far the box rises above the plane through the shading point.
-    highest: f32,
-    // The squared distance of the box.
-    gap_sq: f32,
-    // Half the diagonal of the box, squared.
-    radius_sq: f32,
-    variance: f32,
-    // The part of the variance that lies along the normal, times 3; at most the variance.
-    normal_variance: f32,
-    flux: f32,
-    // #if CONES
-    // The part of the mean position along the axis of emission.
-    facing: f32,
-    // The centre of the box: the squared distance, and the part along the axis.
-    center_sq: f32,
-    center_facing: f32,
-    // Length of the mean direction of emission, in [0, 1].
-    axis_length: f32,
-    cos_half_angle: f32,
-    // #endif
-    // #if RANGES
-    range: f32,
-    // #endif
+// The mean position of a child and its box, relative to a shading point.
+struct LightBox {
+    toward: vec3<f32>,
+    center: vec3<f32>,
+    half_size: vec3<f32>,
 }
 
 // A node as seen from a shading point.
 struct LightNodeView {
-    // The vector from the shading point to the origin of the node's grid.
+    // The vector from the shading point to the origin of the node's grid; from the origin of the tree
+    // if the instance is scaled.
     origin: vec3<f32>,
     // The steps of the grid: see `Node::steps`.
     steps: u32,
@@ -103,7 +79,7 @@ fn light_mean_share(packed: LightPackedChild) -> vec3<f32> {
     return vec3(light_byte(packed.high, 3u), light_byte(packed.mean, 0u), light_byte(packed.mean, 1u));
 }
 
-// The vector from the shading point to the mean position of a child. Twin of `Unpacked::toward`.
+// The vector to the mean position of a child from where the view's origin is relative to.
 fn light_to_mean(packed: LightPackedChild, view: LightNodeView) -> vec3<f32> {
     let low = light_low(packed);
     let width = light_high(packed) - low;
@@ -116,57 +92,14 @@ fn light_deviation(packed: LightPackedChild) -> f32 {
     return light_byte(packed.low, 3u) * (1.0 / LIGHT_STEPS);
 }
 
-// #if NON_RIGID
-// Half the edges of a child's box, in metres.
-fn light_half_size(packed: LightPackedChild, steps: u32) -> vec3<f32> {
-    return (light_high(packed) - light_low(packed)) * light_half_steps(steps);
-}
-
-// The vector from the shading point to the nearest point of a child's box, less the margin along
-// each axis. Twin of `Unpacked::gap`.
-fn light_to_box(packed: LightPackedChild, view: LightNodeView) -> vec3<f32> {
-    let center = view.origin + (light_high(packed) + light_low(packed)) * light_half_steps(view.steps);
-    let outside = max(abs(center) - (light_half_size(packed, view.steps) + view.margin), vec3(0.0));
-    return select(outside, -outside, center < vec3(0.0));
-}
-// #endif
-
-// Unpacks a child. `normal` is that of the shading point.
-fn light_unpack(packed: LightPackedChild, view: LightNodeView, normal: vec3<f32>) -> LightChild {
+// Where a child lies, relative to what the view's origin is relative to. Twin of `Node::unpack`.
+fn light_unpack_box(packed: LightPackedChild, view: LightNodeView) -> LightBox {
     let low = light_low(packed);
     let high = light_high(packed);
     let half_step = light_half_steps(view.steps);
     let half_size = (high - low) * half_step;
     let center = view.origin + (high + low) * half_step;
-    let toward = light_to_mean(packed, view);
-    let outside = max(abs(center) - (half_size + view.margin), vec3(0.0));
-    let half_along = normal * half_size;
-    let heights = normal * center + abs(normal) * half_size;
-    var child: LightChild;
-    child.dist_sq = light_sum_axes(toward * toward);
-    child.along = light_sum_axes(normal * toward);
-    child.highest = light_sum_axes(heights);
-    child.gap_sq = light_sum_axes(outside * outside);
-    child.radius_sq = light_sum_axes(half_size * half_size);
-    let deviation = light_deviation(packed);
-    child.variance = deviation * deviation * child.radius_sq;
-    child.normal_variance =
-        min(3.0 * (deviation * deviation) * light_sum_axes(half_along * half_along), child.variance);
-    child.flux = light_upper_half(packed.mean);
-    // #if CONES
-    let axis = light_unit_axis(packed.lobe.x);
-    child.facing = light_sum_axes(axis * toward);
-    child.center_sq = light_sum_axes(center * center);
-    child.center_facing = light_sum_axes(axis * center);
-    let shortness = light_byte(packed.lobe.y, 0u) * (1.0 / LIGHT_STEPS);
-    child.axis_length = 1.0 - shortness * shortness;
-    let cap = light_byte(packed.lobe.x, 3u);
-    child.cos_half_angle = select(1.0 - cap * (1.0 / LIGHT_CAP_STEPS), -1.0, cap >= 2.0 * LIGHT_CAP_STEPS);
-    // #endif
-    // #if RANGES
-    child.range = light_upper_half(packed.lobe.y);
-    // #endif
-    return child;
+    return LightBox(light_to_mean(packed, view), center, half_size);
 }
 
 // Adds the parts along x, y and z, in this order.

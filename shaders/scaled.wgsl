@@ -1,7 +1,7 @@
-// Children of a tree whose instance is scaled, sheared or mirrored, as the world sees them. Twin of
-// `ClusterView::in_world` in src/shading/importance.rs. Reads the instance again instead of keeping
-// its matrices, which would need registers in every walk. Reads the buffers that sample.wgsl binds;
-// binds nothing itself.
+// Children of a tree whose instance is scaled, sheared or mirrored, in the axes of the instance. Twin
+// of src/shading/world_map.rs, which explains them. Reads the instance again instead of keeping its
+// matrices, which would need registers in every walk. Reads the buffers that sample.wgsl binds; binds
+// nothing itself.
 
 // #if NON_RIGID
 // #if CONES | AREAS
@@ -26,81 +26,83 @@ fn light_has_normal(code: u32) -> bool {
 }
 // #endif
 
-// Converts the lengths, cosines and fluxes of a child from tree space to the world. `packed` holds
-// the same child, and the other arguments are as in `light_unpack`. Bounds hold in tree space only:
-// test for darkness before this call.
-fn light_into_world(
-    child: ptr<function, LightChild>, packed: LightPackedChild, instance_slot: u32, view: LightNodeView,
-    local_normal: vec3<f32>,
-) {
-    let instance = light_instance(instance_slot);
+// The axes of a scaled instance, as the rows of a map to the world. Twin of `WorldMap::axes`.
+fn light_axes(instance: LightInstance) -> array<vec4<f32>, 3> {
     let rows = instance.to_world;
-    let to_local = instance.to_local;
-    let seen = light_linear(rows, light_to_mean(packed, view));
-    let dist_sq = light_sum_axes(seen * seen);
-    (*child).dist_sq = dist_sq;
-    let gap = light_linear(rows, light_to_box(packed, view));
-    (*child).gap_sq = light_sum_axes(gap * gap);
+    let x = light_normalize_or_zero(vec3(rows[0].x, rows[1].x, rows[2].x));
+    let z = light_normalize_or_zero(instance.to_local[2].xyz);
+    let y = cross(z, x);
+    return array(vec4(x.x, y.x, z.x, 0.0), vec4(x.y, y.y, z.y, 0.0), vec4(x.z, y.z, z.z, 0.0));
+}
 
+// A box that was mapped, and what the variance is a share of: the squared length that half its
+// diagonal would have if the images of its edges were perpendicular to each other.
+struct LightMappedBox {
+    bounds: LightBox,
+    size_sq: f32,
+}
+
+// Maps a box from the space of the tree to the axes of the instance. Twin of a part of
+// `WorldMap::child`.
+fn light_box_in_axes(bounds: LightBox, local: LightLocalShadingPoint) -> LightMappedBox {
+    let instance = light_instance(local.scaled_instance);
+    let axes = light_axes(instance);
+    let x = light_transposed(instance.to_world, vec3(axes[0].x, axes[1].x, axes[2].x));
+    let y = light_transposed(instance.to_world, vec3(axes[0].y, axes[1].y, axes[2].y));
+    let z = light_transposed(instance.to_world, vec3(axes[0].z, axes[1].z, axes[2].z));
+    let toward = vec3(dot(x, bounds.toward), dot(y, bounds.toward), dot(z, bounds.toward));
+    let center = vec3(dot(x, bounds.center), dot(y, bounds.center), dot(z, bounds.center));
+    let half_size = bounds.half_size;
+    let mapped = vec3(dot(abs(x), half_size), dot(abs(y), half_size), dot(abs(z), half_size));
+    let size_sq = light_sum_axes(half_size * half_size * (x * x + y * y + z * z));
+    return LightMappedBox(LightBox(toward - local.position, center - local.position, mapped), size_sq);
+}
+
+// #if CONES
+// Maps the axis of emission of a child. Normals of surfaces and beams are mapped by different
+// matrices.
+fn light_axis_in_axes(packed: LightPackedChild, instance: LightInstance) -> vec3<f32> {
+    let axis = light_unit_axis(packed.lobe.x);
+    let beam = light_linear(instance.to_world, axis);
+    let normal = light_transposed(instance.to_local, axis);
+    let image = select(beam, normal, light_has_normal(packed.area_ratio));
+    return light_transposed(light_axes(instance), light_normalize_or_zero(image));
+}
+// #endif
+
+// A child of a scaled instance in the axes of the instance. Twin of `WorldMap::child`.
+fn light_scaled_child(
+    packed: LightPackedChild, view: LightNodeView, margin: f32, local: LightLocalShadingPoint,
+) -> LightChild {
+    let mapped = light_box_in_axes(light_unpack_box(packed, view), local);
+    var child = light_see_box(mapped.bounds, packed, margin, local);
+    let deviation = light_deviation(packed);
+    child.variance = deviation * deviation * mapped.size_sq;
+    child.normal_variance = min(child.normal_variance, child.variance);
     // #if CONES | AREAS
+    let instance = light_instance(local.scaled_instance);
     let shares = light_flux_shares(packed.area_ratio, view.steps);
-    // The rows of the matrix of cofactors, negated for mirrors, are these vectors times `volume`.
+    // The matrix of cofactors, negated for mirrors, is the transpose of this one times `volume`.
+    let to_local = instance.to_local;
     let volume = abs(to_local[0].w);
-    let area_x = vec3(to_local[0].x, to_local[1].x, to_local[2].x);
-    let area_y = vec3(to_local[0].y, to_local[1].y, to_local[2].y);
-    let area_z = vec3(to_local[0].z, to_local[1].z, to_local[2].z);
-    let area_sq = dot(area_x, area_x) + dot(area_y, area_y) + dot(area_z, area_z);
+    let area_sq = dot(to_local[0].xyz, to_local[0].xyz) + dot(to_local[1].xyz, to_local[1].xyz)
+        + dot(to_local[2].xyz, to_local[2].xyz);
     var area_factor = sqrt(area_sq * (1.0 / 3.0));
     // #if CONES
-    let axis = light_unit_axis(packed.lobe.x);
-    let beam_axis = light_linear(rows, axis);
-    let beam = light_sum_axes(beam_axis * seen) / sqrt(light_sum_axes(beam_axis * beam_axis));
-    let normal = vec3(
-        light_sum_axes(axis * area_x), light_sum_axes(axis * area_y), light_sum_axes(axis * area_z),
-    );
-    let along_axis = sqrt(light_sum_axes(normal * normal));
-    (*child).facing = select(beam, (*child).facing / along_axis, light_has_normal(packed.area_ratio));
-    let agreement = min(1.5 * (*child).axis_length, 1.0);
+    light_see_axis(&child, light_axis_in_axes(packed, instance), mapped.bounds, packed);
+    let turn = vec2(instance.cos_turn, instance.sin_turn);
+    let cos = light_widened(child.cos_half_angle, turn);
+    // The images of one direction by both matrices are up to the angle of the turn apart.
+    child.cos_half_angle = select(cos, light_widened(cos, turn), shares.x * shares.y > 0.0);
+    let along_axis = length(light_transposed(to_local, light_unit_axis(packed.lobe.x)));
+    let agreement = min(1.5 * child.axis_length, 1.0);
     area_factor = agreement * along_axis + (1.0 - agreement) * area_factor;
     // #endif
-    let flux = (*child).flux * shares;
-    (*child).flux = min(flux.x + flux.y * (volume * area_factor), LIGHT_MAX_FLUX);
+    let flux = child.flux * shares;
+    child.flux = min(flux.x + flux.y * (volume * area_factor), LIGHT_MAX_FLUX);
     // #endif
-
-    // The distance in the world between two planes that are parallel to the surface and one metre
-    // apart in the tree's space.
-    var normal_scale = 1.0;
-    if any(local_normal != vec3(0.0)) {
-        normal_scale = 1.0 / length(light_transposed(to_local, local_normal));
-    }
-    (*child).along *= normal_scale;
-    (*child).highest *= normal_scale;
-    let deviation = light_deviation(packed);
-    let column_sq = rows[0].xyz * rows[0].xyz + rows[1].xyz * rows[1].xyz + rows[2].xyz * rows[2].xyz;
-    let half_size = light_half_size(packed, view.steps);
-    (*child).variance = deviation * deviation * light_sum_axes(half_size * half_size * column_sq);
-    (*child).normal_variance = min(normal_scale * normal_scale * (*child).normal_variance, (*child).variance);
+    return child;
 }
-
-// #if SEGMENTS
-// #if CONES
-// The part along the axis of emission of a child of a unit vector of the world. `facing` is this
-// part in the tree's space, of the vector there that becomes the unit vector.
-fn light_facing_along_in_world(facing: f32, packed: LightPackedChild, instance_slot: u32, unit: vec3<f32>) -> f32 {
-    let instance = light_instance(instance_slot);
-    let to_local = instance.to_local;
-    let axis = light_unit_axis(packed.lobe.x);
-    let beam_axis = light_linear(instance.to_world, axis);
-    let beam = light_sum_axes(beam_axis * unit) / sqrt(light_sum_axes(beam_axis * beam_axis));
-    let normal = vec3(
-        dot(axis, vec3(to_local[0].x, to_local[1].x, to_local[2].x)),
-        dot(axis, vec3(to_local[0].y, to_local[1].y, to_local[2].y)),
-        dot(axis, vec3(to_local[0].z, to_local[1].z, to_local[2].z)),
-    );
-    return select(beam, facing / length(normal), light_has_normal(packed.area_ratio));
-}
-// #endif
-// #endif
 
 // #if CONES
 // The cosine of the half-angle of a cap that is widened by the angle with this cosine and sine. Twin

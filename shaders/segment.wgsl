@@ -66,13 +66,7 @@ fn light_halved(a: LightEnd, b: LightEnd) -> f32 {
 }
 // #endif
 
-// A box: its centre relative to the middle of the segment, and half its size.
-struct LightBox {
-    center: vec3<f32>,
-    half_size: vec3<f32>,
-}
-
-// A lower bound of the squared distance between a segment and a box, and the squared distance of its
+// A lower bound of the squared distance between a segment and the box of a child, and the squared distance of its
 // centre. Twin of `gap_sq`.
 struct LightGap {
     gap_sq: f32,
@@ -168,6 +162,29 @@ fn light_emitted_along(child: LightChild, view: LightSegmentView, facing_along: 
 }
 // #endif
 
+// The box of a child as the shading point sees it.
+fn light_seen_box(packed: LightPackedChild, view: LightNodeView, local: LightLocalShadingPoint) -> LightBox {
+    let bounds = light_unpack_box(packed, view);
+    // #if NON_RIGID
+    if local.scaled_instance != LIGHT_NO_INSTANCE {
+        return light_box_in_axes(bounds, local).bounds;
+    }
+    // #endif
+    return bounds;
+}
+
+// #if CONES
+// Its axis of emission.
+fn light_seen_axis(packed: LightPackedChild, local: LightLocalShadingPoint) -> vec3<f32> {
+    // #if NON_RIGID
+    if local.scaled_instance != LIGHT_NO_INSTANCE {
+        return light_axis_in_axes(packed, light_instance(local.scaled_instance));
+    }
+    // #endif
+    return light_unit_axis(packed.lobe.x);
+}
+// #endif
+
 // Twin of `importances_along`.
 fn light_importance_along(
     packed: LightPackedChild, local: LightLocalShadingPoint, view: LightNodeView,
@@ -175,50 +192,26 @@ fn light_importance_along(
     let is_light = (packed.child_bits & local.light_bit) != 0u;
     let segment = local.segment;
     let own_reach = dot(abs(segment.xyz), vec3(1.0)) * segment.w;
-    let wide = LightNodeView(view.origin, view.steps, view.margin + own_reach * local.margin);
-    var child = light_unpack(packed, wide, vec3(0.0));
-    // #if NON_RIGID
-    // #if CONES
-    child.cos_half_angle = light_widened(child.cos_half_angle, local.turn);
-    // #endif
-    // #endif
-    let low = light_low(packed);
-    let high = light_high(packed);
-    let half_step = light_half_steps(view.steps);
-    let bounds = LightBox(view.origin + (high + low) * half_step, (high - low) * half_step);
-    let gap = light_gap(bounds, segment, wide.margin);
+    let margin = view.margin + own_reach * local.margin;
+    var child = light_child(packed, view, margin, local);
+    let bounds = light_seen_box(packed, view, local);
+    let gap = light_gap(bounds, segment, margin);
     child.gap_sq = gap.gap_sq;
     var is_dark = false;
     // #if RANGES
-    is_dark = is_dark | light_is_out_of_range(child, local);
+    is_dark = is_dark | light_is_out_of_range(child);
     // #endif
     var facing_along = 0.0;
     // #if CONES
-    let axis = light_unit_axis(packed.lobe.x);
+    let axis = light_seen_axis(packed, local);
     is_dark = is_dark
-        | light_is_turned_away_along(child, bounds.center, axis, gap.center_sq, segment, wide.margin);
+        | light_is_turned_away_along(child, bounds.center, axis, gap.center_sq, segment, margin);
     facing_along = light_sum_axes(axis * segment.xyz);
     // #endif
-    let toward = light_to_mean(packed, view);
-    var seen = light_segment_view(toward, segment);
-    let near_sq = light_near_sq(seen);
+    let seen = light_segment_view(bounds.toward, segment);
     let own = light_sum_axes(abs(local.position)) + own_reach;
     let error_sq = LIGHT_MEAN_ERROR_SQ * child.radius_sq + light_position_error_sq(own);
-    let is_unresolved = near_sq + child.variance <= error_sq;
-    // #if NON_RIGID
-    if local.scaled_instance != LIGHT_NO_INSTANCE {
-        light_into_world(&child, packed, local.scaled_instance, view, vec3(0.0));
-        let rows = light_instance(local.scaled_instance).to_world;
-        let world = light_local_segment(light_linear(rows, segment.xyz * (2.0 * segment.w)));
-        seen = light_segment_view(light_linear(rows, toward), world);
-        child.gap_sq = gap.gap_sq * (light_near_sq(seen) / max(near_sq, LIGHT_MIN_IMPORTANCE));
-        // #if CONES
-        facing_along = light_facing_along_in_world(
-            facing_along * (segment.w / world.w), packed, local.scaled_instance, world.xyz,
-        );
-        // #endif
-    }
-    // #endif
+    let is_unresolved = light_near_sq(seen) + child.variance <= error_sq;
     // #if FACTORS
     child.flux *= local.brightness;
     // #endif

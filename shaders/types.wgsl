@@ -67,8 +67,8 @@ struct LightInstance {
     // The engine's own 32 bits.
     user_data: u32,
     // #if NON_RIGID
-    // The rows of the inverse; the fourth column is the determinant, the range scale and the mean
-    // squared scale of `to_world`.
+    // The rows of the inverse; the fourth column is the determinant, the greatest inverse scale
+    // and the mean squared scale of `to_world`.
     to_local: array<vec4<f32>, 3>,
     // #endif
     // #if FACTORS

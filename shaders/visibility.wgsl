@@ -77,15 +77,21 @@ fn light_bin(toward: vec3<f32>) -> u32 {
     return light_hash((key << LIGHT_COORDINATE_BITS) | step.z) >> LIGHT_BIN_SHIFT;
 }
 
-// The group of a child, which the shading point sees from the space of its tree. Twin of
-// `bin_of_child`.
+// The group of a child of a node in an instance's tree, or in the top level for LIGHT_NO_INSTANCE.
+// Twin of `bin_of_child`.
 fn light_child_bin(
-    packed: LightPackedChild, view: LightNodeView, instance: u32, from_center: vec3<f32>,
+    packed: LightPackedChild, view: LightNodeView, instance: u32, local: LightLocalShadingPoint,
+    from_center: vec3<f32>,
 ) -> u32 {
     var toward = light_to_mean(packed, view);
     if instance != LIGHT_NO_INSTANCE {
         toward = light_linear(light_instance(instance).to_world, toward);
     }
+    // #if NON_RIGID
+    if local.scaled_instance != LIGHT_NO_INSTANCE {
+        toward -= light_linear(light_axes(light_instance(instance)), local.position);
+    }
+    // #endif
     return light_bin(toward + from_center);
 }
 
@@ -98,11 +104,13 @@ fn light_learnt_share(row: u32, bin: u32) -> f32 {
 }
 
 // The learnt share of a child; 1 where nothing is learnt. Twin of `LearntCell::shares`.
-fn light_visible_share(packed: LightPackedChild, view: LightNodeView, instance: u32, cell: LightCell) -> f32 {
+fn light_visible_share(
+    packed: LightPackedChild, view: LightNodeView, instance: u32, local: LightLocalShadingPoint, cell: LightCell,
+) -> f32 {
     if cell.row == LIGHT_NO_ROW {
         return 1.0;
     }
-    return light_learnt_share(cell.row, light_child_bin(packed, view, instance, cell.from_center));
+    return light_learnt_share(cell.row, light_child_bin(packed, view, instance, local, cell.from_center));
 }
 
 // Asks for a row from the next frame on. Twin of `VisibilityTable::row_or_claim`.
@@ -152,7 +160,7 @@ fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample
     let counts = 2u * (rows + cell.row * LIGHT_BINS) + select(0u, 1u, is_visible);
     var instance = chosen.instance;
     var base = placed.node_base;
-    var position = light_into_tree(placed, shading_point.position - light_translation(placed.to_world));
+    var local = light_local_to_tree(instance, shading_point);
     var place = light_place(placed.light_base + chosen.light);
     // The light was removed.
     if place == LIGHT_NO_PARENT {
@@ -164,7 +172,7 @@ fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample
             place = light_place_above(instance, place);
             instance = LIGHT_NO_INSTANCE;
             base = 0u;
-            position = shading_point.position;
+            local = light_local_to_top(shading_point);
         }
         if instance == LIGHT_NO_INSTANCE && place == LIGHT_NO_PARENT {
             break;
@@ -172,10 +180,9 @@ fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample
         let in_top = instance == LIGHT_NO_INSTANCE;
         let index = base + place / LIGHT_WIDTH;
         let at = index * light_params.node_stride;
-        let head = light_quad(in_top, at);
-        let view = LightNodeView(bitcast<vec3<f32>>(head.xyz) - position, head.w, 0.0);
+        let view = light_node_view(light_quad(in_top, at), local);
         let bin = light_child_bin(
-            light_packed_child(in_top, at, place % LIGHT_WIDTH), view, instance, cell.from_center,
+            light_packed_child(in_top, at, place % LIGHT_WIDTH), view, instance, local, cell.from_center,
         );
         if bin != last {
             atomicAdd(&light_visibility_records[counts + 2u * bin], 1u);

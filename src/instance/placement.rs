@@ -12,6 +12,7 @@ use crate::instance::transform::InstanceTransform;
 use crate::shading::importance::{CANDELA_PER_LUMEN, LocalShadingPoint, POSITION_MARGIN};
 use crate::shading::segment::LocalSegment;
 use crate::shading::shading_point::ShadingPoint;
+use crate::shading::world_map::WorldMap;
 use crate::tree::LEAF;
 
 /// Largest distance of an instance from [`LightWorld::origin`](crate::LightWorld::origin) along
@@ -163,33 +164,42 @@ impl Placed {
     }
 
     /// A shading point of the world, relative to the centre `home` of a sector, as seen in the
-    /// space of the tree. `brightness` is what the flux of the instance's lights is multiplied by.
+    /// space of the tree or in the axes of the instance. `brightness` is what the flux of the
+    /// instance's lights is multiplied by.
     pub fn local_shading_point(
         &self,
         shading_point: &ShadingPoint,
         home: Vec3,
         brightness: f32,
     ) -> LocalShadingPoint<'_> {
-        // Normals are carried back by the transpose: the horizon stays the horizon under any linear
-        // map.
-        let normal = (self.linear.linear.transpose() * shading_point.normal).normalize_or_zero();
+        let map = (!self.is_rigid).then(|| WorldMap::new(&self.linear, &self.to_local));
+        let (axes, into) = match &map {
+            Some(map) => (map.axes, map.axes.transpose()),
+            None => (self.linear.linear, self.to_local),
+        };
+        // Normals are carried back by the transpose: the horizon stays the horizon.
+        let normal = (axes.transpose() * shading_point.normal).normalize_or_zero();
         LocalShadingPoint {
-            position: self.to_local * (shading_point.position - self.translation(home)),
+            position: into * (shading_point.position - self.translation(home)),
             normal,
             has_normal: normal != Vec3::ZERO,
-            range_scale: self.range_scale(),
-            margin: POSITION_MARGIN * (self.linear.mean_square_scale.sqrt() * self.range_scale()).max(1.0)
-                + RIGID_TOLERANCE,
+            margin: POSITION_MARGIN + RIGID_TOLERANCE,
             light_bit: LEAF,
             candela_per_lumen: CANDELA_PER_LUMEN * brightness,
-            to_world: (!self.is_rigid).then_some(&self.linear),
-            gloss: LocalShadingPoint::gloss_of(shading_point).map(|gloss| gloss.carried(&self.linear.linear)),
-            segment: LocalSegment::of(shading_point).map(|segment| segment.carried(&self.to_local)),
+            gloss: LocalShadingPoint::gloss_of(shading_point).map(|gloss| gloss.carried(&axes)),
+            segment: LocalSegment::of(shading_point).map(|segment| segment.carried(&into)),
+            map,
         }
     }
 
+    /// The largest rounding error of a position in the space of the tree, per metre of its
+    /// coordinates. It grows where the instance is squashed.
+    pub fn tree_margin(&self) -> f32 {
+        POSITION_MARGIN * (self.linear.mean_square_scale.sqrt() * self.inverse_scale()).max(1.0) + RIGID_TOLERANCE
+    }
+
     /// The most metres in the space of the tree per metre of the world.
-    pub fn range_scale(&self) -> f32 {
+    pub fn inverse_scale(&self) -> f32 {
         1.0 / self.linear.least_scale
     }
 }

@@ -24,6 +24,11 @@ impl InstanceTransform {
         self.to_world * p + (self.translation - shading_point.position)
     }
 
+    /// A shading point in the tree's space.
+    pub fn into_tree(&self, shading_point: &ShadingPoint) -> Vec3 {
+        self.to_local * (shading_point.position - self.translation)
+    }
+
     /// A normal times an area, transformed by the matrix of cofactors. The cross product of the
     /// transformed edges would not do: for a sliver it may round to another side than the light's
     /// cap.

@@ -91,8 +91,8 @@ pub(crate) struct InstanceRecord {
     pub sin_turn: f32,
     /// The engine's own 32 bits.
     pub user_data: u32,
-    /// The rows of the inverse; the fourth column is the determinant, the range scale and the mean
-    /// squared scale of `to_world`.
+    /// The rows of the inverse; the fourth column is the determinant, the greatest inverse
+    /// scale and the mean squared scale of `to_world`.
     pub to_local: [[f32; 4]; 3],
     /// What the emission of the lights is multiplied by.
     pub factor: [f32; 3],
@@ -300,7 +300,7 @@ impl InstanceRecord {
     /// without scale, because that is what shaders compute where the inverse is not stored.
     pub fn of(placed: &Placed, appearance: &Appearance, bases: Bases) -> Self {
         let to_world = &placed.linear.linear;
-        let scales = Vec3::new(placed.determinant, placed.range_scale(), placed.linear.mean_square_scale);
+        let scales = Vec3::new(placed.determinant, placed.inverse_scale(), placed.linear.mean_square_scale);
         Self {
             to_world: rows(to_world, placed.place.rest),
             flags: LIVE | if placed.is_rigid { 0 } else { NON_RIGID } | if bases.stands_in { STANDS_IN } else { 0 },

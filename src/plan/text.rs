@@ -576,7 +576,7 @@ mod tests {
 
     const SEGMENT_NAMES: &str = "LIGHT_ARC_TANGENT_3 LIGHT_ARC_TANGENT_5 LIGHT_ARC_TANGENT_7 LIGHT_ARC_TANGENT_9 \
         LIGHT_CONE_MARGIN LIGHT_CONE_SLACK LIGHT_MAX_DENSITY LIGHT_MIN_LINE_SHARE LIGHT_RANGE_SLACK \
-        LightAlong LightAlong.along LightAlong.pdf LightBox LightBox.center LightBox.half_size \
+        LightAlong LightAlong.along LightAlong.pdf \
         LightEnd LightEnd.dist LightEnd.place LightGap LightGap.center_sq LightGap.gap_sq \
         LightLocalShadingPoint.segment light_along LightSegmentView LightSegmentView.foot \
         LightSegmentView.half_length LightSegmentView.line_sq LightShadingPoint.segment LightSource \
@@ -587,7 +587,7 @@ mod tests {
         light_importance_along light_gap light_halved light_is_segment light_local_segment light_near_sq \
         light_point_along light_sample_along light_sample_picked_along light_segment_view \
         light_source light_source_of light_stretch light_stretch_density light_stretch_of \
-        light_stretch_sample light_facing_along_in_world";
+        light_stretch_sample light_seen_axis light_seen_box";
 
     #[test]
     fn a_variant_without_an_effect_lacks_exactly_the_names_that_the_effect_needs() {
@@ -599,19 +599,19 @@ mod tests {
                  LightChild.facing LightChild.center_sq \
                  LightChild.center_facing LightChild.axis_length LightChild.cos_half_angle LIGHT_KIND_SPOT \
                  LIGHT_LAMBERTIAN LIGHT_LOBE_SHARE LIGHT_RIM_WIDTH_SQ LIGHT_RIM_MIN_SQ LIGHT_MAX_LOBE_LENGTH \
-                 LIGHT_CAP_STEPS LIGHT_ANGLE_MARGIN light_widened LightLocalShadingPoint.turn light_end light_halved \
+                 LIGHT_CAP_STEPS LIGHT_ANGLE_MARGIN light_widened light_see_axis light_seen_axis light_axis_in_axes light_end light_halved \
                  LightEnd LightEnd.place LightEnd.dist light_is_turned_away_along light_emitted_along \
-                 light_facing_along_in_world light_has_normal LIGHT_LEAST_NORMAL_CODE",
+                 light_has_normal LIGHT_LEAST_NORMAL_CODE",
             ),
             (
                 Effects::RANGES,
                 "light_is_out_of_range light_range_window LightChild.range \
-                 LightLocalShadingPoint.range_scale LightRecord.range LIGHT_COSINE_MARGIN LIGHT_RANGE_SLACK",
+                 LightRecord.range LIGHT_COSINE_MARGIN LIGHT_RANGE_SLACK",
             ),
             (
                 Effects::AREAS,
                 "light_from_surface light_from_rectangle light_from_triangle light_from_sphere light_is_density \
-                 light_orthonormal light_normal_area light_volume_scale LIGHT_KIND_RECTANGLE LIGHT_KIND_TRIANGLE \
+                 light_orthonormal light_normal_area light_into_tree light_tree_margin light_volume_scale LIGHT_KIND_RECTANGLE LIGHT_KIND_TRIANGLE \
                  LIGHT_KIND_SPHERE LIGHT_TWO_SIDED LIGHT_CLOSE LIGHT_MIN_INVERSE_PDF LIGHT_TINY \
                  light_point_pdf light_surface_pdf light_sphere_pdf light_flat_normal_area \
                  light_ray light_meets light_hit_dist light_first_hit LIGHT_MIN_DIRECTION LIGHT_BOX_ROUNDING \
@@ -622,7 +622,7 @@ mod tests {
             (Effects::TWO_SIDED, "LIGHT_TWO_SIDED"),
             (
                 Effects::GLOSSY,
-                "light_gloss light_reflected light_reflectance LightGloss \
+                "light_gloss light_reflected light_reflectance LightGloss LightChild.tangents \
                  LightGloss.tangent LightGloss.alpha LightGloss.bitangent LightGloss.specular LightGloss.view \
                  LightGloss.flat_part LightReflected LightReflected.value LightReflected.doubt \
                  LightShadingPoint.gloss LightLocalShadingPoint.gloss \
@@ -647,10 +647,11 @@ mod tests {
             ),
             (
                 Effects::NON_RIGID,
-                "light_rigid_to_local light_flux_shares light_has_normal light_to_box light_into_world \
-                 light_half_size light_widened LightInstance.to_local LIGHT_LEAST_NORMAL_CODE \
-                 LightPackedChild.area_ratio LightLocalShadingPoint.scaled_instance LightLocalShadingPoint.turn \
-                 LIGHT_NON_RIGID LIGHT_MAX_FLUX light_facing_along_in_world",
+                "light_rigid_to_local light_flux_shares light_has_normal light_axes light_axis_in_axes \
+                 light_box_in_axes light_scaled_child LightMappedBox LightMappedBox.bounds \
+                 LightMappedBox.size_sq light_widened LightInstance.to_local LIGHT_LEAST_NORMAL_CODE \
+                 LightPackedChild.area_ratio LightLocalShadingPoint.scaled_instance \
+                 LIGHT_NON_RIGID LIGHT_MAX_FLUX",
             ),
         ];
         for (effect, names) in effects {

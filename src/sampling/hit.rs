@@ -61,11 +61,12 @@ impl LightSampler<'_> {
             let Some(part) = self.top.part(leaf) else { return };
             let Some(instance) = self.world.instance_at(part.slot) else { return };
             let Some(placed) = self.world.instance(instance) else { return };
-            let Some((tree, view)) = self.tree_view(instance, shading_point) else { return };
+            let Some(tree) = self.world.tree(placed.tree) else { return };
             if placed.appearance.mask & shading_point.mask == 0 {
                 return;
             }
-            let Some(frame) = placed.shown().map(|placed| placed.frame(self.world.home())) else { return };
+            let Some(shown) = placed.shown() else { return };
+            let frame = shown.frame(self.world.home());
             let mut meet = |light: u32, dist: &mut f32| {
                 // What a factor makes black hides nothing.
                 let sends = |record: &&Light| placed.appearance.arriving(record.emission).is_some();
@@ -79,8 +80,15 @@ impl LightSampler<'_> {
             };
             match part.entry {
                 ChildRef::Leaf(light) => meet(light, dist),
-                ChildRef::Node(entry) => Ray::new(view.local.position, frame.to_local * direction, view.local.margin)
-                    .leaves(view.nodes, entry, dist, meet),
+                ChildRef::Node(entry) => {
+                    let origin = frame.into_tree(shading_point);
+                    Ray::new(origin, frame.to_local * direction, shown.tree_margin()).leaves(
+                        tree.nodes(),
+                        entry,
+                        dist,
+                        meet,
+                    );
+                }
             }
         });
         found

@@ -36,7 +36,7 @@ impl LightSampler<'_> {
                 to_world = Mat3::IDENTITY;
             }
             let (node, slot) = (&tree.nodes[*place as usize / WIDTH], *place as usize % WIDTH);
-            let bin = bin_of_child(node, slot, tree.local.position, &to_world, &cell, grid.edge);
+            let bin = bin_of_child(node, slot, &tree.local, &to_world, &cell, grid.edge);
             // A sample counts once in a group that holds a cluster and its parent.
             if last != Some(bin) {
                 table.count(row, bin, is_visible);

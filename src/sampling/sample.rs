@@ -170,7 +170,7 @@ impl<'a> InstanceTrees<'a> for LearntWorldTrees<'a, '_> {
 
     #[inline(always)]
     fn visible_shares(&self, tree: &TreeView<'a>, node: &Node) -> Option<Lanes> {
-        Some(self.learnt.shares(node, tree.local.position, &self.trees.sampler.world_of(tree)))
+        Some(self.learnt.shares(node, &tree.local, &self.trees.sampler.world_of(tree)))
     }
 }
 
@@ -182,7 +182,7 @@ impl<'a> InstanceTrees<'a> for MaskedWorldTrees<'a, '_> {
     #[inline(always)]
     fn visible_shares(&self, tree: &TreeView<'a>, node: &Node) -> Option<Lanes> {
         let learnt = self.learnt.as_ref()?;
-        Some(learnt.shares(node, tree.local.position, &self.trees.sampler.world_of(tree)))
+        Some(learnt.shares(node, &tree.local, &self.trees.sampler.world_of(tree)))
     }
 
     #[inline(always)]
@@ -503,8 +503,11 @@ impl<'a> LightSampler<'a> {
         table.cell(&grid.cell(shading_point))
     }
 
-    /// The linear part of the map from the space of a tree to the world.
+    /// The linear part of the map to the world from the space in which a tree is seen.
     pub(crate) fn world_of(&self, tree: &TreeView<'_>) -> Mat3 {
+        if let Some(map) = &tree.local.map {
+            return map.axes;
+        }
         let instance = self.world.instance_at(tree.instance).and_then(|key| self.world.instance(key));
         instance.and_then(|instance| instance.shown()).map_or(Mat3::IDENTITY, |placed| placed.linear.linear)
     }

@@ -12,15 +12,16 @@
 
 use glam::Vec3;
 
-use crate::cluster::Linear;
 use crate::light::{LAMBERTIAN, UNLIMITED_RANGE};
 use crate::math::simd::{VectorJob, with_vectors};
 use crate::shading::gloss::LocalGloss;
 use crate::shading::segment::{LocalSegment, SegmentView, clamped, gap_sq};
 use crate::shading::shading_point::ShadingPoint;
-use crate::tree::{FluxShares, LEAF, Lanes, Node, NodeGrid, Unpacked, WIDTH};
+use crate::shading::world_map::WorldMap;
+use crate::tree::{LEAF, Lanes, Node, Unpacked, WIDTH};
 
-/// A shading point in the space of a tree, and how that space affects bounds.
+/// A shading point in the space of a tree. Where an instance is scaled, sheared or mirrored it is in
+/// the axes of the instance instead, and the tree is mapped to them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LocalShadingPoint<'a> {
     pub position: Vec3,
@@ -28,11 +29,7 @@ pub(crate) struct LocalShadingPoint<'a> {
     pub normal: Vec3,
     /// False in a volume.
     pub has_normal: bool,
-    /// The most metres of this space that one metre of the world can span. Ranges are in metres of
-    /// the world.
-    pub range_scale: f32,
-    /// The largest rounding error of a position, per metre of its coordinates. It grows where the
-    /// space is squeezed.
+    /// The largest rounding error of a position, per metre of its coordinates.
     pub margin: f32,
     /// The bit of [`Node::children`] that marks single lights: [`LEAF`] in a tree,
     /// `part::SINGLE` in a top level, whose leaves are parts of instances.
@@ -40,9 +37,8 @@ pub(crate) struct LocalShadingPoint<'a> {
     /// The intensity of a light that shines to all sides, per unit of flux and after the factor of
     /// the instance: [`CANDELA_PER_LUMEN`] without a factor.
     pub candela_per_lumen: f32,
-    /// The map to the world where lengths, angles or fluxes differ there: that of an instance that
-    /// is scaled, sheared or mirrored. `None` if they are the same.
-    pub to_world: Option<&'a Linear>,
+    /// The map of the tree to the axes of an instance that is scaled, sheared or mirrored.
+    pub map: Option<WorldMap<'a>>,
     /// How a glossy surface reflects.
     pub gloss: Option<LocalGloss>,
     /// A segment about the position; `None` for a point.
@@ -58,13 +54,21 @@ impl LocalShadingPoint<'_> {
             position: shading_point.position,
             normal,
             has_normal: normal != Vec3::ZERO,
-            range_scale: 1.0,
             margin: POSITION_MARGIN,
             light_bit: LEAF,
             candela_per_lumen: CANDELA_PER_LUMEN,
-            to_world: None,
+            map: None,
             gloss: Self::gloss_of(shading_point),
             segment: LocalSegment::of(shading_point),
+        }
+    }
+
+    /// The child in a slot of a node, as the shading point sees it.
+    #[inline(always)]
+    pub fn child(&self, node: &Node, slot: usize) -> Unpacked {
+        match &self.map {
+            None => node.unpack(slot, &node.grid(self.position)),
+            Some(map) => map.child(&node.unpack(slot, &node.grid(Vec3::ZERO)), node.flux_shares(slot), self.position),
         }
     }
 
@@ -118,7 +122,8 @@ pub(crate) const POSITION_MARGIN: f32 = 1.0e-6;
 /// Squared distances above this prove nothing, because their squares leave f32. Far shading points
 /// reach it in the space of small instances.
 pub(crate) const MAX_DIST_SQ: f32 = 1.0e38;
-/// The relative error of lengths under a transform that counts as a similarity, rounding included.
+/// The relative error of a distance that is compared with a range: of rounding, and of a placement
+/// that counts as a rotation.
 pub(crate) const COSINE_MARGIN: f32 = 1.0e-4;
 /// The rounding error of angles, as a share of the distance: the sine of a small angle, computed
 /// from its cosine, is accurate to 3.5e-4.
@@ -192,16 +197,37 @@ fn position_error_sq(reach: f32) -> f32 {
 
 #[inline(always)]
 fn importances(node: &Node, local: &LocalShadingPoint, gloss: Option<&LocalGloss>) -> ChildImportances {
+    if let Some(map) = &local.map {
+        return importances_in_axes(node, local, map);
+    }
     let grid = node.grid(local.position);
     let coordinates = local.position.abs().element_sum();
     let margin = (node.reach(&grid) + coordinates) * local.margin;
-    let position_error_sq = position_error_sq(coordinates);
-    if let Some(to_world) = local.to_world {
-        return importances_in_world(node, local, to_world, &grid, (margin, position_error_sq));
-    }
+    estimate_children(node, local, gloss, margin, |i| node.unpack(i, &grid))
+}
+
+/// [`importances`] in an instance that is scaled, sheared or mirrored. Not a part of the loops that
+/// call it, so that others take no more time.
+#[inline(never)]
+fn importances_in_axes(node: &Node, local: &LocalShadingPoint, map: &WorldMap) -> ChildImportances {
+    let grid = node.grid(Vec3::ZERO);
+    let margin = (node.reach(&grid) * map.scale() + local.position.abs().element_sum()) * local.margin;
+    let child = |i| map.child(&node.unpack(i, &grid), node.flux_shares(i), local.position);
+    estimate_children(node, local, local.gloss.as_ref(), margin, child)
+}
+
+#[inline(always)]
+fn estimate_children(
+    node: &Node,
+    local: &LocalShadingPoint,
+    gloss: Option<&LocalGloss>,
+    margin: f32,
+    child: impl Fn(usize) -> Unpacked,
+) -> ChildImportances {
+    let position_error_sq = position_error_sq(local.position.abs().element_sum());
     let mut children = ChildImportances { importance: [0.0; WIDTH], doubt: [0.0; WIDTH] };
     for i in 0..WIDTH {
-        let child = node.unpack(i, &grid);
+        let child = child(i);
         let gap_sq = child.gap_sq(margin);
         let is_light = node.children[i] & local.light_bit != 0;
         let view = ClusterView::new(&child, local, gap_sq);
@@ -211,44 +237,6 @@ fn importances(node: &Node, local: &LocalShadingPoint, gloss: Option<&LocalGloss
         children.doubt[i] = doubt;
     }
     children
-}
-
-/// [`child_importances`] for a tree whose instance is scaled, sheared or mirrored. The bounds prove
-/// darkness in the tree's space, but what arrives is estimated from lengths, angles and fluxes of
-/// the world.
-#[inline(never)]
-fn importances_in_world(
-    node: &Node,
-    local: &LocalShadingPoint,
-    to_world: &Linear,
-    grid: &NodeGrid,
-    (margin, position_error_sq): (f32, f32),
-) -> ChildImportances {
-    let normal_area = (to_world.cofactor * local.normal).length();
-    let normal_scale = if local.has_normal { to_world.determinant.abs() / normal_area } else { 1.0 };
-    let map = WorldMap { linear: to_world, normal_scale };
-    let mut children = ChildImportances { importance: [0.0; WIDTH], doubt: [0.0; WIDTH] };
-    for i in 0..WIDTH {
-        let mut child = node.unpack(i, grid);
-        child.cos_half_angle = to_world.widened(child.cos_half_angle);
-        let gap_sq = child.gap_sq(margin);
-        let is_light = node.children[i] & local.light_bit != 0;
-        let view = ClusterView::new(&child, local, gap_sq);
-        let is_lit = (child.flux > 0.0) & !is_provably_dark(&child, &view, local, margin);
-        let view = view.in_world(&child, &map, node.flux_shares(i), margin);
-        let (importance, doubt) = estimate(&child, &view, is_light, local, local.gloss.as_ref(), position_error_sq);
-        children.importance[i] = if is_lit { importance } else { 0.0 };
-        children.doubt[i] = doubt;
-    }
-    children
-}
-
-/// The map from a tree's space to the world.
-struct WorldMap<'a> {
-    linear: &'a Linear,
-    /// The distance in the world between two planes that are parallel to the surface and one metre
-    /// apart in the tree's space.
-    normal_scale: f32,
 }
 
 /// A cluster as the shading point sees it. Lengths are in metres.
@@ -264,14 +252,11 @@ struct ClusterView {
     facing: f32,
     /// Squared distance of the box.
     gap_sq: f32,
-    variance: f32,
     /// The part of the variance along the normal, times 3; at most the variance.
     normal_variance: f32,
-    flux: f32,
 }
 
 impl ClusterView {
-    /// In the space of the tree.
     #[inline(always)]
     fn new(child: &Unpacked, local: &LocalShadingPoint, gap_sq: f32) -> Self {
         let [x, y, z] = child.toward;
@@ -287,37 +272,7 @@ impl ClusterView {
             highest,
             facing: child.axis[0] * x + child.axis[1] * y + child.axis[2] * z,
             gap_sq,
-            variance: child.variance,
             normal_variance: min(3.0 * child.deviation_sq * across_sq, child.variance),
-            flux: child.flux,
-        }
-    }
-
-    /// In the world. `margin` is that of the node.
-    fn in_world(&self, child: &Unpacked, map: &WorldMap, shares: FluxShares, margin: f32) -> Self {
-        let WorldMap { linear, normal_scale } = *map;
-        let (toward, axis) = (Vec3::from(child.toward), Vec3::from(child.axis));
-        let seen = linear.linear * toward;
-        let dist_sq = seen.length_squared();
-        // Normals of surfaces and beams are transformed by different matrices. The product of a
-        // normal and a vector changes by the determinant.
-        let facing = if shares.has_normal {
-            linear.determinant.abs() * self.facing / (linear.cofactor * axis).length()
-        } else {
-            (linear.linear * axis).normalize_or_zero().dot(seen)
-        };
-        let half_sq = Vec3::from(child.half) * Vec3::from(child.half);
-        let columns = [linear.linear.x_axis, linear.linear.y_axis, linear.linear.z_axis];
-        let variance = child.deviation_sq * half_sq.dot(Vec3::from(columns.map(Vec3::length_squared)));
-        Self {
-            dist_sq,
-            along: normal_scale * self.along,
-            highest: normal_scale * self.highest,
-            facing,
-            gap_sq: (linear.linear * Vec3::from(child.gap(margin))).length_squared(),
-            variance,
-            normal_variance: min(normal_scale * normal_scale * self.normal_variance, variance),
-            flux: linear.flux(child.flux * shares.punctual, child.flux * shares.area, axis * child.length),
         }
     }
 }
@@ -335,7 +290,7 @@ fn estimate(
 ) -> (f32, f32) {
     let dist_sq = max(view.dist_sq, MIN_IMPORTANCE);
     let dist = dist_sq.sqrt();
-    let variance = view.variance;
+    let variance = child.variance;
     // The angular size of the cluster, from 0 (far away) to 1 (the shading point is inside).
     let spread = variance / (dist_sq + variance);
 
@@ -362,7 +317,7 @@ fn estimate(
     // f32.
     let inverse = 1.0 / dist;
     let reach = width_sq * mean_sq;
-    let intensity = view.flux * local.candela_per_lumen * nearness;
+    let intensity = child.flux * local.candela_per_lumen * nearness;
     let lux = intensity * ((lobe * inverse) * (cosine * inverse) / reach);
     let (lux, doubt) = match gloss {
         Some(gloss) => {
@@ -425,41 +380,41 @@ impl VectorJob for SegmentJob<'_> {
     #[inline(always)]
     fn run(self) -> ChildImportances {
         let Self { node, local, segment } = self;
+        let coordinates = local.position.abs().element_sum() + segment.reach();
         // Two copies of the loop: a branch inside of it would keep the compiler from using vectors.
-        match local.to_world {
-            None => importances_along(node, local, segment, None),
-            Some(linear) => importances_along(node, local, segment, Some((linear, &segment.carried(&linear.linear)))),
+        match &local.map {
+            None => {
+                let grid = node.grid(local.position);
+                let margin = (node.reach(&grid) + coordinates) * local.margin;
+                importances_along(node, local, segment, margin, |i| node.unpack(i, &grid))
+            }
+            Some(map) => {
+                let grid = node.grid(Vec3::ZERO);
+                let margin = (node.reach(&grid) * map.scale() + coordinates) * local.margin;
+                let child = |i| map.child(&node.unpack(i, &grid), node.flux_shares(i), local.position);
+                importances_along(node, local, segment, margin, child)
+            }
         }
     }
 }
 
-/// `world` has the map to the world and the segment there, if lengths differ there.
 #[inline(always)]
 fn importances_along(
     node: &Node,
     local: &LocalShadingPoint,
     segment: &LocalSegment,
-    world: Option<(&Linear, &LocalSegment)>,
+    margin: f32,
+    child: impl Fn(usize) -> Unpacked,
 ) -> ChildImportances {
-    let grid = node.grid(local.position);
-    let coordinates = local.position.abs().element_sum() + segment.reach();
-    let margin = (node.reach(&grid) + coordinates) * local.margin;
-    let position_error_sq = position_error_sq(coordinates);
+    let position_error_sq = position_error_sq(local.position.abs().element_sum() + segment.reach());
     let mut children = ChildImportances { importance: [0.0; WIDTH], doubt: [0.0; WIDTH] };
     for i in 0..WIDTH {
-        let mut child = node.unpack(i, &grid);
-        if let Some((linear, _)) = world {
-            child.cos_half_angle = linear.widened(child.cos_half_angle);
-        }
+        let child = child(i);
         let (gap_sq, center_sq) = gap_sq(&child, segment, margin);
-        let is_dark = segment_is_provably_dark(&child, local, segment, (gap_sq, center_sq), margin);
+        let is_dark = segment_is_provably_dark(&child, segment, (gap_sq, center_sq), margin);
         let cluster = SegmentCluster::new(&child, segment, gap_sq);
         let error_sq = MEAN_ERROR_SQ * child.radius_sq + position_error_sq;
         let is_unresolved = cluster.view.near_sq() + child.variance <= error_sq;
-        let cluster = match world {
-            Some(world) => cluster.in_world(&child, segment, world, node.flux_shares(i)),
-            None => cluster,
-        };
         let is_light = node.children[i] & local.light_bit != 0;
         let (importance, doubt) = cluster.estimate(child.length, is_light, local.candela_per_lumen);
         let importance = if is_unresolved { -importance } else { importance };
@@ -485,7 +440,6 @@ struct SegmentCluster {
 }
 
 impl SegmentCluster {
-    /// In the space of the tree.
     #[inline(always)]
     fn new(child: &Unpacked, segment: &LocalSegment, gap_sq: f32) -> Self {
         let unit = segment.unit.to_array();
@@ -501,38 +455,6 @@ impl SegmentCluster {
             gap_sq,
             variance: child.variance,
             flux: child.flux,
-        }
-    }
-
-    /// In the world. See [`ClusterView::in_world`], whose maps of the directions of emission are
-    /// linear in the vector that they are applied to.
-    #[inline(always)]
-    fn in_world(
-        &self,
-        child: &Unpacked,
-        segment: &LocalSegment,
-        (linear, world): (&Linear, &LocalSegment),
-        shares: FluxShares,
-    ) -> Self {
-        let axis = Vec3::from(child.axis);
-        let seen = linear.linear * Vec3::from(child.toward);
-        let view = SegmentView::new(seen.to_array(), world);
-        let (facing, facing_along) = if shares.has_normal {
-            let scale = linear.determinant.abs() / (linear.cofactor * axis).length();
-            (scale * self.facing, scale * self.facing_along * (segment.half / world.half))
-        } else {
-            let beam = (linear.linear * axis).normalize_or_zero();
-            (beam.dot(seen), beam.dot(world.unit))
-        };
-        let half_sq = Vec3::from(child.half) * Vec3::from(child.half);
-        let columns = [linear.linear.x_axis, linear.linear.y_axis, linear.linear.z_axis];
-        Self {
-            view,
-            facing,
-            facing_along,
-            gap_sq: self.gap_sq * (view.near_sq() / max(self.view.near_sq(), MIN_IMPORTANCE)),
-            variance: child.deviation_sq * half_sq.dot(Vec3::from(columns.map(Vec3::length_squared))),
-            flux: linear.flux(child.flux * shares.punctual, child.flux * shares.area, axis * child.length),
         }
     }
 
@@ -577,12 +499,11 @@ impl SegmentCluster {
 #[inline(always)]
 fn segment_is_provably_dark(
     child: &Unpacked,
-    local: &LocalShadingPoint,
     segment: &LocalSegment,
     (gap_sq, center_sq): (f32, f32),
     margin: f32,
 ) -> bool {
-    let reach = child.range * (local.range_scale * (1.0 + COSINE_MARGIN));
+    let reach = child.range * (1.0 + COSINE_MARGIN);
     let is_out_of_range = (child.range < UNLIMITED_RANGE) & (gap_sq > reach * reach) & (gap_sq <= MAX_DIST_SQ);
 
     // As for points, with the greatest part along the axis that any point of the segment has, and
@@ -656,8 +577,8 @@ pub(crate) fn scale_unresolved(importance: &Lanes, scale: f32) -> Lanes {
     importance.map(|importance| if importance < 0.0 { max(-importance * scale, MIN_IMPORTANCE) } else { importance })
 }
 
-/// Whether the bounds prove that no light of a child reaches the shading point. `view` is in the
-/// space of the tree, `margin` the largest rounding error of a position.
+/// Whether the bounds prove that no light of a child reaches the shading point. `margin` is the
+/// largest rounding error of a position.
 #[inline(always)]
 fn is_provably_dark(child: &Unpacked, view: &ClusterView, local: &LocalShadingPoint, margin: f32) -> bool {
     let (mut dist_sq, mut along) = (0.0, 0.0);
@@ -670,7 +591,7 @@ fn is_provably_dark(child: &Unpacked, view: &ClusterView, local: &LocalShadingPo
     let rise = view.highest + margin * (x.abs() + y.abs() + z.abs());
     let is_below_horizon = local.has_normal & (rise <= 0.0);
 
-    let reach = child.range * (local.range_scale * (1.0 + COSINE_MARGIN));
+    let reach = child.range * (1.0 + COSINE_MARGIN);
     let is_out_of_range =
         (child.range < UNLIMITED_RANGE) & (view.gap_sq > reach * reach) & (view.gap_sq <= MAX_DIST_SQ);
 

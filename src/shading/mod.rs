@@ -4,3 +4,4 @@ pub(crate) mod gloss;
 pub(crate) mod importance;
 pub(crate) mod segment;
 pub(crate) mod shading_point;
+pub(crate) mod world_map;

@@ -40,7 +40,7 @@ pub use node::{Bytes, ChildRef, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_LEAF, NO_PARENT
 pub(crate) use openings::Opening;
 #[cfg(feature = "gpu-plan")]
 pub(crate) use pack::{CAP_STEPS, DIRECTION_STEPS, LEAST_NORMAL_CODE, STEPS};
-pub(crate) use pack::{FluxShares, NodeGrid, Unpacked};
+pub(crate) use pack::{FluxShares, Unpacked};
 pub(crate) use refitted::Refitted;
 
 #[cfg(test)]

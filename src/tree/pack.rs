@@ -66,12 +66,6 @@ pub(crate) struct Unpacked {
 }
 
 impl Unpacked {
-    /// The vector to the nearest point of the box, less `margin` along each axis.
-    #[inline(always)]
-    pub(crate) fn gap(&self, margin: f32) -> [f32; 3] {
-        [0, 1, 2].map(|k| (self.center[k].abs() - (self.half[k] + margin)).max(0.0).copysign(self.center[k]))
-    }
-
     /// Squared distance of the box, less `margin` along each axis.
     #[inline(always)]
     pub(crate) fn gap_sq(&self, margin: f32) -> f32 {

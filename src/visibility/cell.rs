@@ -7,6 +7,7 @@ use glam::{DVec3, Mat3, Vec3};
 
 use super::fold::share;
 use crate::math::dice::hash;
+use crate::shading::importance::LocalShadingPoint;
 use crate::shading::shading_point::ShadingPoint;
 use crate::tree::{Lanes, Node, WIDTH};
 
@@ -136,14 +137,13 @@ pub(crate) fn bins<const N: usize>(toward: &[[f32; N]; 3], edge: f32) -> [u32; N
 impl LearntCell<'_> {
     /// The learnt share of each child of a node; 1 for unused slots, or any other share.
     ///
-    /// `position` is the shading point in the space of the node, and `to_world` maps vectors from
+    /// `local` is the shading point as the node is seen from it, and `to_world` maps vectors from
     /// there to the world.
     #[inline(always)]
-    pub fn shares(&self, node: &Node, position: Vec3, to_world: &Mat3) -> Lanes {
-        let grid = node.grid(position);
+    pub fn shares(&self, node: &Node, local: &LocalShadingPoint, to_world: &Mat3) -> Lanes {
         let mut toward = [[0.0; WIDTH]; 3];
         for slot in 0..WIDTH {
-            let child = from_center(node.unpack(slot, &grid).toward, self.from_center, to_world);
+            let child = from_center(local.child(node, slot).toward, self.from_center, to_world);
             for k in 0..3 {
                 toward[k][slot] = child[k];
             }
@@ -153,14 +153,21 @@ impl LearntCell<'_> {
 }
 
 /// The group of one child of a node, as [`LearntCell::shares`] finds it.
-pub(crate) fn bin_of_child(node: &Node, slot: usize, position: Vec3, to_world: &Mat3, cell: &Cell, edge: f32) -> usize {
-    let toward = node.unpack(slot, &node.grid(position)).toward;
+pub(crate) fn bin_of_child(
+    node: &Node,
+    slot: usize,
+    local: &LocalShadingPoint,
+    to_world: &Mat3,
+    cell: &Cell,
+    edge: f32,
+) -> usize {
+    let toward = local.child(node, slot).toward;
     let [bin] = bins(&from_center(toward, cell.from_center, to_world).map(|coordinate| [coordinate]), edge);
     bin as usize
 }
 
 /// From the middle of a cell to the end of a vector that starts at the shading point, in the space
-/// of a tree.
+/// that `to_world` maps.
 #[inline(always)]
 fn from_center(toward: [f32; 3], from_center: Vec3, to_world: &Mat3) -> [f32; 3] {
     let [x, y, z] = toward;

@@ -3,6 +3,7 @@ use glam::{DVec3, Mat3, Vec3};
 use super::cell::bins;
 use super::*;
 use crate::light::Light;
+use crate::shading::importance::LocalShadingPoint;
 use crate::shading::shading_point::ShadingPoint;
 use crate::tree::{LightTree, WIDTH};
 
@@ -107,11 +108,11 @@ fn the_bins_of_all_children_at_once_are_those_of_single_children() {
     let to_world = Mat3::from_rotation_y(0.7) * 1.3;
     let cell = Cell { hash: 0, tag: 1, from_center: Vec3::new(0.1, -0.3, 0.2) };
     let learnt = LearntCell { shares: &shares, from_center: cell.from_center, edge: 1.0 };
-    let position = Vec3::new(11.0, 2.0, 60.0);
+    let local = LocalShadingPoint::of(&ShadingPoint::volume(Vec3::new(11.0, 2.0, 60.0)));
     for node in tree.nodes() {
-        let all = learnt.shares(node, position, &to_world);
+        let all = learnt.shares(node, &local, &to_world);
         for slot in 0..WIDTH {
-            let one = bin_of_child(node, slot, position, &to_world, &cell, 1.0);
+            let one = bin_of_child(node, slot, &local, &to_world, &cell, 1.0);
             assert_eq!(all[slot], (one as f32 + 1.0) / 256.0);
         }
     }

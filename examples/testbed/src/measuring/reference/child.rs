@@ -1,9 +1,11 @@
 //! A child of a packed node, decoded in f64 (docs/math.md, Packed nodes).
 
-use girandole::glam::DVec3;
+use super::place::Map;
+use girandole::glam::{DMat3, DVec3};
 use girandole::tree::{ChildRef, Node};
+use std::f64::consts::PI;
 
-/// What a node says about one child.
+/// What a node says about one child, in the space of the tree or in the axes of an instance.
 #[derive(Clone, Copy, Debug)]
 pub struct Child {
     pub target: ChildRef,
@@ -12,6 +14,8 @@ pub struct Child {
     pub max: DVec3,
     pub mean: DVec3,
     pub variance: f64,
+    /// The standard deviation of position, as a share of half the diagonal of the packed box.
+    pub deviation: f64,
     /// A unit vector.
     pub axis: DVec3,
     /// The length of the mean direction.
@@ -46,6 +50,7 @@ impl Child {
         let (min, max) = (corner(&node.low), corner(&node.high));
         let shares = DVec3::from([0, 1, 2].map(|k| f64::from(node.mean[k][slot]) / 255.0));
         let half_diagonal = 0.5 * (max - min).length();
+        let deviation = f64::from(node.deviation[slot]) / 255.0;
         let shortness = f64::from(node.shortness[slot]) / 255.0;
         let range = upper_half(node.range[slot]);
         let code = node.area_ratios >> (4 * slot) & 15;
@@ -56,7 +61,8 @@ impl Child {
             min,
             max,
             mean: min + (max - min) * shares,
-            variance: (f64::from(node.deviation[slot]) / 255.0 * half_diagonal).powi(2),
+            variance: (deviation * half_diagonal).powi(2),
+            deviation,
             axis: DVec3::from([0, 1, 2].map(|k| f64::from(node.axis[k][slot]))).normalize(),
             length: 1.0 - shortness * shortness,
             half_angle: (node.cap[slot] < 254).then(|| (1.0 - f64::from(node.cap[slot]) / 127.0).acos()),
@@ -68,6 +74,29 @@ impl Child {
             },
             has_normal: code >= 4,
         })
+    }
+
+    /// In the axes of an instance, about its translation (docs/math.md, The shading point in tree
+    /// space).
+    pub fn in_axes(self, map: &Map) -> Self {
+        let linear = map.axes.transpose() * map.linear;
+        let half_sq = self.half() * self.half();
+        let columns = DVec3::from([0, 1, 2].map(|k| linear.col(k).length_squared()));
+        let center = linear * self.center();
+        let half = DMat3::from_cols_array(&linear.to_cols_array().map(f64::abs)) * self.half();
+        let [punctual, area] = self.shares;
+        let axis = if self.has_normal { map.cofactor() * self.axis } else { map.linear * self.axis };
+        let turns = if punctual > 0.0 && area > 0.0 { 2.0 } else { 1.0 };
+        Self {
+            flux: self.flux * (punctual + area * map.area_factor(self.axis, self.length)),
+            min: center - half,
+            max: center + half,
+            mean: linear * self.mean,
+            variance: self.deviation.powi(2) * half_sq.dot(columns),
+            axis: map.axes.transpose() * axis.normalize(),
+            half_angle: self.half_angle.map(|angle| angle + turns * map.turn).filter(|angle| *angle < PI),
+            ..self
+        }
     }
 
     /// The centre of the box.

@@ -10,5 +10,8 @@ use girandole::tree::Node;
 /// The importance of a child of a node.
 pub fn importance(child: &Child, node: &Node, view: &View, is_light: bool) -> Importance {
     let of = if view.segment == DVec3::ZERO { point::importance } else { segment::importance };
-    of(child, node, view, is_light)
+    match &view.map {
+        Some(map) => of(&child.in_axes(map), node, view, is_light),
+        None => of(child, node, view, is_light),
+    }
 }

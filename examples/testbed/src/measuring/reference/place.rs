@@ -10,8 +10,9 @@ pub struct Map {
     pub linear: DMat3,
     pub inverse: DMat3,
     pub is_rotation: bool,
-    /// A lower bound of the least singular value.
-    pub least_scale: f64,
+    /// The axes of an instance that is no rotation: orthonormal, x along the image of the tree's x,
+    /// z perpendicular to the images of x and y.
+    pub axes: DMat3,
     /// The angle by which directions turn against each other, at most; π where it is 3 or more.
     pub turn: f64,
 }
@@ -34,11 +35,13 @@ impl Map {
         let sum = (norm_sq(&linear) * norm_sq(&inverse)).sqrt() - 1.0;
         let condition = 0.5 * (sum + (sum * sum - 4.0).max(0.0).sqrt());
         let turn = 4.0 * condition.sqrt().atan() - PI;
+        let x = linear.x_axis.normalize();
+        let z = linear.x_axis.cross(linear.y_axis).normalize() * linear.determinant().signum();
         Self {
             linear,
             inverse,
             is_rotation: linear.determinant() > 0.0 && largest(&(gram - DMat3::IDENTITY)) <= 4.0e-6,
-            least_scale: if is_similarity { square.sqrt() * (1.0 - 1.0e-5) } else { 1.0 / norm_sq(&inverse).sqrt() },
+            axes: DMat3::from_cols(x, z.cross(x), z),
             turn: match turn {
                 _ if is_similarity => 0.0,
                 turn if turn >= 3.0 => PI,
@@ -66,7 +69,8 @@ impl Map {
     }
 }
 
-/// A shading point in the space of a tree or of the top level.
+/// A shading point in the space of a tree, in the axes of an instance, or in the space of the top
+/// level.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
     pub position: DVec3,
@@ -74,12 +78,8 @@ pub struct View {
     pub normal: DVec3,
     /// From the middle of a segment, which is the position, to its end; zero for a point.
     pub segment: DVec3,
-    /// The map to the world if lengths differ there.
-    pub to_world: Option<Map>,
-    /// The angle by which caps are widened.
-    pub turn: f64,
-    /// The most metres of this space per metre of the world.
-    pub range_scale: f64,
+    /// The placement of an instance that is no rotation, whose axes these are.
+    pub map: Option<Map>,
     /// The margin for positions, as a share of coordinates.
     pub margin: f64,
     /// The luminance of the factor of the instance.
@@ -94,9 +94,7 @@ impl View {
             position,
             normal: normal.normalize_or_zero(),
             segment: DVec3::ZERO,
-            to_world: None,
-            turn: 0.0,
-            range_scale: 1.0,
+            map: None,
             margin: 1.0e-6,
             brightness: 1.0,
         }
@@ -107,17 +105,15 @@ impl View {
         Self { segment, ..Self::of(middle, DVec3::ZERO) }
     }
 
-    /// In the space of an instance's tree.
+    /// In the space of an instance's tree, or in the axes of the instance.
     pub fn in_tree(self, map: &Map, translation: DVec3, brightness: f64) -> Self {
-        let condition = (map.mean_square().sqrt() / map.least_scale).max(1.0);
+        let (into, axes) = if map.is_rotation { (map.inverse, map.linear) } else { (map.axes.transpose(), map.axes) };
         Self {
-            position: map.inverse * (self.position - translation),
-            normal: (map.linear.transpose() * self.normal).normalize_or_zero(),
-            segment: map.inverse * self.segment,
-            to_world: (!map.is_rotation).then_some(*map),
-            turn: if map.is_rotation { 0.0 } else { map.turn },
-            range_scale: 1.0 / map.least_scale,
-            margin: 1.0e-6 * condition + 4.0e-6,
+            position: into * (self.position - translation),
+            normal: (axes.transpose() * self.normal).normalize_or_zero(),
+            segment: into * self.segment,
+            map: (!map.is_rotation).then_some(*map),
+            margin: 5.0e-6,
             brightness,
         }
     }

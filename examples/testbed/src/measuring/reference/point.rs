@@ -3,12 +3,12 @@
 
 use super::child::Child;
 use super::place::View;
-use super::terms::{Importance, estimated_doubt, flux_in_world, limited, lobe, margin, variance_in_world};
+use super::terms::{Importance, estimated_doubt, limited, lobe, margin};
 use girandole::glam::DVec3;
 use girandole::tree::Node;
 use std::f64::consts::PI;
 
-/// A child as the shading point sees it, with the lengths of the world.
+/// A child as the shading point sees it.
 struct Seen {
     /// To the mean position.
     dist: f64,
@@ -18,19 +18,13 @@ struct Seen {
     /// The cosine between the axis of emission and the direction to the shading point.
     facing: f64,
     gap: f64,
-    variance: f64,
     normal_variance: f64,
-    flux: f64,
 }
 
 /// The distance to a box that is wider by a margin.
 fn gap(child: &Child, view: &View, margin: f64) -> f64 {
-    gap_vector(child, view, margin).length()
-}
-
-fn gap_vector(child: &Child, view: &View, margin: f64) -> DVec3 {
     let center = child.center() - view.position;
-    (center.abs() - child.half() - margin).max(DVec3::ZERO) * center.signum()
+    (center.abs() - child.half() - margin).max(DVec3::ZERO).length()
 }
 
 /// The importance of a child of a node for a view without a segment.
@@ -62,10 +56,8 @@ fn is_dark(child: &Child, view: &View, margin: f64, share: f64) -> bool {
     let to_center = child.center() - view.position;
     let is_below = normal != DVec3::ZERO
         && normal.dot(to_center) + normal.abs().dot(half) + margin * normal.abs().element_sum() <= 0.0;
-    let is_out_of_range =
-        child.range.is_some_and(|range| gap(child, view, margin) > range * view.range_scale * (1.0 + 1.0e-4 * share));
-    let is_turned_away = child.half_angle.filter(|angle| angle + view.turn < PI).is_some_and(|half_angle| {
-        let half_angle = half_angle + view.turn;
+    let is_out_of_range = child.range.is_some_and(|range| gap(child, view, margin) > range * (1.0 + 1.0e-4 * share));
+    let is_turned_away = child.half_angle.is_some_and(|half_angle| {
         let dist = to_center.length();
         // The angle at the box's centre between the axis and the direction to the shading point.
         let cos = -child.axis.dot(to_center) / dist;
@@ -81,42 +73,21 @@ fn is_dark(child: &Child, view: &View, margin: f64, share: f64) -> bool {
 
 fn seen(child: &Child, view: &View, margin: f64) -> Seen {
     let (toward, half) = (child.mean - view.position, child.half());
-    let half_sq = half * half;
-    let across = (view.normal * view.normal).dot(half_sq);
-    let share = if half_sq.element_sum() > 0.0 { across / half_sq.element_sum() } else { 0.0 };
+    let across = (view.normal * view.normal).dot(half * half);
     let dist = toward.length().max(1.0e-15);
-    let seen = Seen {
+    Seen {
         dist,
         along: view.normal.dot(toward),
         highest: view.normal.dot(child.center() - view.position) + view.normal.abs().dot(half),
         facing: -child.axis.dot(toward) / dist,
         gap: gap(child, view, margin),
-        variance: child.variance,
-        normal_variance: (3.0 * child.variance * share).min(child.variance),
-        flux: child.flux,
-    };
-    let Some(map) = view.to_world else { return seen };
-    // Planes that are parallel to the surface have another distance in the world.
-    let normal_scale =
-        if view.normal == DVec3::ZERO { 1.0 } else { 1.0 / (map.inverse.transpose() * view.normal).length() };
-    let in_world = map.linear * toward;
-    let variance = variance_in_world(child, &map);
-    let axis = if child.has_normal { map.cofactor() * child.axis } else { map.linear * child.axis };
-    Seen {
-        dist: in_world.length(),
-        along: normal_scale * seen.along,
-        highest: normal_scale * seen.highest,
-        facing: -axis.normalize().dot(in_world) / in_world.length(),
-        gap: (map.linear * gap_vector(child, view, margin)).length(),
-        variance,
-        normal_variance: (normal_scale * normal_scale * seen.normal_variance).min(variance),
-        flux: flux_in_world(child, &map),
+        normal_variance: (3.0 * child.deviation.powi(2) * across).min(child.variance),
     }
 }
 
 /// The importance in lux, the doubt, and how the importance magnifies rounding.
 fn estimate(seen: &Seen, view: &View, child: &Child, is_light: bool) -> (f64, f64, f64) {
-    let (dist_sq, v) = (seen.dist * seen.dist, seen.variance);
+    let (dist_sq, v) = (seen.dist * seen.dist, child.variance);
     let spread = v / (dist_sq + v);
     let softened = dist_sq + 0.5 * v;
     let doubt = if is_light { 0.0 } else { estimated_doubt(dist_sq, v, seen.gap) };
@@ -130,6 +101,6 @@ fn estimate(seen: &Seen, view: &View, child: &Child, is_light: bool) -> (f64, f6
     let (cosine, cosine_condition) = if view.normal == DVec3::ZERO { (1.0, 1.0) } else { (cosine, height) };
 
     let (lobe, lobe_condition) = lobe(child.length, seen.facing, spread);
-    let lux = view.brightness * seen.flux / (4.0 * PI) * lobe * cosine / softened * (1.0 + doubt / 5.0);
+    let lux = view.brightness * child.flux / (4.0 * PI) * lobe * cosine / softened * (1.0 + doubt / 5.0);
     (limited(lux), doubt, cosine_condition.max(1.0) + lobe_condition.max(1.0))
 }

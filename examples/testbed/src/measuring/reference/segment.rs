@@ -3,7 +3,7 @@
 
 use super::child::Child;
 use super::place::View;
-use super::terms::{Importance, estimated_doubt, flux_in_world, limited, lobe, margin, variance_in_world};
+use super::terms::{Importance, estimated_doubt, limited, lobe, margin};
 use girandole::glam::DVec3;
 use girandole::tree::Node;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -49,24 +49,12 @@ pub fn importance(child: &Child, node: &Node, view: &View, is_light: bool) -> Im
     // Rounding takes more of the margins than for points, because an end of the segment may be far
     // away.
     let verdicts = [0.8, 1.0, 1.2].map(|share| is_dark(child, view, share * margin, share));
-    let own = Seen::new(child.mean - view.position, view.segment);
+    let seen = Seen::new(child.mean - view.position, view.segment);
     let error = 3.0e-7 * reach + 2.0e-11;
-    let nearness = (own.near().powi(2) + child.variance)
+    let nearness = (seen.near().powi(2) + child.variance)
         / (2.0 * child.half().length_squared() / 255.0_f64.powi(2) + 6.0 * error * error);
 
-    let own_gap = gap(child, view, margin);
-    let (seen, gap, variance) = match view.to_world {
-        None => (own, own_gap, child.variance),
-        Some(map) => {
-            let seen = Seen::new(map.linear * own.toward, map.linear * view.segment);
-            (seen, own_gap * seen.near() / own.near().max(1.0e-15), variance_in_world(child, &map))
-        }
-    };
-    let axis = match view.to_world {
-        None => child.axis,
-        Some(map) if child.has_normal => (map.cofactor() * child.axis).normalize(),
-        Some(map) => (map.linear * child.axis).normalize(),
-    };
+    let (gap, variance) = (gap(child, view, margin), child.variance);
     let near_sq = seen.near().powi(2).max(1.0e-30);
     let doubt = if is_light { 0.0 } else { estimated_doubt(near_sq, variance, gap) };
     let length = 2.0 * seen.half;
@@ -82,14 +70,14 @@ pub fn importance(child: &Child, node: &Node, view: &View, is_light: bool) -> Im
         let place = soft * (start + part * (end - start)).tan();
         let from = seen.toward - (place + seen.foot) * seen.unit;
         let dist_sq = from.length_squared().max(1.0e-30);
-        let (value, condition) = lobe(child.length, -axis.dot(from) / dist_sq.sqrt(), variance / (dist_sq + variance));
+        let (value, condition) =
+            lobe(child.length, -child.axis.dot(from) / dist_sq.sqrt(), variance / (dist_sq + variance));
         (value, value * condition)
     };
     let parts = [toward(0.25), toward(0.75)];
     let emitted = 0.5 * (parts[0].0 + parts[1].0);
     let lobe_condition = 0.5 * (parts[0].1 + parts[1].1) / emitted;
-    let flux = view.to_world.map_or(child.flux, |map| flux_in_world(child, &map));
-    let lux = view.brightness * flux / (4.0 * PI) * nearness_gain * emitted * angle / (soft * length);
+    let lux = view.brightness * child.flux / (4.0 * PI) * nearness_gain * emitted * angle / (soft * length);
 
     // The differences of squares below the arc tangent, relative to its arguments.
     let terms = (seen.foot.powi(2) + seen.half.powi(2) + softened) / (a.hypot(soft) * b.hypot(soft));
@@ -99,7 +87,7 @@ pub fn importance(child: &Child, node: &Node, view: &View, is_light: bool) -> Im
         doubt,
         is_unresolved: nearness <= 1.0,
         condition: (lobe_condition.max(1.0) + terms) * magnified * magnified + ARC_TANGENT,
-        gap: (own_gap.powi(2) + child.variance / 50.0).sqrt(),
+        gap: (gap.powi(2) + child.variance / 50.0).sqrt(),
         is_close: verdicts[0] != verdicts[2] || (nearness - 1.0).abs() < 1.0e-3 * magnified,
     }
 }
@@ -121,9 +109,8 @@ fn nearest(point: DVec3, half: DVec3) -> DVec3 {
 /// Whether the range or the cap proves that no light arrives at any point of the segment.
 fn is_dark(child: &Child, view: &View, margin: f64, share: f64) -> bool {
     let gap = gap(child, view, margin);
-    let is_out_of_range = child.range.is_some_and(|range| gap > range * view.range_scale * (1.0 + 1.0e-4 * share));
-    let is_turned_away = child.half_angle.filter(|angle| angle + view.turn < PI).is_some_and(|half_angle| {
-        let half_angle = half_angle + view.turn;
+    let is_out_of_range = child.range.is_some_and(|range| gap > range * (1.0 + 1.0e-4 * share));
+    let is_turned_away = child.half_angle.is_some_and(|half_angle| {
         // From the box's centre: the middle, its part along the axis, and the parts across it.
         let middle = view.position - child.center();
         let along = child.axis.dot(middle);

@@ -1,8 +1,6 @@
 //! What the importance for a point and that for a segment share (docs/math.md, Importance).
 
-use super::child::Child;
-use super::place::{Map, View};
-use girandole::glam::DVec3;
+use super::place::View;
 use girandole::tree::Node;
 
 /// What a choice needs to know about a child.
@@ -28,20 +26,8 @@ pub fn margin(node: &Node, view: &View) -> f64 {
         let step = if exponent > -127 { 2.0_f64.powi(exponent) } else { 0.0 };
         f64::from(node.origin[k]).abs() + 255.0 * step
     };
-    (reach(0) + reach(1) + reach(2) + view.position.abs().element_sum()) * view.margin
-}
-
-/// The variance of position in an instance that is scaled or sheared.
-pub fn variance_in_world(child: &Child, map: &Map) -> f64 {
-    let half_sq = child.half() * child.half();
-    let columns = DVec3::from([0, 1, 2].map(|k| map.linear.col(k).length_squared()));
-    if half_sq.element_sum() > 0.0 { child.variance / half_sq.element_sum() * half_sq.dot(columns) } else { 0.0 }
-}
-
-/// The flux in an instance that is scaled or sheared.
-pub fn flux_in_world(child: &Child, map: &Map) -> f64 {
-    let [punctual, area] = child.shares;
-    child.flux * (punctual + area * map.area_factor(child.axis, child.length))
+    let scale = view.map.map_or(1.0, |map| map.mean_square().sqrt());
+    (scale * (reach(0) + reach(1) + reach(2)) + view.position.abs().element_sum()) * view.margin
 }
 
 /// The doubt about a cluster at a squared distance, with a variance and the distance of its box.
