@@ -26,13 +26,15 @@ struct Curve {
 }
 
 /// The samplers that are compared, with their colours.
-const COMPARED: [(Sampler, RGBColor); 6] = [
+const COMPARED: [(Sampler, RGBColor); 8] = [
     (Sampler::Published("uniform"), PALETTE[0]),
     (Sampler::Published("flux"), PALETTE[1]),
     (Sampler::Streaming, PALETTE[3]),
     (Sampler::Published("pbrt"), PALETTE[7]),
     (Sampler::Published("pbrt opaque"), PALETTE[6]),
     (Sampler::Published("cycles"), PALETTE[2]),
+    (Sampler::Published("sg tree"), PALETTE[4]),
+    (Sampler::Published("sg tree, wide"), RGBColor(127, 127, 127)),
 ];
 
 /// The axis of [`error_over_time`] ends at so many times the time of the slowest setting of the

@@ -70,7 +70,7 @@ pub fn measure(options: &Options) -> Result<Measured, SceneError> {
     if prepared.ids.is_empty() {
         return Err(SceneError("the scene has no lights".into()));
     }
-    let samplers = Samplers::new(&stage.world, &prepared);
+    let samplers = Samplers::new(&stage.world, &prepared)?;
     let reference = reference(options, &plan, &view, &stage.world, &prepared)?;
     let picture = reference.picture();
     if picture.iter().all(|pixel| luminance(*pixel) <= 0.0) {

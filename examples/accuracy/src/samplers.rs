@@ -42,13 +42,13 @@ impl Prepared {
 pub struct Samplers<'a> {
     world: &'a LightWorld,
     prepared: &'a Prepared,
-    published: [Box<dyn Chooser + 'a>; 5],
+    published: Vec<Box<dyn Chooser + 'a>>,
 }
 
 impl<'a> Samplers<'a> {
     /// Builds the trees of the samplers to compare with.
-    pub fn new(world: &'a LightWorld, prepared: &'a Prepared) -> Self {
-        Self { world, prepared, published: samplers::published(&prepared.lights, &prepared.ids) }
+    pub fn new(world: &'a LightWorld, prepared: &'a Prepared) -> Result<Self, SceneError> {
+        Ok(Self { world, prepared, published: samplers::published(&prepared.lights, &prepared.ids)? })
     }
 
     /// A way to draw; `None` for the sum over all lights, and for a sampler or a count that does

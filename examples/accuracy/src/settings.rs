@@ -38,6 +38,8 @@ impl Sampler {
             Self::Published("pbrt") => "pbrt-v4's formula".into(),
             Self::Published("pbrt opaque") => "pbrt-v4's formula, opaque".into(),
             Self::Published("cycles") => "Cycles' formula".into(),
+            Self::Published("sg tree") => "spherical Gaussians".into(),
+            Self::Published("sg tree, wide") => "spherical Gaussians, eight-wide".into(),
             Self::Published(name) => name.into(),
             Self::Streaming => format!("streaming over {STREAMED} uniform candidates"),
             Self::AllLights => "all lights".into(),
@@ -171,7 +173,7 @@ fn of_library(is_quick: bool) -> Vec<Setting> {
 }
 
 /// The samplers to compare with.
-pub const PUBLISHED: [&str; 5] = ["uniform", "flux", "pbrt", "pbrt opaque", "cycles"];
+pub const PUBLISHED: [&str; 7] = ["uniform", "flux", "pbrt", "pbrt opaque", "cycles", "sg tree", "sg tree, wide"];
 
 /// The samplers to compare with, at numbers of samples whose times span those of the library.
 fn of_others(is_quick: bool) -> Vec<Setting> {

@@ -7,6 +7,7 @@ use testbed::direct_light::draw::{Draw, Resampled, Single, Streaming};
 use testbed::direct_light::renderer::Renderer;
 use testbed::direct_light::stage::prepare;
 use testbed::direct_light::view::View;
+use testbed::measuring::samplers::Chooser;
 use testbed::measuring::score::{Estimate, Score, mean};
 use testbed::measuring::{lights, samplers};
 use testbed::render::geometry::Geometry;
@@ -33,8 +34,10 @@ impl Studio<'_> {
     /// Calls `test` with the samplers flux, pbrt opaque and girandole.
     fn with_samplers(&self, test: impl Fn(&[(&str, &dyn Draw)])) {
         let lights = self.world.sampler();
-        let [_, flux, _, pbrt_opaque, _] = samplers::published(&lights::carried(self.world), self.ids);
-        let choosers = [flux, pbrt_opaque, samplers::two_level(self.world)];
+        let published = samplers::published(&lights::carried(self.world), self.ids).expect("sound lights");
+        let mut choosers: Vec<Box<dyn Chooser + '_>> = vec![samplers::two_level(self.world)];
+        choosers.extend(published.into_iter().filter(|chooser| ["flux", "pbrt opaque"].contains(&chooser.name())));
+        choosers.rotate_left(1);
         let draws: Vec<Single<'_>> =
             choosers.iter().map(|chooser| Single { chooser: chooser.as_ref(), lights }).collect();
         let named: Vec<(&str, &dyn Draw)> =

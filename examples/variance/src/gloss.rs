@@ -15,7 +15,17 @@ use testbed::scene::SceneError;
 use testbed::scene::procedural::Size;
 
 const COLUMNS: [&str; 8] = ["scene", "surface", "roughness", "sampler", "sigma_mean", "sigma_p95", "sigma_rms", "ns"];
-const SUMMARY: [&str; 7] = ["scene", "surface", "roughness", "with gloss", "cosine only", "pbrt", "ratio to cosine"];
+const SUMMARY: [&str; 9] = [
+    "scene",
+    "surface",
+    "roughness",
+    "with gloss",
+    "cosine only",
+    "pbrt",
+    "sg tree",
+    "sg tree, wide",
+    "ratio to cosine",
+];
 
 /// A surface of some roughness.
 type Surface = fn(f32) -> Gloss;
@@ -53,8 +63,8 @@ fn measure(
 ) -> Result<(), SceneError> {
     let lights = carried(world);
     let ids: Vec<LightId> = world.sampler().all_lights().collect();
-    let published = samplers::published(&lights, &ids);
-    let pbrt = published.iter().find(|chooser| chooser.name() == "pbrt");
+    let published = samplers::published(&lights, &ids)?;
+    let named = |name| published.iter().find(|chooser| chooser.name() == name);
     let ours = samplers::two_level(world);
     for (surface, make) in SURFACES {
         for roughness in ROUGHNESS {
@@ -65,7 +75,9 @@ fn measure(
             let cases = [
                 ("girandole with gloss", Some(&ours), &glossy),
                 ("girandole", Some(&ours), &flat),
-                ("pbrt", pbrt, &flat),
+                ("pbrt", named("pbrt"), &flat),
+                ("sg tree", named("sg tree"), &glossy),
+                ("sg tree, wide", named("sg tree, wide"), &glossy),
             ];
             for (sampler, chooser, points) in cases {
                 let Some(chooser) = chooser else { continue };

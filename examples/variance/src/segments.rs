@@ -153,7 +153,7 @@ fn measure(name: &str, stage: &Stage, count: usize, table: &mut Table) -> Result
     let world = &stage.world;
     let (lights, sampler) = (carried(world), world.sampler());
     let ids: Vec<LightId> = sampler.all_lights().collect();
-    let published = samplers::published(&lights, &ids);
+    let published = samplers::published(&lights, &ids)?;
     let ours = samplers::two_level(world);
     let rays = rays(stage, count)?;
     for cut in CUTS {

@@ -1,7 +1,7 @@
 //! The samplers that are compared, behind one interface: the probability of every light at a
 //! shading point, and single choices, which can be timed.
 
-use super::baselines::{BinaryTree, Cycles, Formula, Pbrt};
+use super::baselines::{BinaryTree, Cycles, Formula, GaussianTree, Pbrt};
 use super::sigma::{Noise, Summary};
 use girandole::{Light, LightId, LightPick, LightSampler, LightTree, LightWorld, ShadingPoint, SplitCount, WorldError};
 use rayon::prelude::*;
@@ -96,6 +96,32 @@ struct Published<F: Formula> {
 }
 
 impl<F: Formula> Chooser for Published<F> {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+
+    fn pmfs(&self, shading_point: &ShadingPoint) -> Vec<f32> {
+        self.tree.pmfs(shading_point)
+    }
+
+    fn choose(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> Option<LightPick> {
+        let (light, pmf) = self.tree.pick(shading_point, wide(u))?;
+        Some(LightPick { light: self.ids[light as usize], pmf })
+    }
+
+    fn bytes(&self) -> usize {
+        self.tree.bytes()
+    }
+}
+
+/// The light tree of spherical Gaussians.
+struct Gaussian<const N: usize, const LANES: usize> {
+    name: &'static str,
+    ids: Arc<[LightId]>,
+    tree: GaussianTree<N, LANES>,
+}
+
+impl<const N: usize, const LANES: usize> Chooser for Gaussian<N, LANES> {
     fn name(&self) -> &'static str {
         self.name
     }
@@ -214,21 +240,26 @@ pub fn pbrt(lights: &[Light], ids: Arc<[LightId]>) -> Box<dyn Chooser> {
     Box::new(Published { name: "pbrt", ids, tree })
 }
 
-/// The samplers that this library is compared with: uniform, flux, pbrt, pbrt opaque and cycles.
+/// The samplers that this library is compared with: uniform, flux, pbrt, pbrt opaque, cycles, and
+/// the tree of spherical Gaussians as published and on the nodes of this library.
 ///
 /// `lights` are the world's lights one by one, and `ids` their names, both in the order of
 /// [`LightSampler::all_lights`].
-pub fn published(lights: &[Light], ids: &[LightId]) -> [Box<dyn Chooser>; 5] {
+pub fn published(lights: &[Light], ids: &[LightId]) -> Result<Vec<Box<dyn Chooser>>, WorldError> {
     let ids: Arc<[LightId]> = ids.into();
     let opaque = BinaryTree::new(Pbrt { is_opaque: true }, lights.to_vec());
     let cycles = BinaryTree::new(Cycles, lights.to_vec());
-    [
+    let gaussian = GaussianTree::binary(lights);
+    let wide_gaussian = GaussianTree::wide(&LightTree::new(lights.to_vec())?);
+    Ok(vec![
         uniform(ids.clone()),
         flux(lights, ids.clone()),
         pbrt(lights, ids.clone()),
         Box::new(Published { name: "pbrt opaque", ids: ids.clone(), tree: opaque }),
-        Box::new(Published { name: "cycles", ids, tree: cycles }),
-    ]
+        Box::new(Published { name: "cycles", ids: ids.clone(), tree: cycles }),
+        Box::new(Gaussian { name: "sg tree", ids: ids.clone(), tree: gaussian }),
+        Box::new(Gaussian { name: "sg tree, wide", ids, tree: wide_gaussian }),
+    ])
 }
 
 /// This library with its two levels and the default number of splits.
@@ -248,7 +279,7 @@ pub fn all<'a>(
     lights: &[Light],
     ids: &'a [LightId],
 ) -> Result<Vec<Box<dyn Chooser + 'a>>, WorldError> {
-    let mut all: Vec<Box<dyn Chooser + 'a>> = Vec::from(published(lights, ids));
+    let mut all: Vec<Box<dyn Chooser + 'a>> = published(lights, ids)?;
     all.push(two_level(world));
     let tree = LightTree::new(lights.to_vec())?;
     let flat = |name, splits| -> Box<dyn Chooser + 'a> { Box::new(Flat { name, ids, tree: tree.clone(), splits }) };

@@ -1,5 +1,5 @@
 //! Published light trees to compare with, written from their formulas: binary, with one light per
-//! leaf.
+//! leaf. One has a second variant on the nodes of this library.
 
 mod attributes;
 mod bounds;
@@ -7,8 +7,10 @@ mod cycles;
 pub mod moving;
 mod pbrt;
 mod saoh;
+mod sg;
 mod tree;
 
 pub use cycles::Cycles;
 pub use pbrt::Pbrt;
+pub use sg::GaussianTree;
 pub use tree::{BinaryTree, Formula};

@@ -16,12 +16,12 @@ pub struct TortureRow {
     pub dead: f64,
 }
 
-/// The rows of a scene: uniform, flux, both variants of pbrt, Cycles, this library in two levels,
-/// and one tree of this library over the same lights.
+/// The rows of a scene: the published samplers, this library in two levels, and one tree of this
+/// library over the same lights.
 pub fn rows(scene: &TortureScene) -> Result<Vec<TortureRow>, WorldError> {
     let lights = carried(&scene.world);
     let ids: Vec<LightId> = scene.world.sampler().all_lights().collect();
-    let mut choosers = Vec::from(samplers::published(&lights, &ids));
+    let mut choosers = samplers::published(&lights, &ids)?;
     choosers.extend(own(scene, &lights, &ids)?);
     Ok(rows_of(scene, &lights, &choosers))
 }
