@@ -17,7 +17,9 @@
 //! Where the adapter has timestamps, times are those of the GPU without submission. The run takes a
 //! few minutes at most, and `--quick` seconds. Expect a sample of eight candidates to read more
 //! nodes than one of a single candidate, but far fewer than eight times as many. The binary
-//! needs no files and can be copied to another machine. `docs/benchmarks.md` has measured tables.
+//! needs no files and can be copied to another machine. `docs/benchmarks.md` has measured tables. The
+//! file says the adapter, the date and the commit; where there is no repository, the environment
+//! variable `GIRANDOLE_COMMIT` names the commit.
 
 use gpu_timings::run::run;
 use std::process::ExitCode;

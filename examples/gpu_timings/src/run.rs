@@ -9,6 +9,7 @@ use std::fs::File;
 use std::io::Write;
 use std::path::PathBuf;
 use std::time::Duration;
+use testbed::common::origin;
 use testbed::scene::SceneError;
 use testbed::scene::procedural::Size;
 
@@ -117,6 +118,8 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
 
     let all = json!({
         "adapter": machine.to_json(),
+        "date": origin::date(),
+        "commit": origin::commit(),
         "timing": machine.timing(),
         "quick": options.quick,
         "checks": checks.iter().map(checks::Check::to_json).collect::<Vec<_>>(),

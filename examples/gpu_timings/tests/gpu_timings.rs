@@ -32,6 +32,9 @@ fn the_timings_have_every_row_and_count_bytes_dispatches_and_nodes() {
     let all: Value = serde_json::from_str(&text).expect("the file is JSON");
     let rows = |name: &str| all[name].as_array().unwrap_or_else(|| panic!("no {name}")).as_slice();
 
+    let said = |name: &str| all[name].as_str().unwrap_or_else(|| panic!("no {name}"));
+    assert!(said("date").len() == 10 && !said("commit").is_empty(), "{} {}", said("date"), said("commit"));
+
     let checks = rows("checks");
     assert!(checks.len() >= 4 && checks.iter().all(|check| check["passed"] == true), "{checks:?}");
 

@@ -7,6 +7,8 @@ pub mod gpu;
 pub mod hash;
 #[cfg(feature = "native")]
 pub mod lattice;
+#[cfg(feature = "native")]
+pub mod origin;
 pub mod pcg;
 #[cfg(feature = "native")]
 pub mod progress;
