@@ -20,6 +20,7 @@ pub mod answers;
 
 pub mod charts;
 pub mod crops;
+pub mod extracts;
 pub mod page;
 
 pub mod run;

@@ -14,6 +14,7 @@
 //! - `accuracy.html`: the page, in one file without links. It answers what each budget of time
 //!   buys, what half of the error costs, which knob to turn first, and where the time goes;
 //! - `accuracy.csv`: a row for each setting (`table.rs` explains the columns);
+//! - `front.csv` and `equal_time.csv`: the front of least error, and all samplers in equal time;
 //! - `error_over_time.svg`, `alternatives.svg`, `stages.svg`: the plots of the page;
 //! - `equal_time.svg`: the same part of the picture by several samplers in equal time;
 //! - `reference.bin`: the reference. A run that is interrupted continues it, and the next run of

@@ -3,6 +3,7 @@
 use super::answers::Answers;
 use super::charts;
 use super::crops::crops;
+use super::extracts;
 use super::measured::{Measured, measure};
 use super::options::Options;
 use super::page::{FRONT_COLUMNS, Plots, front, page};
@@ -39,6 +40,7 @@ pub fn run(options: &Options) -> Result<Measured, SceneError> {
     write("stages.svg", &plots.stages)?;
     write("equal_time.svg", &crops.svg())?;
     write("accuracy.html", &page(options, &measured, &answers, &plots, &crops))?;
+    extracts::write(out, &measured, &answers).map_err(SceneError)?;
     testbed::say!("The front of least error:\n\n{}", markdown_head(&FRONT_COLUMNS));
     front(&answers).iter().for_each(|fields| testbed::say!("| {} |", fields.join(" | ")));
     testbed::say!(
