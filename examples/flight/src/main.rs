@@ -13,6 +13,7 @@
 //! so no GPU is needed. It writes:
 //!
 //! - `flight.csv`: a row for each frame;
+//! - `summary.csv`: median, 99.9th percentile and worst of each measure over the frames;
 //! - `worst.csv`: the 20 slowest frames, with the same columns;
 //! - `flight.svg`: the columns over time;
 //! - `map.svg`: the world from above, with the path.

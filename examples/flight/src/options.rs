@@ -4,7 +4,7 @@ use super::device::Device;
 use super::flight::{Flight, FlightError};
 use super::record::{Row, us, write};
 use super::settings::Settings;
-use super::summary::{Ends, Spread, Summary};
+use super::summary::{self, Ends, Spread, Summary};
 use super::{map, plots, scale};
 use clap::Parser;
 use girandole::plan::UploadReport;
@@ -54,13 +54,15 @@ pub fn run(options: &Options) -> Result<(), String> {
     let settings = if options.quick { Settings::quick(options.seed) } else { Settings::full(options.seed) };
     let (mut rows, ends, flight) = pool.install(|| fly(&settings)).map_err(|FlightError(text)| text)?;
     let tell_run = |rows: &[Row]| {
-        let Spread { median, high, worst } = Spread::of(rows.iter().map(|row| us(row.costs.frame)));
+        let spread = Spread::of(rows.iter().map(|row| us(row.costs.frame)));
+        let Spread { median, high, worst } = spread;
         testbed::say!("one run: median {median:.0} us, 99.9 % {high:.0}, worst {worst:.0} ({:.2} x)", worst / median);
+        spread
     };
-    tell_run(&rows);
+    let mut runs = vec![tell_run(&rows)];
     for _ in 1..options.runs {
         let (others, ..) = pool.install(|| fly(&settings)).map_err(|FlightError(text)| text)?;
-        tell_run(&others);
+        runs.push(tell_run(&others));
         for (row, other) in rows.iter_mut().zip(others) {
             if other.costs.frame < row.costs.frame {
                 *row = other;
@@ -68,6 +70,7 @@ pub fn run(options: &Options) -> Result<(), String> {
         }
     }
     write(&options.out.join("flight.csv"), &rows)?;
+    summary::write(&options.out.join("summary.csv"), &rows, &runs)?;
     let mut worst = rows.clone();
     worst.sort_by_key(|row| std::cmp::Reverse(row.costs.frame));
     worst.truncate(WORST);

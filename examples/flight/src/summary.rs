@@ -6,6 +6,8 @@ use super::settings::Settings;
 use girandole::WorldMemory;
 use girandole::plan::GpuMemory;
 use std::fmt;
+use std::path::Path;
+use testbed::common::table::Table;
 
 /// The state while the camera rested, before or after the flight.
 #[derive(Clone, Copy, Debug)]
@@ -40,6 +42,40 @@ impl Spread {
         let at = |share: f64| values[((values.len() - 1) as f64 * share).round() as usize];
         Self { median: at(0.5), high: at(0.999), worst: at(1.0) }
     }
+}
+
+/// The columns of `summary.csv`.
+const COLUMNS: [&str; 4] = ["what", "median", "p999", "worst"];
+
+/// What each frame is measured by.
+const MEASURES: [(&str, fn(&Row) -> f64); 13] = [
+    ("frame, µs", |row| us(row.costs.frame)),
+    ("adding and removing regions, µs", |row| us(row.costs.regions)),
+    ("moves and edits, µs", |row| us(row.costs.edits)),
+    ("update, µs", |row| us(row.costs.update)),
+    ("plan, µs", |row| us(row.costs.plan)),
+    ("resident lights", |row| row.lights as f64),
+    ("bytes uploaded", |row| row.upload.bytes as f64),
+    ("trees waiting for an upload", |row| row.upload.waiting_trees as f64),
+    ("trees waiting for a build", |row| row.costs.report.placeholder_trees as f64),
+    ("bytes per resident light on the CPU", |row| row.cpu_bytes as f64 / row.lights as f64),
+    ("bytes per resident light in all GPU buffers", |row| row.gpu_bytes as f64 / row.lights as f64),
+    ("of these, in use by nodes and lights", |row| row.used_bytes as f64 / row.lights as f64),
+    ("gaps in the GPU's pools over bytes in use", |row| row.gap_bytes as f64 / row.used_bytes as f64),
+];
+
+/// Writes the spread of each measure over all frames, and of the worst frame over the median of each run.
+pub fn write(path: &Path, rows: &[Row], runs: &[Spread]) -> Result<(), String> {
+    let mut table = Table::create(path, &COLUMNS)?;
+    for (what, measure) in MEASURES {
+        let Spread { median, high, worst } = Spread::of(rows.iter().map(measure));
+        table.add([what.to_owned()].into_iter().chain([median, high, worst].map(|value| format!("{value:.4}"))))?;
+    }
+    for (number, Spread { median, high, worst }) in runs.iter().enumerate() {
+        let what = format!("frame in run {} alone, µs", number + 1);
+        table.add([what].into_iter().chain([median, high, worst].map(|value| format!("{value:.4}"))))?;
+    }
+    Ok(())
 }
 
 /// All figures, as text.
