@@ -1,5 +1,6 @@
 //! Samples that are chosen from several candidates: the noise of unshadowed illuminance, and time.
 
+use super::effort::Effort;
 use super::stages::{self, Lit};
 use girandole::light::luminance;
 use girandole::{CandidateCount, LightSampler, ShadingPoint};
@@ -46,12 +47,16 @@ fn estimate(sampler: &LightSampler<'_>, shading_point: &ShadingPoint, u: [f32; 5
 
 /// The root mean square error of one estimate at a shading point, relative to the mean of all
 /// estimates, for each number of candidates. `None` where no light arrives.
-fn errors(sampler: &LightSampler<'_>, shading_point: &ShadingPoint, stream: u64) -> Option<[f64; CANDIDATES.len()]> {
+fn errors(
+    sampler: &LightSampler<'_>,
+    shading_point: &ShadingPoint,
+    (stream, estimates): (u64, u32),
+) -> Option<[f64; CANDIDATES.len()]> {
     let mut rng = Rng::new(11, stream);
     let moments = CANDIDATES.map(|candidates| {
-        let values = (0..ESTIMATES).map(|_| estimate(sampler, shading_point, numbers(&mut rng), candidates));
+        let values = (0..estimates).map(|_| estimate(sampler, shading_point, numbers(&mut rng), candidates));
         let (sum, squares) = values.fold((0.0, 0.0), |(sum, squares), v| (sum + v, squares + v * v));
-        (sum / f64::from(ESTIMATES), squares / f64::from(ESTIMATES))
+        (sum / f64::from(estimates), squares / f64::from(estimates))
     });
     // Estimates of more candidates have less noise: each mean is weighted by its number of
     // candidates.
@@ -60,30 +65,32 @@ fn errors(sampler: &LightSampler<'_>, shading_point: &ShadingPoint, stream: u64)
     (mean > 0.0).then(|| moments.map(|(sum, square)| (square - sum * sum).max(0.0).sqrt() / mean))
 }
 
-fn nanoseconds(sampler: &LightSampler<'_>, shading_points: &[ShadingPoint]) -> [f64; CANDIDATES.len()] {
+fn nanoseconds(sampler: &LightSampler<'_>, shading_points: &[ShadingPoint], effort: Effort) -> [f64; CANDIDATES.len()] {
+    let (rounds, timed) = effort.select((ROUNDS, TIMED), (1, 50));
     let mut rng = Rng::new(12, 0);
-    let inputs: Vec<_> = (0..TIMED).map(|i| (shading_points[i % shading_points.len()], numbers(&mut rng))).collect();
+    let inputs: Vec<_> = (0..timed).map(|i| (shading_points[i % shading_points.len()], numbers(&mut rng))).collect();
     let mut fastest = [f64::INFINITY; CANDIDATES.len()];
-    for _ in 0..ROUNDS {
+    for _ in 0..rounds {
         for (candidates, fastest) in CANDIDATES.into_iter().zip(&mut fastest) {
             let start = Instant::now();
             for (shading_point, u) in &inputs {
                 black_box(sampler.resample(shading_point, *u, candidates));
             }
-            *fastest = fastest.min(start.elapsed().as_secs_f64() * 1.0e9 / TIMED as f64);
+            *fastest = fastest.min(start.elapsed().as_secs_f64() * 1.0e9 / timed as f64);
         }
     }
     fastest
 }
 
-fn measure(lit: &Lit) -> Result<Vec<[String; 5]>, SceneError> {
+fn measure(lit: &Lit, effort: Effort) -> Result<Vec<[String; 5]>, SceneError> {
     let sampler = lit.world.sampler();
-    let one = |(stream, at): (usize, &ShadingPoint)| errors(&sampler, at, stream as u64);
+    let one =
+        |(stream, at): (usize, &ShadingPoint)| errors(&sampler, at, (stream as u64, effort.select(ESTIMATES, 20)));
     let all: Vec<_> = lit.shading_points.par_iter().enumerate().filter_map(one).collect();
     if all.is_empty() {
         return Err(SceneError(format!("{}: no light reaches any shading point", lit.name)));
     }
-    let times = nanoseconds(&sampler, &lit.shading_points);
+    let times = nanoseconds(&sampler, &lit.shading_points, effort);
     let mean = |i: usize| all.iter().map(|errors| errors[i]).sum::<f64>() / all.len() as f64;
     let row = |(i, candidates): (usize, &CandidateCount)| {
         // The error of the mean of as many independent samples.
@@ -95,7 +102,7 @@ fn measure(lit: &Lit) -> Result<Vec<[String; 5]>, SceneError> {
 }
 
 /// Measures, prints the table and writes it.
-pub fn run(size: Size, gltf: Option<&Path>, count: usize, out: &Path) -> Result<(), SceneError> {
+pub fn run(size: Size, gltf: Option<&Path>, (count, effort): (usize, Effort), out: &Path) -> Result<(), SceneError> {
     let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
     let [city, _] = stages::city(size, count)?;
     let mut scenes = vec![city];
@@ -104,7 +111,7 @@ pub fn run(size: Size, gltf: Option<&Path>, count: usize, out: &Path) -> Result<
     }
     testbed::say!("{}", markdown_head(&COLUMNS));
     for scene in &scenes {
-        for row in measure(scene)? {
+        for row in measure(scene, effort)? {
             testbed::say!("| {} |", row.join(" | "));
             table.add(row).map_err(SceneError)?;
         }

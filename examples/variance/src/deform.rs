@@ -2,6 +2,7 @@
 //! of both. One flat tree holds all lights of a scene and follows
 //! them frame by frame.
 
+use super::effort::Effort;
 use super::shading_points::shading_points;
 use super::stages::{CITY_BOUNDS, swarm_at};
 use girandole::cluster::Aabb;
@@ -52,9 +53,9 @@ struct Row {
     rebuilt: f64,
 }
 
-fn frames(mut stage: Stage) -> Result<(Stage, Vec<Vec<Light>>), SceneError> {
-    let mut frames = Vec::with_capacity(FRAMES);
-    for frame in 0..FRAMES {
+fn frames(mut stage: Stage, count: usize) -> Result<(Stage, Vec<Vec<Light>>), SceneError> {
+    let mut frames = Vec::with_capacity(count);
+    for frame in 0..count {
         stage.animation.advance(frame as f64 / 60.0, &mut stage.scene, &mut stage.world)?;
         stage.world.update(FrameBudget::new(std::time::Duration::ZERO));
         frames.push(carried(&stage.world));
@@ -62,20 +63,20 @@ fn frames(mut stage: Stage) -> Result<(Stage, Vec<Vec<Light>>), SceneError> {
     Ok((stage, frames))
 }
 
-fn city(count: usize) -> Result<Motion, SceneError> {
-    let (stage, frames) = frames(procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1 })?)?;
+fn city((count, frame_count): (usize, usize)) -> Result<Motion, SceneError> {
+    let (stage, frames) = frames(procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1 })?, frame_count)?;
     Ok(Motion { name: "city S".into(), frames, shading_points: shading_points(&stage.scene, &CITY_BOUNDS, count)? })
 }
 
-fn gltf(path: &Path, count: usize) -> Result<Motion, SceneError> {
-    let (stage, frames) = frames(gltf_scene::stage(path, None)?)?;
+fn gltf(path: &Path, (count, frame_count): (usize, usize)) -> Result<Motion, SceneError> {
+    let (stage, frames) = frames(gltf_scene::stage(path, None)?, frame_count)?;
     let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
     let everywhere = Aabb { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY };
     Ok(Motion { name, frames, shading_points: shading_points(&stage.scene, &everywhere, count)? })
 }
 
 /// 3,000 drones, and shading points among them.
-fn swarm(count: usize) -> Result<Motion, SceneError> {
+fn swarm((count, frame_count): (usize, usize)) -> Result<Motion, SceneError> {
     let frame = |frame: usize| Ok(carried(&swarm_at(3_000, 8.0 + frame as f64 / 60.0)?));
     let mut rng = Rng::new(3, 0);
     let mut signed = || 2.0 * rng.unit() - 1.0;
@@ -85,7 +86,7 @@ fn swarm(count: usize) -> Result<Motion, SceneError> {
     let shading_points = (0..count).map(shading_point).collect();
     Ok(Motion {
         name: "swarm".into(),
-        frames: (0..FRAMES).map(frame).collect::<Result<_, SceneError>>()?,
+        frames: (0..frame_count).map(frame).collect::<Result<_, SceneError>>()?,
         shading_points,
     })
 }
@@ -157,7 +158,7 @@ fn play(motion: &Motion, strategy: Strategy, fresh: &[(f64, Vec<Vec<f32>>)]) -> 
         Strategy::RebuildEvery(1) => "rebuild".to_owned(),
         Strategy::RebuildEvery(every) => format!("rebuild every {every}"),
     };
-    let rebuilt = rebuilt as f64 / (count * FRAMES) as f64;
+    let rebuilt = rebuilt as f64 / (count * motion.frames.len()) as f64;
     Ok(Row { scene: String::new(), strategy, sigma, loss, cost, rebuilt })
 }
 
@@ -173,10 +174,11 @@ impl Row {
 }
 
 /// Measures all scenes and strategies, prints the table and writes it.
-pub fn run(gltf_path: Option<&Path>, count: usize, out: &Path) -> Result<(), SceneError> {
-    let mut motions = vec![swarm(count)?, city(count)?];
+pub fn run(gltf_path: Option<&Path>, count: usize, effort: Effort, out: &Path) -> Result<(), SceneError> {
+    let counts = (count, effort.select(FRAMES, EVERY));
+    let mut motions = vec![swarm(counts)?, city(counts)?];
     if let Some(path) = gltf_path {
-        motions.push(gltf(path, count)?);
+        motions.push(gltf(path, counts)?);
     }
     let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
     testbed::say!("{}", markdown_head(&COLUMNS));

@@ -1,5 +1,6 @@
 //! The noise on glossy surfaces: of the light that they reflect toward the viewer.
 
+use super::effort::Effort;
 use super::stages;
 use girandole::glam::Vec3;
 use girandole::{Gloss, LightId, LightWorld, ShadingPoint};
@@ -41,17 +42,18 @@ fn matte(at: &ShadingPoint) -> ShadingPoint {
 }
 
 /// Nanoseconds per choice.
-fn nanoseconds(chooser: &dyn Chooser, points: &[ShadingPoint]) -> f64 {
+fn nanoseconds(chooser: &dyn Chooser, points: &[ShadingPoint], effort: Effort) -> f64 {
+    let (rounds, timed) = effort.select((ROUNDS, TIMED), (1, 50));
     let mut rng = Rng::new(5, 5);
-    let inputs: Vec<_> = (0..TIMED).map(|i| (points[i % points.len()], [rng.unit(), rng.unit()])).collect();
+    let inputs: Vec<_> = (0..timed).map(|i| (points[i % points.len()], [rng.unit(), rng.unit()])).collect();
     let round = |_| {
         let start = Instant::now();
         for (at, u) in &inputs {
             std::hint::black_box(chooser.choose(at, *u));
         }
-        start.elapsed().as_secs_f64() * 1.0e9 / TIMED as f64
+        start.elapsed().as_secs_f64() * 1.0e9 / timed as f64
     };
-    (0..ROUNDS).map(round).fold(f64::INFINITY, f64::min)
+    (0..rounds).map(round).fold(f64::INFINITY, f64::min)
 }
 
 /// Measures one scene. `points` returns the shading points for a surface.
@@ -59,6 +61,7 @@ fn measure(
     name: &str,
     world: &LightWorld,
     points: impl Fn(Gloss) -> Vec<ShadingPoint>,
+    effort: Effort,
     table: &mut Table,
 ) -> Result<(), SceneError> {
     let lights = carried(world);
@@ -82,7 +85,7 @@ fn measure(
             for (sampler, chooser, points) in cases {
                 let Some(chooser) = chooser else { continue };
                 let (sigma, _) = samplers::noise(chooser.as_ref(), points, &light);
-                let ns = nanoseconds(chooser.as_ref(), points);
+                let ns = nanoseconds(chooser.as_ref(), points, effort);
                 let numbers = [sigma.mean, sigma.p95, sigma.rms].map(|sigma| format!("{sigma:.3}"));
                 let [mean, p95, rms] = numbers;
                 let row = [
@@ -125,12 +128,12 @@ fn seen(points: &[ShadingPoint], gloss: Gloss) -> Vec<ShadingPoint> {
 }
 
 /// Measures, prints a table and writes it.
-pub fn run(size: Size, count: usize, out: &Path) -> Result<(), SceneError> {
+pub fn run(size: Size, count: usize, effort: Effort, out: &Path) -> Result<(), SceneError> {
     let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
     testbed::say!("{}", markdown_head(&SUMMARY));
     for scene in torture::scenes()?.iter().filter(|scene| scene.name == "glossy floor") {
-        measure("glossy floor", &scene.world, |floor| gloss::with_floor(scene, floor), &mut table)?;
+        measure("glossy floor", &scene.world, |floor| gloss::with_floor(scene, floor), effort, &mut table)?;
     }
     let [city, _] = stages::city(size, count)?;
-    measure(&city.name, &city.world, |surface| seen(&city.shading_points, surface), &mut table)
+    measure(&city.name, &city.world, |surface| seen(&city.shading_points, surface), effort, &mut table)
 }

@@ -3,6 +3,7 @@
 //! In each frame rays leave every eye in random directions. Each surface that they meet takes one
 //! sample and one shadow ray, whose result is recorded.
 
+use super::effort::Effort;
 use super::shadow_oracle::places::{self, Place};
 use super::shadow_oracle::receivers::{Receiver, receivers};
 use girandole::glam::vec3;
@@ -29,7 +30,7 @@ const SEED: u64 = 4_711;
 /// Forms of a sample take turns for this many rounds, and the fastest round counts.
 const ROUNDS: usize = 25;
 
-const COLUMNS: [&str; 11] = [
+const COLUMNS: [&str; 12] = [
     "scene",
     "table",
     "samples_per_cell",
@@ -41,6 +42,7 @@ const COLUMNS: [&str; 11] = [
     "gain_median",
     "gain_rms",
     "cells",
+    "ns_per_pick",
 ];
 
 /// A place, what is measured in it, and what blocks its light.
@@ -51,6 +53,7 @@ struct Learner<'a> {
     place: &'a Place,
     /// Nothing is hidden, neither for the table nor for the measure.
     is_all_visible: bool,
+    effort: Effort,
 }
 
 /// A row of the table.
@@ -78,7 +81,7 @@ impl Learner<'_> {
             sampler.record_visibility(&at, sample.light, is_visible);
             Some(())
         };
-        let samples = (0..RAYS * self.place.eyes.len()).into_par_iter().filter_map(ray).count();
+        let samples = (0..self.effort.select(RAYS, 16) * self.place.eyes.len()).into_par_iter().filter_map(ray).count();
         table.end_frame();
         samples
     }
@@ -99,7 +102,7 @@ impl Learner<'_> {
         let without = self.sigma(&self.sampler);
         let mut rows = vec![Row { what: "none".into(), samples_per_cell: 0.0, sigma: without, cells: 0 }];
         let mut samples = 0;
-        for frame in 1..=FRAMES[FRAMES.len() - 1] {
+        for frame in 1..=self.effort.select(FRAMES[FRAMES.len() - 1], 2) {
             samples += self.teach(table, frame);
             if FRAMES.contains(&frame) {
                 let cells = table.cell_count();
@@ -127,7 +130,7 @@ impl Learner<'_> {
             }
             fastest[which] = fastest[which].min(start.elapsed().as_secs_f64() * 1.0e9 / 8_000.0);
         };
-        for _ in 0..ROUNDS {
+        for _ in 0..self.effort.select(ROUNDS, 1) {
             time(0, &mut |at, u| _ = black_box(self.sampler.pick(at, u)));
             time(1, &mut |at, u| _ = black_box(with.pick(at, u)));
             time(2, &mut |at, u| {
@@ -141,16 +144,22 @@ impl Learner<'_> {
 }
 
 /// Measures, prints the table and writes it.
-pub fn run(count: usize, out: &Path) -> Result<(), SceneError> {
+pub fn run(count: usize, effort: Effort, out: &Path) -> Result<(), SceneError> {
     let mut csv = Table::create(out, &COLUMNS).map_err(SceneError)?;
     testbed::say!("{}", markdown_head(&COLUMNS));
-    let mut report = |name: &str, rows: &[Row]| {
-        for row in rows {
+    // Picks are timed without a table and with the last one.
+    let mut report = |name: &str, rows: &[Row], times: Option<[f64; 2]>| {
+        for (index, row) in rows.iter().enumerate() {
             let (sigma, without) = (row.sigma, rows[0].sigma);
             let sigmas = [sigma.mean, sigma.median, sigma.p95, sigma.rms].map(|sigma| format!("{sigma:.3}"));
             let gains = [without.mean / sigma.mean, without.median / sigma.median, without.rms / sigma.rms];
             let head = [name.to_owned(), row.what.clone(), format!("{:.0}", row.samples_per_cell)];
-            let tail = gains.map(|gain| format!("{gain:.2}")).into_iter().chain([row.cells.to_string()]);
+            let time = times.and_then(|[without, with]| match index {
+                0 => Some(without),
+                _ => (index + 1 == rows.len()).then_some(with),
+            });
+            let time = time.map_or(String::new(), |ns| format!("{ns:.0}"));
+            let tail = gains.map(|gain| format!("{gain:.2}")).into_iter().chain([row.cells.to_string(), time]);
             let fields: Vec<String> = head.into_iter().chain(sigmas).chain(tail).collect();
             testbed::say!("| {} |", fields.join(" | "));
             csv.add(fields).map_err(SceneError)?;
@@ -165,22 +174,21 @@ pub fn run(count: usize, out: &Path) -> Result<(), SceneError> {
         let ids: Vec<LightId> = sampler.all_lights().collect();
         let receivers = receivers(&place, &sampler, &ids, count)?;
         let is_rooms = cells == 8_192;
-        let learner = |name| Learner { name, sampler, receivers: &receivers, place: &place, is_all_visible: false };
+        let learner =
+            |name| Learner { name, sampler, receivers: &receivers, place: &place, is_all_visible: false, effort };
         for edge in if is_rooms { [0.5, 1.0, 2.0].as_slice() } else { [1.0, 2.0].as_slice() } {
             let learner = learner(&place.name);
             let mut learnt = table(*edge, cells.max(32_768 * usize::from(*edge < 1.0)))?;
-            report(learner.name, &learner.measure(&mut learnt, &format!("{edge} m, ")))?;
-            if *edge == 1.0 {
-                let [plain, with, record] = learner.nanoseconds(&learnt);
-                testbed::say!(
-                    "{}: {plain:.0} ns a pick, {with:.0} ns with the table, {record:.0} ns a record",
-                    place.name
-                );
+            let rows = learner.measure(&mut learnt, &format!("{edge} m, "));
+            let times = (*edge == 1.0).then(|| learner.nanoseconds(&learnt));
+            report(learner.name, &rows, times.map(|[without, with, _]| [without, with]))?;
+            if let Some([.., record]) = times {
+                testbed::say!("{}: {record:.0} ns a record", place.name);
             }
         }
         if is_rooms {
             let open = Learner { is_all_visible: true, ..learner("ten rooms, nothing hidden") };
-            report(open.name, &open.measure(&mut table(1.0, cells)?, "1 m, "))?;
+            report(open.name, &open.measure(&mut table(1.0, cells)?, "1 m, "), None)?;
             // All doors are closed for as long as the table remembers, and then open at once.
             let closed = places::rooms_with_doors(false)?;
             let before = Learner { place: &closed, ..learner("ten rooms, doors closed") };
@@ -188,7 +196,7 @@ pub fn run(count: usize, out: &Path) -> Result<(), SceneError> {
             before.measure(&mut learnt, "");
             let after = learner("ten rooms, doors just opened");
             let rows = after.measure(&mut learnt, "1 m, ");
-            report(after.name, &rows)?;
+            report(after.name, &rows, None)?;
         }
     }
     Ok(())

@@ -1,5 +1,6 @@
 //! What the program measures, one file for each form of its command line.
 
+pub mod effort;
 pub mod stages;
 pub mod shading_points;
 pub mod measure;

@@ -14,11 +14,11 @@
 //! cargo run --release -p variance -- --out FILE.csv --learn
 //! ```
 //!
-//! The first form prints a table and writes it as CSV. For each scene and sampler it has the exact
-//! relative standard deviation of one sample over fixed shading points
-//! (`examples/testbed/src/measuring/sigma.rs`), the share of draws that end without a light (`dead`),
-//! nanoseconds per choice, and bytes of tree per light. Expect the sigma of `girandole` to be well
-//! below those of `pbrt` and `cycles`.
+//! `--quick` makes each of them small, to try it out. The first form prints a table and writes it as
+//! CSV. For each scene and sampler it has the exact relative standard deviation of one sample over
+//! fixed shading points (`examples/testbed/src/measuring/sigma.rs`), the share of draws that end
+//! without a light (`dead`), nanoseconds per choice, and bytes of tree per light. Expect the sigma of
+//! `girandole` to be well below those of `pbrt` and `cycles`.
 //!
 //! `--deform` measures how much noise moving lights add to a tree, and what rebuilds cost, in city
 //! S (`deform.rs`). `--candidates` measures what choosing one of several candidates gains
@@ -38,6 +38,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use testbed::common::table::Table;
 use testbed::scene;
+use variance::effort::Effort;
 
 /// Measures the noise of one light sample.
 #[derive(Parser)]
@@ -76,6 +77,9 @@ struct Options {
     /// Number of shading points
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     shading_points: u32,
+    /// Few scenes, frames and timed choices: seconds, to try it out
+    #[arg(long)]
+    quick: bool,
     /// How large the procedural city is
     #[arg(long, value_enum, ignore_case = true, default_value_t = Size::S)]
     world: Size,
@@ -83,29 +87,30 @@ struct Options {
 
 fn run(options: &Options) -> Result<(), SceneError> {
     let count = options.shading_points as usize;
+    let effort = if options.quick { Effort::Quick } else { Effort::Full };
     if options.deform {
-        return variance::deform::run(options.gltf.as_deref(), count, &options.out);
+        return variance::deform::run(options.gltf.as_deref(), count, effort, &options.out);
     }
     if options.torture {
-        return variance::torture::run(&options.out);
+        return variance::torture::run(effort, &options.out);
     }
     if options.cliffs {
-        return variance::torture::run_cliffs(&options.out);
+        return variance::torture::run_cliffs(effort, &options.out);
     }
     if options.gloss {
-        return variance::gloss::run(options.world, count, &options.out);
+        return variance::gloss::run(options.world, count, effort, &options.out);
     }
     if options.segments {
-        return variance::segments::run(options.world, options.gltf.as_deref(), count, &options.out);
+        return variance::segments::run(options.world, options.gltf.as_deref(), (count, effort), &options.out);
     }
     if options.candidates {
-        return variance::candidates::run(options.world, options.gltf.as_deref(), count, &options.out);
+        return variance::candidates::run(options.world, options.gltf.as_deref(), (count, effort), &options.out);
     }
     if options.shadows {
         return variance::shadow_oracle::run(options.gltf.as_deref(), count, &options.out);
     }
     if options.learn {
-        return variance::learning::run(count, &options.out);
+        return variance::learning::run(count, effort, &options.out);
     }
     let mut scenes = Vec::from(variance::stages::city(options.world, count)?);
     if let Some(path) = &options.gltf {
@@ -113,7 +118,7 @@ fn run(options: &Options) -> Result<(), SceneError> {
     }
     let mut table = Table::create(&options.out, &variance::report::COLUMNS).map_err(SceneError)?;
     scenes.iter().try_for_each(|scene| {
-        let measured = variance::measure::measure(scene)?;
+        let measured = variance::measure::measure(scene, effort)?;
         variance::report::print(&measured);
         measured.rows.iter().try_for_each(|row| table.add(variance::report::fields(row))).map_err(SceneError)
     })

@@ -1,5 +1,6 @@
 //! The rows of one scene: all samplers, measured at the same shading points.
 
+use super::effort::Effort;
 use super::stages::Lit;
 use super::timing::nanoseconds;
 use girandole::LightId;
@@ -30,7 +31,7 @@ pub struct Measured {
 }
 
 /// Measures all samplers on a scene.
-pub fn measure(lit: &Lit) -> Result<Measured, SceneError> {
+pub fn measure(lit: &Lit, effort: Effort) -> Result<Measured, SceneError> {
     let lights = carried(&lit.world);
     let sampler = lit.world.sampler();
     let ids: Vec<LightId> = sampler.all_lights().collect();
@@ -40,7 +41,7 @@ pub fn measure(lit: &Lit) -> Result<Measured, SceneError> {
     if lit_shading_points == 0 {
         return Err(SceneError(format!("{}: no light reaches any shading point", lit.name)));
     }
-    let times = nanoseconds(&choosers, &lit.shading_points);
+    let times = nanoseconds(&choosers, &lit.shading_points, effort);
     let rows = choosers.iter().zip(times).map(|(chooser, ns_per_sample)| {
         let (sigma, dead) = samplers::noise(chooser.as_ref(), &lit.shading_points, &lux);
         Row {

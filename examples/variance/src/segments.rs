@@ -1,6 +1,7 @@
 //! The noise of the light that fog scatters into camera rays: of the choice of a light for a
 //! segment of a ray, and of a light and a point of the segment together.
 
+use super::effort::Effort;
 use super::stages::moved;
 use girandole::glam::{Vec2, Vec3};
 use girandole::{Light, LightId, LightSampler, ShadingPoint};
@@ -133,23 +134,24 @@ fn whole_by_lights(
 }
 
 /// Nanoseconds per choice at some shading points, in turns.
-fn nanoseconds<const N: usize>(chooser: &dyn Chooser, sets: [&[ShadingPoint]; N]) -> [f64; N] {
+fn nanoseconds<const N: usize>(chooser: &dyn Chooser, sets: [&[ShadingPoint]; N], effort: Effort) -> [f64; N] {
+    let (rounds, timed) = effort.select((ROUNDS, TIMED), (1, 50));
     let mut rng = Rng::new(5, 5);
-    let numbers: Vec<_> = (0..TIMED).map(|_| [rng.unit(), rng.unit()]).collect();
+    let numbers: Vec<_> = (0..timed).map(|_| [rng.unit(), rng.unit()]).collect();
     let mut best = [f64::INFINITY; N];
-    for _ in 0..ROUNDS {
+    for _ in 0..rounds {
         for (best, points) in best.iter_mut().zip(sets) {
             let start = Instant::now();
             for (i, u) in numbers.iter().enumerate() {
                 std::hint::black_box(chooser.choose(&points[i % points.len()], *u));
             }
-            *best = best.min(start.elapsed().as_secs_f64() * 1.0e9 / TIMED as f64);
+            *best = best.min(start.elapsed().as_secs_f64() * 1.0e9 / timed as f64);
         }
     }
     best
 }
 
-fn measure(name: &str, stage: &Stage, count: usize, table: &mut Table) -> Result<(), SceneError> {
+fn measure(name: &str, stage: &Stage, (count, effort): (usize, Effort), table: &mut Table) -> Result<(), SceneError> {
     let world = &stage.world;
     let (lights, sampler) = (carried(world), world.sampler());
     let ids: Vec<LightId> = sampler.all_lights().collect();
@@ -179,7 +181,7 @@ fn measure(name: &str, stage: &Stage, count: usize, table: &mut Table) -> Result
             "quadrature: the integrals of {} change by at most {error:.1e} with three times the points",
             cut.name
         );
-        let [of_segments, of_points] = nanoseconds(ours.as_ref(), [&segments, &middles]);
+        let [of_segments, of_points] = nanoseconds(ours.as_ref(), [&segments, &middles], effort);
         let mut rows = Vec::new();
         let choices: [(&str, &dyn Chooser, &[ShadingPoint], f64); 4] = [
             ("segment", ours.as_ref(), &segments, of_segments),
@@ -236,14 +238,14 @@ fn measure(name: &str, stage: &Stage, count: usize, table: &mut Table) -> Result
 }
 
 /// Measures, prints a table and writes it.
-pub fn run(size: Size, gltf: Option<&Path>, count: usize, out: &Path) -> Result<(), SceneError> {
+pub fn run(size: Size, gltf: Option<&Path>, (count, effort): (usize, Effort), out: &Path) -> Result<(), SceneError> {
     let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
     testbed::say!("{}", markdown_head(&SUMMARY));
     let city = moved(procedural::stage(&CityOptions { size, cars: None, seed: 1 })?)?;
-    measure(&format!("city {size:?}"), &city, count, &mut table)?;
+    measure(&format!("city {size:?}"), &city, (count, effort), &mut table)?;
     if let Some(path) = gltf {
         let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-        measure(&name, &moved(gltf_scene::stage(path, None)?)?, count, &mut table)?;
+        measure(&name, &moved(gltf_scene::stage(path, None)?)?, (count, effort), &mut table)?;
     }
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! The noise on scenes that are hard for a choice of lights.
 
+use super::effort::Effort;
 use std::path::Path;
 use testbed::common::table::{Table, markdown_head};
 use testbed::measuring::torture;
@@ -32,11 +33,11 @@ fn summary(rows: &[TortureRow]) -> Option<String> {
 }
 
 /// Measures, prints the summary and writes the table.
-pub fn run(out: &Path) -> Result<(), SceneError> {
+pub fn run(effort: Effort, out: &Path) -> Result<(), SceneError> {
     let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
     testbed::say!("{}", markdown_head(&SUMMARY));
-    for scene in torture::scenes()? {
-        let measured = rows(&scene)?;
+    for scene in torture::scenes()?.iter().take(effort.select(usize::MAX, 1)) {
+        let measured = rows(scene)?;
         measured.iter().try_for_each(|row| table.add(fields(row))).map_err(SceneError)?;
         summary(&measured).iter().for_each(|line| testbed::say!("{line}"));
     }
@@ -47,11 +48,11 @@ pub fn run(out: &Path) -> Result<(), SceneError> {
 const CLIFF_SUMMARY: [&str; 4] = ["scene", "two levels", "flat", "of flat"];
 
 /// As [`run`], for the scenes in which two levels were far worse than one tree.
-pub fn run_cliffs(out: &Path) -> Result<(), SceneError> {
+pub fn run_cliffs(effort: Effort, out: &Path) -> Result<(), SceneError> {
     let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
     testbed::say!("{}", markdown_head(&CLIFF_SUMMARY));
-    for scene in cliffs::scenes()? {
-        let measured = own_rows(&scene)?;
+    for scene in cliffs::scenes()?.iter().take(effort.select(usize::MAX, 1)) {
+        let measured = own_rows(scene)?;
         measured.iter().try_for_each(|row| table.add(fields(row))).map_err(SceneError)?;
         let [two, flat] = measured.map(|row| row.sigma.mean);
         testbed::say!("| {} | {two:.3} | {flat:.3} | {:.2} |", scene.name, two / flat);
