@@ -1,0 +1,209 @@
+//! What accuracy costs in time, in pictures.
+
+use crate::figure::{Figure, picture, selection, table};
+use crate::number::Format::{Digits, Percent, Within};
+use crate::view::{VIEW, View, cell};
+
+const PAGE: &str = "docs/accuracy.md";
+
+const EQUAL_TIME_FILES: &[&str] = &["matte/equal_time.csv", "glossy/equal_time.csv"];
+const REL_MSE: crate::number::Format = Within("rel_mse_low", "rel_mse_high", 2);
+/// The pictures of a run of each kind of materials.
+const RUN_LABELS: &[(&str, &str)] = &[("matte", "diffuse"), ("glossy", "glossy")];
+
+const PICTURE_TEXT: &str = "The same part of the picture by several samplers in equal time, and the reference";
+
+pub const README_PICTURE: Figure =
+    picture("readme-picture", "README.md", ("matte/equal_time.svg", "docs/equal_time.svg"), PICTURE_TEXT);
+
+pub const README: Figure = table(
+    "readme-equal-time",
+    "README.md",
+    &[View {
+        from: &["matte/equal_time.csv"],
+        keys: &[("sampler", "sampler")],
+        cells: &[
+            cell("samples in this time", "samples", Digits(2)),
+            cell("relMSE (95 % interval)", "rel_mse", REL_MSE),
+        ],
+        ..VIEW
+    }],
+);
+
+pub const PICTURE: Figure =
+    picture("equal-time-picture", PAGE, ("matte/equal_time.svg", "equal_time.svg"), PICTURE_TEXT);
+
+pub const EQUAL_TIME: Figure = table(
+    "equal-time",
+    PAGE,
+    &[View {
+        from: EQUAL_TIME_FILES,
+        keys: &[("sampler", "sampler")],
+        across: Some("run"),
+        cells: &[
+            cell("relMSE", "rel_mse", REL_MSE),
+            cell("samples", "samples", Digits(2)).only("matte"),
+            cell("MAPE, diffuse", "mape", Digits(2)).only("matte"),
+            cell("σ", "sigma", Digits(2)).only("matte"),
+            cell("σ with shadows", "sigma_visible", Digits(2)).only("matte"),
+            cell("dead", "dead", Percent(0)).only("matte"),
+        ],
+        labels: RUN_LABELS,
+        ..VIEW
+    }],
+);
+
+pub const FRONT_PLOT: Figure = picture(
+    "front-plot",
+    PAGE,
+    ("matte/error_over_time.svg", "accuracy_front.svg"),
+    "relMSE over time for all settings on diffuse materials, and the front of least error, along which half \
+     of the error takes about twice the time",
+);
+
+const FRONT_VIEW: View = View {
+    from: &["glossy/front.csv"],
+    keys: &[("run", "materials"), ("setting", "setting")],
+    cells: &[cell("time, ms of the page", "page_ms", Digits(2)), cell("relMSE (95 % interval)", "rel_mse", REL_MSE)],
+    labels: RUN_LABELS,
+    ..VIEW
+};
+
+pub const FRONT: Figure =
+    selection("front", PAGE, &[View { from: &["matte/front.csv", "glossy/front.csv"], ..FRONT_VIEW }]);
+
+/// Of all settings, with diffuse and with glossy materials.
+const BOTH: View = View {
+    from: &["matte/accuracy.csv", "glossy/accuracy.csv"],
+    keys: &[("setting", "setting")],
+    across: Some("run"),
+    ..VIEW
+};
+
+pub const PRESETS: Figure = table(
+    "presets",
+    PAGE,
+    &[View {
+        keep: &[(
+            "setting",
+            &[
+                "Girandole / 4 splits / 1 candidate / 1 spp",
+                "Girandole / 6 splits / 1 candidate / 1 spp",
+                "Girandole / 6 splits / 4 candidates / 1 spp",
+                "Girandole / 7 splits / 8 candidates / 1 spp",
+            ],
+        )],
+        cells: &[cell("relMSE", "rel_mse", REL_MSE), cell("time, ms of one core", "time_ms", Digits(3)).only("matte")],
+        labels: &[
+            ("matte", "diffuse"),
+            ("glossy", "glossy"),
+            ("Girandole / 4 splits / 1 candidate / 1 spp", "`Fast`: 4 splits, 1 candidate"),
+            ("Girandole / 6 splits / 1 candidate / 1 spp", "no preset: 6 splits, 1 candidate"),
+            ("Girandole / 6 splits / 4 candidates / 1 spp", "`Balanced`: 6 splits, 4 candidates"),
+            ("Girandole / 7 splits / 8 candidates / 1 spp", "`High`: 7 splits, 8 candidates"),
+        ],
+        ..BOTH
+    }],
+);
+
+pub const GLOSS: Figure = table(
+    "gloss-pictures",
+    PAGE,
+    &[View {
+        from: &["glossy/accuracy.csv"],
+        keep: &[(
+            "setting",
+            &[
+                "Girandole / 6 splits / 1 candidate / 1 spp",
+                "Girandole / 6 splits / 1 candidate with gloss / 1 spp",
+                "Girandole / 6 splits / 8 candidates / 1 spp",
+                "Girandole / 6 splits / 8 candidates by BRDF / 1 spp",
+                "Girandole / 6 splits / 8 candidates with gloss / 1 spp",
+                "Girandole / 6 splits / 1 candidate / 4 spp",
+                "Girandole / 6 splits / 1 candidate with gloss / 4 spp",
+                "Girandole / 6 splits / 8 candidates / 4 spp",
+                "Girandole / 6 splits / 8 candidates by BRDF / 4 spp",
+                "Girandole / 6 splits / 8 candidates with gloss / 4 spp",
+                "Girandole / 6 splits / 1 candidate / 16 spp",
+                "Girandole / 6 splits / 1 candidate with gloss / 16 spp",
+            ],
+        )],
+        keys: &[("setting", "setting")],
+        cells: &[
+            cell("relMSE (95 % interval)", "rel_mse", REL_MSE),
+            cell("time, ms of one core", "time_ms", Digits(3)),
+        ],
+        ..VIEW
+    }],
+);
+
+pub const UPKEEP: Figure = table(
+    "upkeep",
+    PAGE,
+    &[View {
+        keep: &[(
+            "setting",
+            &[
+                "Girandole / 6 splits / 1 candidate / 4 spp",
+                "Girandole / 6 splits / 1 candidate / 4 spp / refit only",
+                "Girandole / 6 splits / 1 candidate / 4 spp / always rebuild",
+                "Girandole / 6 splits / 1 candidate / 4 spp / budget 100 us",
+                "Girandole / 6 splits / 1 candidate / 4 spp / solid angles",
+                "Girandole / 6 splits / 1 candidate / 4 spp / learnt visibility",
+            ],
+        )],
+        cells: &[
+            cell("relMSE", "rel_mse", REL_MSE),
+            cell("updates, ms", "update_ms", Digits(2)).only("matte"),
+            cell("upload, ms", "upload_ms", Digits(2)).only("matte"),
+            cell("top level, ms", "top_level_ms", Digits(2)).only("matte"),
+            cell("choosing, ms", "choosing_ms", Digits(3)).only("matte"),
+            cell("shadow rays, ms", "shadow_rays_ms", Digits(3)).only("matte"),
+            cell("shading, ms", "shading_ms", Digits(2)).only("matte"),
+        ],
+        labels: &[
+            ("matte", "diffuse"),
+            ("glossy", "glossy"),
+            ("Girandole / 6 splits / 1 candidate / 4 spp", "default: a budget of 300 µs"),
+            ("Girandole / 6 splits / 1 candidate / 4 spp / refit only", "refit only"),
+            ("Girandole / 6 splits / 1 candidate / 4 spp / always rebuild", "always rebuild"),
+            ("Girandole / 6 splits / 1 candidate / 4 spp / budget 100 us", "a budget of 100 µs"),
+            ("Girandole / 6 splits / 1 candidate / 4 spp / solid angles", "solid angles"),
+            ("Girandole / 6 splits / 1 candidate / 4 spp / learnt visibility", "learnt visibility"),
+        ],
+        ..BOTH
+    }],
+);
+
+pub const LEFT_OUT: Figure = table(
+    "left-out",
+    PAGE,
+    &[View {
+        keep: &[(
+            "setting",
+            &[
+                "Girandole / 6 splits / 1 candidate / 4 spp",
+                "Girandole / 6 splits / 1 candidate / 4 spp / no shadows",
+                "Girandole / 6 splits / 1 candidate / 4 spp / no cones",
+                "Girandole / 6 splits / 1 candidate / 4 spp / no ranges",
+                "Girandole / 6 splits / 1 candidate / 4 spp / no areas",
+                "Girandole / 6 splits / 1 candidate / 4 spp / no gloss",
+            ],
+        )],
+        cells: &[
+            cell("relMSE, factor", "rel_mse", Digits(2)).relative(),
+            cell("time, factor", "time_ms", Digits(2)).relative().only("matte"),
+        ],
+        labels: &[
+            ("matte", "diffuse"),
+            ("glossy", "glossy"),
+            ("Girandole / 6 splits / 1 candidate / 4 spp", "nothing"),
+            ("Girandole / 6 splits / 1 candidate / 4 spp / no shadows", "shadows"),
+            ("Girandole / 6 splits / 1 candidate / 4 spp / no cones", "cones"),
+            ("Girandole / 6 splits / 1 candidate / 4 spp / no ranges", "ranges"),
+            ("Girandole / 6 splits / 1 candidate / 4 spp / no areas", "areas"),
+            ("Girandole / 6 splits / 1 candidate / 4 spp / no gloss", "gloss"),
+        ],
+        ..BOTH
+    }],
+);

@@ -1,0 +1,141 @@
+//! What runs on a GPU, and what its compiler makes of shaders.
+
+use crate::figure::{Figure, table};
+use crate::number::Format::{Digits, Fixed, Text};
+use crate::view::{VIEW, View, cell};
+
+const PAGE: &str = "docs/benchmarks.md";
+
+pub const GOALS: Figure = table(
+    "gpu-goals",
+    PAGE,
+    &[View {
+        from: &["gpu/gpu.json#/verdicts"],
+        keys: &[("goal", "goal")],
+        cells: &[
+            cell("at most", "most", Text),
+            cell("measured", "measured", Digits(3)),
+            cell("outcome", "outcome", Text),
+        ],
+        ..VIEW
+    }],
+);
+
+pub const UPLOAD: Figure = table(
+    "gpu-upload",
+    PAGE,
+    &[View {
+        from: &["gpu/gpu.json#/upload"],
+        keys: &[("moved", "moved")],
+        cells: &[
+            cell("bytes", "bytes", Fixed(0)),
+            cell("call on the CPU, ms", "upload_call.median_ms", Digits(3)),
+            cell("submit and wait, ms", "submit_and_wait.median_ms", Digits(2)),
+        ],
+        ..VIEW
+    }],
+);
+
+pub const TOP_LEVEL: Figure = table(
+    "gpu-top-level",
+    PAGE,
+    &[View {
+        from: &["gpu/gpu.json#/top_level"],
+        keys: &[("instances", "instances")],
+        cells: &[
+            cell("dispatches", "dispatches", Fixed(0)),
+            cell("leaves", "stages.leaves.time.median_ms", Digits(2)),
+            cell("planes", "stages.planes.time.median_ms", Digits(2)),
+            cell("keys", "stages.keys.time.median_ms", Digits(2)),
+            cell("sort", "stages.sort.time.median_ms", Digits(2)),
+            cell("groups", "stages.groups.time.median_ms", Digits(2)),
+            cell("nodes", "stages.nodes.time.median_ms", Digits(2)),
+            cell("total, ms", "total.median_ms", Digits(3)),
+            cell("sort alone", "sort_alone.median_ms", Digits(2)),
+            cell("of the sort", "total_per_sort_alone", Digits(3)),
+        ],
+        ..VIEW
+    }],
+);
+
+pub const SAMPLES: Figure = table(
+    "gpu-samples",
+    PAGE,
+    &[View {
+        from: &["gpu/gpu.json#/sampling"],
+        keys: &[("city", "city"), ("candidates", "candidates")],
+        cells: &[
+            cell("lights", "lights", Fixed(0)),
+            cell("instances", "instances", Fixed(0)),
+            cell("ms", "picture.median_ms", Digits(3)),
+            cell("fastest", "picture.least_ms", Digits(3)),
+            cell("million samples a second", "samples_per_second / 1000000", Digits(3)),
+            cell("nodes a sample", "nodes_per_sample", Digits(3)),
+            cell("bytes a sample", "bytes_per_sample", Fixed(0)),
+        ],
+        ..VIEW
+    }],
+);
+
+const COMPILED: View = View {
+    from: &["shaders/shaders.csv"],
+    keep: &[("chip", &["navi21"])],
+    cells: &[
+        cell("registers", "vgprs", Fixed(0)),
+        cell("spilled", "spilled_vgprs", Fixed(0)),
+        cell("scratch, bytes", "scratch_bytes_per_lane", Fixed(0)),
+        cell("waves", "waves", Fixed(0)),
+        cell("instructions", "instructions", Fixed(0)),
+        cell("inverse throughput", "inverse_throughput", Fixed(0)),
+        cell("seconds to compile", "compile_seconds", Digits(2)),
+    ],
+    ..VIEW
+};
+
+pub const FUNCTIONS: Figure = table(
+    "shader-functions",
+    PAGE,
+    &[View {
+        keep: &[("chip", &["navi21"]), ("effects", &["none", "city", "all"])],
+        drop: &[("kernel", "light_pdf"), ("kernel", "light_hit"), ("kernel", "light_sample_")],
+        keys: &[("kernel", "function"), ("effects", "effects")],
+        ..COMPILED
+    }],
+);
+
+pub const KERNELS: Figure = table(
+    "shader-kernels",
+    PAGE,
+    &[View { keep: &[("chip", &["navi21"]), ("effects", &[""])], keys: &[("kernel", "kernel")], ..COMPILED }],
+);
+
+pub const PIPELINES: Figure = table(
+    "pipelines",
+    PAGE,
+    &[View {
+        from: &["pipelines/stdout.md"],
+        keys: &[("uses", "calls")],
+        cells: &[
+            cell("no effects, s", "none, s", Text),
+            cell("those of the city, s", "city, s", Text),
+            cell("all effects, s", "all, s", Text),
+        ],
+        ..VIEW
+    }],
+);
+
+pub const EFFECTS: Figure = table(
+    "effects",
+    PAGE,
+    &[View {
+        from: &["effects/stdout.md"],
+        keys: &[("code for", "code for"), ("stored for", "stored for")],
+        cells: &[
+            cell("bytes per node, light, instance", "bytes per node, light, instance", Text),
+            cell("ns per sample", "ns per sample", Text),
+            cell("relative to by hand", "relative to by hand", Text),
+            cell("fastest", "fastest", Digits(3)),
+        ],
+        ..VIEW
+    }],
+);

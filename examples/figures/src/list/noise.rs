@@ -1,0 +1,236 @@
+//! The noise of one light sample.
+
+use crate::figure::{Figure, selection, table};
+use crate::number::Format::{Digits, Fixed, Percent, Text};
+use crate::view::{Derived, VIEW, View, cell};
+
+const PAGE: &str = "docs/benchmarks.md";
+const NOISE: &[&str] = &["noise/noise.csv", "noise-m/noise.csv"];
+const SCENES: (&str, &[&str]) = ("scene", &["city S", "city M", "bistro_exterior_lite"]);
+/// The library, by its names in the documents.
+const OWN: &[&str] = &["two levels", "one tree"];
+
+const SUMMARY_VIEW: View = View {
+    from: NOISE,
+    keep: &[SCENES],
+    drop: &[("sampler", "flat,")],
+    keys: &[("scene", "scene")],
+    across: Some("sampler"),
+    cells: &[
+        cell("σ", "sigma_mean", Digits(3)),
+        cell("ns per sample", "ns_per_sample", Digits(3)),
+        cell("bytes per light", "bytes_per_light", Digits(3)),
+    ],
+    is_stacked: true,
+    ..VIEW
+};
+
+pub const README: Figure = table(
+    "readme-noise",
+    "README.md",
+    &[View {
+        keep: &[
+            SCENES,
+            ("sampler", &["girandole", "girandole flat", "sg tree", "pbrt opaque", "pbrt", "cycles", "flux"]),
+        ],
+        labels: &[
+            ("girandole", "Girandole"),
+            ("girandole flat", "Girandole, one tree"),
+            ("sg tree", "SG tree"),
+            ("pbrt", "pbrt-v4's formula"),
+            ("pbrt opaque", "the same, opaque"),
+            ("cycles", "Cycles' formula"),
+            ("flux", "by flux"),
+        ],
+        ..SUMMARY_VIEW
+    }],
+);
+
+pub const SUMMARY: Figure = table("summary", PAGE, &[SUMMARY_VIEW]);
+
+pub const ALL: Figure = table(
+    "noise",
+    PAGE,
+    &[View {
+        from: NOISE,
+        keep: &[SCENES],
+        drop: &[("sampler", "uniform"), ("sampler", "flux"), ("sampler", "flat, 2"), ("sampler", "flat, 4")],
+        keys: &[("scene", "scene"), ("sampler", "sampler")],
+        cells: &[
+            cell("σ mean", "sigma_mean", Digits(3)),
+            cell("median", "sigma_median", Digits(3)),
+            cell("95 %", "sigma_p95", Digits(3)),
+            cell("99.9 %", "sigma_p999", Digits(3)),
+            cell("rms", "sigma_rms", Digits(3)),
+            cell("dead", "dead", Percent(1)),
+            cell("ns per sample", "ns_per_sample", Digits(3)),
+        ],
+        ..VIEW
+    }],
+);
+
+/// Rows in which the library exceeds a share of the best other sampler.
+const LOSS: View = View {
+    keys: &[("scene", "scene")],
+    across: Some("sampler"),
+    is_stacked: true,
+    derived: &[Derived::OfBest("quotient", "two levels", OWN), Derived::Best("best rival", OWN)],
+    show: &["two levels", "best rival", "quotient"],
+    ..VIEW
+};
+
+pub const LOSSES: Figure = selection(
+    "losses",
+    PAGE,
+    &[
+        View {
+            from: NOISE,
+            keep: &[SCENES],
+            drop: &[("sampler", "flat,")],
+            cells: &[cell("σ² × µs", "sigma_mean^2 * ns_per_sample / 1000", Digits(3))],
+            above: Some(("quotient", 1.0 / 3.0)),
+            ..LOSS
+        },
+        View {
+            from: &["torture/torture.csv"],
+            cells: &[cell("σ", "sigma_mean", Digits(3))],
+            above: Some(("quotient", 0.6)),
+            ..LOSS
+        },
+        View {
+            from: &["torture/torture.csv", "cliffs/cliffs.csv"],
+            keep: &[("sampler", &["girandole", "girandole flat"])],
+            cells: &[cell("σ", "sigma_mean", Digits(3))],
+            derived: &[
+                Derived::OfBest("quotient", "two levels", &["two levels"]),
+                Derived::Best("best rival", &["two levels"]),
+            ],
+            above: Some(("quotient", 1.5)),
+            ..LOSS
+        },
+    ],
+);
+
+/// The scenes with the least lead. The program prints all.
+pub const TORTURE: Figure = selection(
+    "torture",
+    PAGE,
+    &[View {
+        from: &["torture/torture.csv"],
+        keys: &[("scene", "scene")],
+        across: Some("sampler"),
+        cells: &[
+            cell("", "sigma_mean", Digits(2)),
+            cell("99.9 %", "sigma_p999", Digits(2)).only("girandole"),
+            cell("dead", "dead", Percent(0)).only("girandole"),
+        ],
+        derived: &[Derived::OfBest("quotient", "two levels", &["two levels", "one tree", "99.9 %", "dead"])],
+        above: Some(("quotient", 0.25)),
+        ..VIEW
+    }],
+);
+
+/// The scenes in which two levels are most behind one tree. The program prints all.
+pub const CLIFFS: Figure = selection(
+    "cliffs",
+    PAGE,
+    &[View {
+        from: &["cliffs/cliffs.csv"],
+        keys: &[("scene", "scene")],
+        across: Some("sampler"),
+        cells: &[cell("", "sigma_mean", Digits(2))],
+        derived: &[Derived::Ratio("quotient", "two levels", "one tree")],
+        above: Some(("quotient", 1.1)),
+        ..VIEW
+    }],
+);
+
+pub const GLOSS: Figure = table(
+    "gloss",
+    PAGE,
+    &[View {
+        from: &["gloss/gloss.csv"],
+        keep: &[("roughness", &["0.1", "0.3", "0.5"])],
+        keys: &[("scene", "scene"), ("surface", "surface"), ("roughness", "roughness")],
+        across: Some("sampler"),
+        cells: &[cell("", "sigma_mean", Digits(3))],
+        derived: &[Derived::Ratio("of cosine only", "with gloss", "cosine only")],
+        is_least_bold: true,
+        labels: &[("girandole with gloss", "with gloss"), ("girandole", "cosine only")],
+        ..VIEW
+    }],
+);
+
+const SEGMENT: View = View {
+    from: &["segments/segments.csv"],
+    keys: &[("what", "what"), ("sampler", "for")],
+    across: Some("segments"),
+    is_stacked: true,
+    ..VIEW
+};
+
+pub const SEGMENTS: Figure = table(
+    "segments",
+    PAGE,
+    &[
+        View { cells: &[cell("σ", "sigma_mean", Digits(2))], ..SEGMENT },
+        View {
+            keep: &[("what", &["choice"]), ("sampler", &["segment", "its middle"])],
+            cells: &[cell("segments with a light never chosen", "unreached", Fixed(0)), cell("ns", "ns", Digits(3))],
+            ..SEGMENT
+        },
+    ],
+);
+
+pub const CANDIDATES: Figure = table(
+    "candidates",
+    PAGE,
+    &[View {
+        from: &["candidates/candidates.csv"],
+        keys: &[("candidates", "candidates")],
+        cells: &[
+            cell("error", "rmse", Digits(3)),
+            cell("of independent candidates", "rmse_independent", Digits(3)),
+            cell("ns per estimate", "ns_per_estimate", Digits(3)),
+        ],
+        ..VIEW
+    }],
+);
+
+pub const SHADOWS: Figure = table(
+    "shadows",
+    PAGE,
+    &[View {
+        from: &["shadows/shadows.csv"],
+        drop: &[("knows", "clusters by instance")],
+        keys: &[("knows", "what is known"), ("clusters", "clusters"), ("cell_m", "cell, m")],
+        across: Some("scene"),
+        cells: &[cell("σ", "sigma_mean", Digits(3)), cell("gain", "gain_mean", Digits(3))],
+        ..VIEW
+    }],
+);
+
+pub const LEARNING: Figure = table(
+    "learning",
+    PAGE,
+    &[View {
+        from: &["learn/learn.csv"],
+        drop: &[
+            ("scene", "ten rooms, nothing hidden"),
+            ("table", "0.5 m"),
+            ("table", "2 m"),
+            ("table", "1 m, 1 frames"),
+            ("table", "1 m, 33 frames"),
+        ],
+        keys: &[("scene", "scene"), ("table", "cells and frames")],
+        cells: &[
+            cell("samples per cell", "samples_per_cell", Text),
+            cell("σ mean", "sigma_mean", Digits(3)),
+            cell("95 %", "sigma_p95", Digits(3)),
+            cell("gain in mean", "gain_mean", Digits(3)),
+            cell("gain in rms", "gain_rms", Digits(3)),
+            cell("ns per pick", "ns_per_pick", Digits(3)),
+        ],
+        ..VIEW
+    }],
+);
