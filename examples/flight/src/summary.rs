@@ -47,8 +47,11 @@ impl Spread {
 /// The columns of `summary.csv`.
 const COLUMNS: [&str; 4] = ["what", "median", "p999", "worst"];
 
+/// A value of a frame.
+type Measure = fn(&Row) -> f64;
+
 /// What each frame is measured by.
-const MEASURES: [(&str, fn(&Row) -> f64); 13] = [
+const MEASURES: [(&str, Measure); 13] = [
     ("frame, µs", |row| us(row.costs.frame)),
     ("adding and removing regions, µs", |row| us(row.costs.regions)),
     ("moves and edits, µs", |row| us(row.costs.edits)),

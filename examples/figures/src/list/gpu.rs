@@ -77,36 +77,25 @@ pub const SAMPLES: Figure = table(
     }],
 );
 
-const COMPILED: View = View {
-    from: &["shaders/shaders.csv"],
-    keep: &[("chip", &["navi21"])],
-    cells: &[
-        cell("registers", "vgprs", Fixed(0)),
-        cell("spilled", "spilled_vgprs", Fixed(0)),
-        cell("scratch, bytes", "scratch_bytes_per_lane", Fixed(0)),
-        cell("waves", "waves", Fixed(0)),
-        cell("instructions", "instructions", Fixed(0)),
-        cell("inverse throughput", "inverse_throughput", Fixed(0)),
-        cell("seconds to compile", "compile_seconds", Digits(2)),
-    ],
-    ..VIEW
-};
-
 pub const FUNCTIONS: Figure = table(
     "shader-functions",
     PAGE,
     &[View {
-        keep: &[("chip", &["navi21"]), ("effects", &["none", "city", "all"])],
+        from: &["shaders/shaders.csv"],
+        keep: &[("effects", &["none", "city", "all"])],
         drop: &[("kernel", "light_pdf"), ("kernel", "light_hit"), ("kernel", "light_sample_")],
         keys: &[("kernel", "function"), ("effects", "effects")],
-        ..COMPILED
+        cells: &[
+            cell("registers", "vgprs", Fixed(0)),
+            cell("spilled", "spilled_vgprs", Fixed(0)),
+            cell("scratch, bytes", "scratch_bytes_per_lane", Fixed(0)),
+            cell("waves", "waves", Fixed(0)),
+            cell("instructions", "instructions", Fixed(0)),
+            cell("inverse throughput", "inverse_throughput", Fixed(0)),
+            cell("seconds to compile", "compile_seconds", Digits(2)),
+        ],
+        ..VIEW
     }],
-);
-
-pub const KERNELS: Figure = table(
-    "shader-kernels",
-    PAGE,
-    &[View { keep: &[("chip", &["navi21"]), ("effects", &[""])], keys: &[("kernel", "kernel")], ..COMPILED }],
 );
 
 pub const PIPELINES: Figure = table(

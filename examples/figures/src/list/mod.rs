@@ -42,7 +42,6 @@ pub const FIGURES: &[Figure] = &[
     gpu::TOP_LEVEL,
     gpu::SAMPLES,
     gpu::FUNCTIONS,
-    gpu::KERNELS,
     gpu::PIPELINES,
     gpu::EFFECTS,
     accuracy::FRONT_PLOT,

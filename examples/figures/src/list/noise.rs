@@ -150,7 +150,7 @@ pub const GLOSS: Figure = table(
     PAGE,
     &[View {
         from: &["gloss/gloss.csv"],
-        keep: &[("roughness", &["0.1", "0.3", "0.5"])],
+        keep: &[("roughness", &["0.1", "0.5"])],
         keys: &[("scene", "scene"), ("surface", "surface"), ("roughness", "roughness")],
         across: Some("sampler"),
         cells: &[cell("", "sigma_mean", Digits(3))],
@@ -202,7 +202,7 @@ pub const SHADOWS: Figure = table(
     PAGE,
     &[View {
         from: &["shadows/shadows.csv"],
-        drop: &[("knows", "clusters by instance")],
+        drop: &[("knows", "clusters by instance"), ("clusters", "300")],
         keys: &[("knows", "what is known"), ("clusters", "clusters"), ("cell_m", "cell, m")],
         across: Some("scene"),
         cells: &[cell("σ", "sigma_mean", Digits(3)), cell("gain", "gain_mean", Digits(3))],
@@ -220,6 +220,7 @@ pub const LEARNING: Figure = table(
             ("table", "0.5 m"),
             ("table", "2 m"),
             ("table", "1 m, 1 frames"),
+            ("table", "1 m, 17 frames"),
             ("table", "1 m, 33 frames"),
         ],
         keys: &[("scene", "scene"), ("table", "cells and frames")],

@@ -99,7 +99,7 @@ pub const RUNS: &[Run] = &[
         name: "budget",
         program: "budget",
         arguments: "--scene S10,M100 --shares 0.02,0.1,0.5 --shading-points 60 --frames 160",
-        quick: Some("--quick --scene S10 --shares 0.02,0.1,0.5 --motion smooth --shading-points 2 --frames 16"),
+        quick: Some("--quick --scene S10,M100 --shares 0.02,0.1,0.5 --motion smooth --shading-points 2 --frames 8"),
         has_fewer_rows: true,
         is_timed: true,
         seconds: 600,
@@ -145,7 +145,14 @@ pub const RUNS: &[Run] = &[
         seconds: 40,
         ..RUN
     },
-    Run { name: "shaders", program: "shader_stats", out: Some("shaders.csv"), seconds: 30, ..RUN },
+    Run {
+        name: "shaders",
+        program: "shader_stats",
+        arguments: "--chip navi21",
+        out: Some("shaders.csv"),
+        seconds: 30,
+        ..RUN
+    },
     Run {
         name: "pipelines",
         program: "bench_pipelines",
@@ -168,7 +175,7 @@ pub const RUNS: &[Run] = &[
         name: "glossy",
         program: "accuracy",
         arguments: "--pictures 4",
-        quick: Some("--quick"),
+        quick: Some("--quick --size 16x16 --pictures 2"),
         has_fewer_rows: true,
         is_timed: true,
         seconds: 540,
@@ -178,7 +185,7 @@ pub const RUNS: &[Run] = &[
         name: "matte",
         program: "accuracy",
         arguments: "--matte --pictures 4",
-        quick: Some("--matte --quick"),
+        quick: Some("--matte --quick --size 16x16 --pictures 2"),
         has_fewer_rows: true,
         is_timed: true,
         seconds: 540,
@@ -196,7 +203,7 @@ pub const RUNS: &[Run] = &[
         name: "paper-city",
         program: "paper",
         arguments: "--world S --seeds 3",
-        quick: Some("--quick"),
+        quick: Some("--quick --size 16x16 --pictures 2"),
         seconds: 300,
         ..RUN
     },
