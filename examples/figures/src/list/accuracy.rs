@@ -8,6 +8,14 @@ const PAGE: &str = "docs/accuracy.md";
 
 const EQUAL_TIME_FILES: &[&str] = &["matte/equal_time.csv", "glossy/equal_time.csv"];
 const REL_MSE: crate::number::Format = Within("rel_mse_low", "rel_mse_high", 2);
+/// Small versions have other numbers of candidates.
+const EQUAL_TIME_LABELS: &[(&str, &str)] = &[
+    ("matte", "diffuse"),
+    ("glossy", "glossy"),
+    ("Girandole / 6 splits / 1 candidate", "Girandole"),
+    ("Girandole / 6 splits / 4 candidates", "Girandole, several candidates"),
+    ("Girandole / 6 splits / 8 candidates", "Girandole, several candidates"),
+];
 /// The pictures of a run of each kind of materials.
 const RUN_LABELS: &[(&str, &str)] = &[("matte", "diffuse"), ("glossy", "glossy")];
 
@@ -26,6 +34,7 @@ pub const README: Figure = table(
             cell("samples in this time", "samples", Digits(2)),
             cell("relMSE (95 % interval)", "rel_mse", REL_MSE),
         ],
+        labels: EQUAL_TIME_LABELS,
         ..VIEW
     }],
 );
@@ -48,7 +57,7 @@ pub const EQUAL_TIME: Figure = table(
             cell("σ with shadows", "sigma_visible", Digits(2)).only("matte"),
             cell("dead", "dead", Percent(0)).only("matte"),
         ],
-        labels: RUN_LABELS,
+        labels: EQUAL_TIME_LABELS,
         ..VIEW
     }],
 );

@@ -203,7 +203,7 @@ pub const RUNS: &[Run] = &[
         name: "paper-city",
         program: "paper",
         arguments: "--world S --seeds 3",
-        quick: Some("--quick --size 16x16 --pictures 2"),
+        quick: Some("--quick"),
         seconds: 300,
         ..RUN
     },
