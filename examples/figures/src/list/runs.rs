@@ -98,8 +98,10 @@ pub const RUNS: &[Run] = &[
     Run {
         name: "budget",
         program: "budget",
-        arguments: "--scene S10,M100 --shares 0.02,0.1,0.5 --shading-points 60 --frames 160",
-        quick: Some("--quick --scene S10,M100 --shares 0.02,0.1,0.5 --motion smooth --shading-points 2 --frames 8"),
+        arguments: "--scene S10,M100 --strategies girandole,round,oracle --shares 0.02,0.1,0.5 --shading-points 60 --frames 160",
+        quick: Some(
+            "--quick --scene S10,M100 --strategies girandole,round,oracle --shares 0.02,0.1,0.5 --motion smooth --shading-points 2 --frames 8",
+        ),
         has_fewer_rows: true,
         is_timed: true,
         seconds: 600,

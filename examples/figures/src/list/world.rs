@@ -37,7 +37,7 @@ pub const BUDGET: Figure = table(
         from: &["budget/budget.csv"],
         keep: &[
             ("budget_share", &["0.02", "0.1", "0.5"]),
-            ("strategy", &["girandole", "girandole in frames", "round robin", "SS 2 splitting cost", "oracle"]),
+            ("strategy", &["girandole", "girandole in frames", "round robin", "oracle"]),
         ],
         keys: &[("budget_share", "budget"), ("strategy", "strategy")],
         across: Some("scene"),
