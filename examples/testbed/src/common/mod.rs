@@ -1,6 +1,8 @@
 //! What every program needs: a command line, tables, progress, random numbers, a device.
 
 #[cfg(feature = "native")]
+pub mod alias;
+#[cfg(feature = "native")]
 pub mod exit;
 #[cfg(feature = "native")]
 pub mod gpu;

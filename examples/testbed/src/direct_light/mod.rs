@@ -9,6 +9,7 @@ pub mod view;
 pub mod shadows;
 
 pub mod numbers;
+pub mod sobol;
 pub mod draw;
 pub mod renderer;
 pub mod converged;

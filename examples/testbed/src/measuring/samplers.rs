@@ -1,6 +1,7 @@
 //! The samplers that are compared, behind one interface: the probability of every light at a
 //! shading point, and single choices, which can be timed.
 
+use super::baselines::lightcuts::LightcutTree;
 use super::baselines::{BinaryTree, Cycles, Formula, GaussianTree, Pbrt};
 use super::sigma::{Noise, Summary};
 use girandole::{Light, LightId, LightPick, LightSampler, LightTree, LightWorld, ShadingPoint, SplitCount, WorldError};
@@ -133,6 +134,46 @@ impl<const N: usize, const LANES: usize> Chooser for Gaussian<N, LANES> {
     fn choose(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> Option<LightPick> {
         let (light, pmf) = self.tree.pick(shading_point, wide(u))?;
         Some(LightPick { light: self.ids[light as usize], pmf })
+    }
+
+    fn bytes(&self) -> usize {
+        self.tree.bytes()
+    }
+}
+
+/// Stochastic lightcuts. A choice takes one node of the cut of its own shading point, each with the
+/// same probability, where the published algorithm takes all of them.
+struct Lightcuts {
+    ids: Arc<[LightId]>,
+    tree: LightcutTree,
+}
+
+impl Lightcuts {
+    fn cut(&self, shading_point: &ShadingPoint) -> Vec<u32> {
+        let mut cut = Vec::new();
+        self.tree.cut(shading_point, &mut cut);
+        cut
+    }
+}
+
+impl Chooser for Lightcuts {
+    fn name(&self) -> &'static str {
+        "stochastic lightcuts"
+    }
+
+    fn pmfs(&self, shading_point: &ShadingPoint) -> Vec<f32> {
+        let (cut, mut pmfs) = (self.cut(shading_point), vec![0.0; self.ids.len()]);
+        for node in &cut {
+            self.tree.add_pmfs(*node, shading_point, 1.0 / cut.len() as f64, &mut pmfs);
+        }
+        pmfs
+    }
+
+    fn choose(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> Option<LightPick> {
+        let cut = self.cut(shading_point);
+        let place = wide(u) * cut.len() as f64;
+        let (light, pmf) = self.tree.pick(*cut.get(place as usize)?, shading_point, place.fract())?;
+        Some(LightPick { light: self.ids[light as usize], pmf: pmf / cut.len() as f32 })
     }
 
     fn bytes(&self) -> usize {
@@ -280,6 +321,7 @@ pub fn all<'a>(
     ids: &'a [LightId],
 ) -> Result<Vec<Box<dyn Chooser + 'a>>, WorldError> {
     let mut all: Vec<Box<dyn Chooser + 'a>> = published(lights, ids)?;
+    all.push(Box::new(Lightcuts { ids: ids.into(), tree: LightcutTree::new(lights) }));
     all.push(two_level(world));
     let tree = LightTree::new(lights.to_vec())?;
     let flat = |name, splits| -> Box<dyn Chooser + 'a> { Box::new(Flat { name, ids, tree: tree.clone(), splits }) };

@@ -4,6 +4,7 @@
 mod attributes;
 mod bounds;
 mod cycles;
+pub mod lightcuts;
 pub mod moving;
 mod pbrt;
 mod saoh;
