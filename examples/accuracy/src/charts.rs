@@ -25,17 +25,8 @@ struct Curve {
     points: Vec<(f64, f64)>,
 }
 
-/// The samplers that are compared, with their colours.
-const COMPARED: [(Sampler, RGBColor); 8] = [
-    (Sampler::Published("uniform"), PALETTE[0]),
-    (Sampler::Published("flux"), PALETTE[1]),
-    (Sampler::Streaming, PALETTE[3]),
-    (Sampler::Published("pbrt"), PALETTE[7]),
-    (Sampler::Published("pbrt opaque"), PALETTE[6]),
-    (Sampler::Published("cycles"), PALETTE[2]),
-    (Sampler::Published("sg tree"), PALETTE[4]),
-    (Sampler::Published("sg tree, wide"), RGBColor(127, 127, 127)),
-];
+/// The colours of the samplers that are compared.
+const COLORS: [RGBColor; 6] = [PALETTE[0], PALETTE[1], PALETTE[3], PALETTE[7], PALETTE[6], PALETTE[2]];
 
 /// The axis of [`error_over_time`] ends at so many times the time of the slowest setting of the
 /// library that is swept, or of the last budget if that is more. Points of the front beyond it are
@@ -101,8 +92,8 @@ pub fn error_over_time(rows: &[Row], answers: &Answers) -> Plot {
     })
 }
 
-/// Error over time of the default and of the samplers to compare with, by samples per pixel.
-pub fn alternatives(rows: &[Row], answers: &Answers, is_quick: bool) -> Plot {
+/// Error over time of the default and of other samplers, by samples per pixel.
+pub fn alternatives(rows: &[Row], others: &[Sampler], answers: &Answers, is_quick: bool) -> Plot {
     let of = |sampler: Sampler| {
         let is_drawn = |row: &&Row| row.setting.sampler == sampler && row.setting.change == Change::Nothing;
         let at = |row: &Row| (row.time_ms() * answers.scale, row.errors.rel_mse.mean);
@@ -116,7 +107,7 @@ pub fn alternatives(rows: &[Row], answers: &Answers, is_quick: bool) -> Plot {
         is_dashed: false,
         points: of(sampler),
     };
-    let mut curves: Vec<Curve> = COMPARED.map(curve).into();
+    let mut curves: Vec<Curve> = others.iter().copied().zip(COLORS).map(curve).collect();
     curves.push(Curve { is_dashed: true, ..curve((resampled_default(is_quick), PALETTE[5])) });
     curves.push(curve((DEFAULT, PALETTE[5])));
     let all = || curves.iter().flat_map(|curve| &curve.points);
@@ -135,7 +126,7 @@ pub fn alternatives(rows: &[Row], answers: &Answers, is_quick: bool) -> Plot {
 }
 
 /// The stages of a sample, in microseconds of one core, for each sampler.
-pub fn stages(rows: &[Row], shaded_pixels: f64, is_quick: bool) -> Plot {
+pub fn stages(rows: &[Row], others: &[Sampler], shaded_pixels: f64, is_quick: bool) -> Plot {
     const ROW: u32 = 46;
     /// The left end of the bars.
     const LEFT: u32 = 10;
@@ -148,7 +139,7 @@ pub fn stages(rows: &[Row], shaded_pixels: f64, is_quick: bool) -> Plot {
     let own = [splits(0), DEFAULT, resampled_default(is_quick), Sampler::OneLevel { splits: 6, candidates: 1 }];
     let bars: Vec<(String, [f64; 3])> = own
         .into_iter()
-        .chain(COMPARED.map(|(sampler, _)| sampler))
+        .chain(others.iter().copied())
         .filter_map(|sampler| {
             let row = find(sampler)?;
             let us = |ms: f64| ms * 1.0e3 / (row.setting.samples * shaded_pixels);

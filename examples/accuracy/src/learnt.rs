@@ -5,7 +5,7 @@ use super::settings::KNOB_SAMPLES;
 use girandole::{CandidateCount, LightSampler, VisibilityOptions, VisibilityTable};
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
-use testbed::direct_light::draw::{Draw, Drawn};
+use testbed::direct_light::draw::{Draw, Drawn, Sample};
 use testbed::direct_light::numbers::numbers;
 use testbed::direct_light::renderer::Renderer;
 use testbed::direct_light::view::Surface;
@@ -73,9 +73,9 @@ pub struct ByVisibility<'a> {
 }
 
 impl Draw for ByVisibility<'_> {
-    fn draw(&self, surface: &Surface, _: &Material, u: [f32; 5]) -> Option<Drawn> {
-        let reservoir = self.lights.resample(&surface.shading_point, u, self.candidates)?;
+    fn draw(&self, surface: &Surface, _: &Material, sample: &Sample) -> Option<Drawn> {
+        let reservoir = self.lights.resample(&surface.shading_point, sample.u, self.candidates)?;
         self.lights.record_visibility(&surface.shading_point, reservoir.chosen.light, true);
-        Some(Drawn { incident: reservoir.chosen.incident, weight: reservoir.weight })
+        Some(Drawn { incident: reservoir.chosen.incident, weight: reservoir.weight, light: 0 })
     }
 }

@@ -18,7 +18,8 @@ use testbed::common::progress::progress;
 use testbed::direct_light::converged;
 use testbed::direct_light::draw::{Draw, Resampled};
 use testbed::direct_light::reference::Reference;
-use testbed::direct_light::renderer::{Renderer, StageTimes};
+use testbed::direct_light::renderer::Renderer;
+use testbed::direct_light::times::StageTimes;
 use testbed::measuring::score::{FLOOR, mean};
 use testbed::render::metering::meter;
 use testbed::scene::SceneError;
@@ -32,6 +33,8 @@ pub const REFERENCE_SAMPLES: f64 = 64.0;
 pub const REFERENCE_CANDIDATES: CandidateCount = CandidateCount::MAX;
 /// The samples per pixel of the default that equal time stands for.
 pub const EQUAL_TIME_SAMPLES: f64 = 4.0;
+/// The samplers to compare with that are shown in equal time: those with the least error.
+const BEST_OTHERS: usize = 6;
 
 /// A sampler in equal time.
 pub struct Panel {
@@ -64,13 +67,13 @@ pub fn measure(options: &Options) -> Result<Measured, SceneError> {
     let plan = options.plan();
     let Played { stage, times: world_times, upload_bytes } =
         play((&options.scene, plan.size), plan.frames, Upkeep::Budgeted(DEFAULT_BUDGET))?;
-    let mut view = SceneView::new(&stage.scene, options.matte, &plan)?;
+    let mut view = SceneView::new(&stage.scene, options.matte, plan.size)?;
     meter(&mut view.scene, &view.geometry, &stage.world, plan.size);
     let prepared = Prepared::new(&stage.world)?;
     if prepared.ids.is_empty() {
         return Err(SceneError("the scene has no lights".into()));
     }
-    let samplers = Samplers::new(&stage.world, &prepared)?;
+    let samplers = Samplers::new(&stage.world, &prepared, &view.view)?;
     let reference = reference(options, &plan, &view, &stage.world, &prepared)?;
     let picture = reference.picture();
     if picture.iter().all(|pixel| luminance(*pixel) <= 0.0) {
@@ -96,6 +99,7 @@ pub fn measure(options: &Options) -> Result<Measured, SceneError> {
     let (lights, instances) = (prepared.ids.len(), stage.world.instance_count());
     let (shaded_pixels, noise_points) = (view.shaded_pixels(), points.len());
     let reference_error = relative_variance(&reference);
+    drop(samplers);
     Ok(Measured {
         rows,
         equal_time,
@@ -123,7 +127,7 @@ fn reference(
     let pixels = view.view.pixels.len();
     let mut reference = Reference::open(&options.out.join("reference.bin"), key, pixels);
     let (lights, renderer) = (world.sampler(), view.renderer());
-    let draw = Resampled { lights, candidates: REFERENCE_CANDIDATES };
+    let mut draw = Resampled { lights, candidates: REFERENCE_CANDIDATES };
     let bar = progress("reference", u64::from(plan.passes));
     bar.inc(reference.passes().min(u64::from(plan.passes)));
     bar.reset_eta();
@@ -131,7 +135,7 @@ fn reference(
         let seed = REFERENCE_SEED + reference.passes() as u32;
         let pass = match prepared.ids.len() <= MOST_LIGHTS {
             true => converged::picture(&renderer, &lights, &prepared.ids, seed),
-            false => renderer.picture(&draw, REFERENCE_SAMPLES, seed),
+            false => renderer.picture(&mut draw, REFERENCE_SAMPLES, seed),
         };
         reference.add(&pass).map_err(SceneError)?;
         bar.inc(1);
@@ -193,9 +197,9 @@ impl Bench<'_> {
             }
         }
         named.retain(|sampler| samplers.draw(*sampler).is_some());
-        let draws: Vec<Box<dyn Draw + '_>> = named.iter().filter_map(|sampler| samplers.draw(*sampler)).collect();
-        let draws: Vec<&dyn Draw> = draws.iter().map(AsRef::as_ref).collect();
-        let times = self.view.renderer().stage_times(&draws, self.plan.timed_pixels);
+        let mut draws: Vec<Box<dyn Draw + '_>> = named.iter().filter_map(|sampler| samplers.draw(*sampler)).collect();
+        let mut draws: Vec<&mut dyn Draw> = draws.iter_mut().map(|draw| &mut **draw as &mut dyn Draw).collect();
+        let times = self.view.renderer().stage_times(&mut draws, self.plan.timed_pixels);
         named.into_iter().zip(times).collect()
     }
 
@@ -211,7 +215,7 @@ impl Bench<'_> {
         times: &HashMap<Sampler, StageTimes>,
     ) -> Result<Row, SceneError> {
         let renderer = self.view.renderer();
-        let Some(draw) = samplers.draw(setting.sampler) else {
+        let Some(mut draw) = samplers.draw(setting.sampler) else {
             let (lights, ids) = (samplers.lights(), samplers.ids());
             let open = self.view.without_shadows()?;
             let unshadowed = Renderer { geometry: &open, ..self.view.renderer() };
@@ -224,7 +228,7 @@ impl Bench<'_> {
             );
             return Ok(self.row(setting, self.world_times, time, errors));
         };
-        let (errors, _) = errors(&renderer, draw.as_ref(), setting.samples, self.plan.pictures, self.reference);
+        let (errors, _) = errors(&renderer, draw.as_mut(), setting.samples, self.plan.pictures, self.reference);
         Ok(self.row(setting, self.world_times, times[&setting.sampler], errors))
     }
 
@@ -269,29 +273,30 @@ impl Bench<'_> {
             Change::NoGloss => diffuse = Some(matte(self.view.scene.clone())),
             Change::Nothing => {}
         }
-        let draw: Box<dyn Draw + '_> = match &learnt {
+        let mut draw: Box<dyn Draw + '_> = match &learnt {
             Some((learnt, lights, candidates)) => {
                 Box::new(ByVisibility { lights: lights.with_visibility(&learnt.table), candidates: *candidates })
             }
             None => resampled(other.as_ref().unwrap_or(self.world), splits, candidates).ok_or_else(beyond)?,
         };
-        let unchanged = resampled(self.world, splits, candidates).ok_or_else(beyond)?;
+        let mut unchanged = resampled(self.world, splits, candidates).ok_or_else(beyond)?;
         let mut renderer = self.view.renderer();
-        let now = renderer.stage_times(&[unchanged.as_ref()], self.plan.timed_pixels);
+        let now = renderer.stage_times(&mut [unchanged.as_mut()], self.plan.timed_pixels);
         renderer.scene = diffuse.as_ref().unwrap_or(renderer.scene);
         renderer.geometry = open.as_ref().unwrap_or(renderer.geometry);
-        let changed = renderer.stage_times(&[draw.as_ref()], self.plan.timed_pixels);
+        let changed = renderer.stage_times(&mut [draw.as_mut()], self.plan.timed_pixels);
         let ([now], [changed]) = (&now[..], &changed[..]) else {
             return Err(SceneError("one way to draw has one time".into()));
         };
         let per_sample = changed.scaled(times[&setting.sampler].total() / now.total());
-        let (errors, _) = errors(&renderer, draw.as_ref(), setting.samples, self.plan.pictures, self.reference);
+        let (errors, _) = errors(&renderer, draw.as_mut(), setting.samples, self.plan.pictures, self.reference);
         let mut row = self.row(setting, world_times, per_sample, errors);
         row.memory_bytes = learnt.as_ref().map_or(0, |(learnt, ..)| learnt.memory_bytes());
         Ok(row)
     }
 
-    /// Samplers in the time that samples of the default take.
+    /// The best samplers to compare with, by falling error, and the library, in the time that samples of
+    /// the default take.
     fn equal_time(&self, rows: &[Row], samplers: &Samplers<'_>) -> Result<Vec<Panel>, SceneError> {
         let per_sample = |sampler: Sampler| {
             let row = rows.iter().find(|row| row.setting.sampler == sampler && row.setting.change == Change::Nothing);
@@ -299,20 +304,23 @@ impl Bench<'_> {
             Ok::<_, SceneError>(row.samples.scaled(1.0e-3 / (row.setting.samples * self.view.shaded_pixels())))
         };
         let time = EQUAL_TIME_SAMPLES * per_sample(DEFAULT)?.total();
-        let published = settings::PUBLISHED.map(Sampler::Published);
-        let others = [Sampler::Streaming, DEFAULT, settings::resampled_default(self.plan.is_quick)];
-        let mut panels = Vec::new();
-        for sampler in published.into_iter().chain(others) {
+        let panel = |sampler: Sampler| {
             let per_sample = per_sample(sampler)?;
             // Slower samplers get at least one sample, and so more time.
             let samples = (time / per_sample.total()).max(1.0);
             let setting = Setting { sampler, samples, change: Change::Nothing };
-            let draw = samplers.draw(sampler).ok_or_else(|| SceneError("a sampler cannot draw".into()))?;
+            let mut draw = samplers.draw(sampler).ok_or_else(|| SceneError("a sampler cannot draw".into()))?;
             let (errors, picture) =
-                errors(&self.view.renderer(), draw.as_ref(), samples, self.plan.pictures, self.reference);
+                errors(&self.view.renderer(), draw.as_mut(), samples, self.plan.pictures, self.reference);
             let mut row = self.row(&setting, self.world_times, per_sample, errors);
             row.memory_bytes = samplers.memory_bytes(sampler);
-            panels.push(Panel { row, picture });
+            Ok::<_, SceneError>(Panel { row, picture })
+        };
+        let mut panels: Vec<Panel> = settings::others().map(panel).collect::<Result<_, _>>()?;
+        panels.sort_by(|a, b| b.row.errors.rel_mse.mean.total_cmp(&a.row.errors.rel_mse.mean));
+        panels.drain(..panels.len() - BEST_OTHERS);
+        for own in [DEFAULT, settings::resampled_default(self.plan.is_quick)] {
+            panels.push(panel(own)?);
         }
         Ok(panels)
     }

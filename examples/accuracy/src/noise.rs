@@ -8,8 +8,11 @@ use super::options::Plan;
 use super::samplers::Samplers;
 use super::scene_view::SceneView;
 use super::settings::Sampler;
+use girandole::glam::Vec3;
 use girandole::light::luminance;
 use rayon::prelude::*;
+use testbed::direct_light::draw::{Draw, Sample};
+use testbed::direct_light::frames::Frames;
 use testbed::direct_light::numbers::numbers;
 use testbed::direct_light::shadows::Shadows;
 use testbed::direct_light::view::Surface;
@@ -19,6 +22,8 @@ use testbed::measuring::sigma::Noise;
 const MOST_CONTRIBUTIONS: usize = 40_000_000;
 /// The fewest points.
 const LEAST_POINTS: usize = 10;
+/// The frames over which the draws of estimates are spread.
+const FRAMES: u32 = 16;
 /// Seeds the draws of estimates.
 const SEED: u32 = 77;
 
@@ -36,6 +41,8 @@ pub struct SamplerNoise {
 
 /// A surface and the illuminance by each light, in lux.
 struct Point {
+    /// Its pixel, and what the first subpixel shows.
+    pixel: u32,
     surface: Surface,
     lux: Vec<f32>,
     /// With shadows, by one shadow ray to each light.
@@ -51,15 +58,17 @@ impl Points {
         let (lights, ids) = (samplers.lights(), samplers.ids());
         let shadows = Shadows::new(&view.scene, &view.geometry);
         let count = (MOST_CONTRIBUTIONS / ids.len().max(1)).clamp(LEAST_POINTS, plan.noise_points);
-        let all: Vec<&Surface> = view.view.pixels.iter().filter_map(|pixel| pixel.surfaces[0].as_ref()).collect();
+        let shown =
+            (0..).zip(&view.view.pixels).filter_map(|(index, pixel)| Some((index, pixel.surfaces[0].as_ref()?)));
+        let all: Vec<(u32, &Surface)> = shown.collect();
         let spread = all.len().div_ceil(count).max(1);
-        let at = |surface: &&Surface| {
+        let at = |(pixel, surface): (u32, &Surface)| {
             let (lux, visible): (Vec<f32>, Vec<f32>) =
                 ids.iter().map(|light| shadows.illuminance(&lights, &surface.shading_point, *light)).unzip();
             let is_lit = lux.iter().any(|lux| *lux > 0.0);
-            is_lit.then_some(Point { surface: **surface, lux, visible })
+            is_lit.then_some(Point { pixel, surface: *surface, lux, visible })
         };
-        Self(all.into_par_iter().step_by(spread).filter_map(|surface| at(&surface)).collect())
+        Self(all.into_par_iter().step_by(spread).filter_map(at).collect())
     }
 
     /// The number of points.
@@ -76,22 +85,10 @@ impl Points {
         sampler: Sampler,
         draws: u32,
     ) -> Option<SamplerNoise> {
-        let draw = samplers.draw(sampler)?;
-        let at = |(index, point): (usize, &Point)| match samplers.pmfs(sampler, &point.surface.shading_point) {
-            Some(pmfs) => exact(point, &pmfs),
-            None => {
-                let renderer = view.renderer();
-                let material = &view.scene.materials[point.surface.material as usize];
-                let values = (0..draws).map(|i| {
-                    let drawn = draw.draw(&point.surface, material, numbers(index as u32, i, SEED))?;
-                    let cosine = point.surface.shading_point.normal.dot(drawn.incident.direction).max(0.0);
-                    let lux = luminance(drawn.incident.radiance) * cosine * drawn.weight;
-                    Some([f64::from(lux), f64::from(u8::from(!renderer.is_shadowed(&point.surface, &drawn.incident)))])
-                });
-                estimated(point, values)
-            }
-        };
-        let noises: Vec<PointNoise> = self.0.par_iter().enumerate().map(at).collect();
+        let mut draw = samplers.draw(sampler)?;
+        let at = |point: &Point| Some(exact(point, &samplers.pmfs(sampler, &point.surface.shading_point)?));
+        let exact: Option<Vec<PointNoise>> = self.0.par_iter().map(at).collect();
+        let noises = exact.unwrap_or_else(|| self.estimated(view, draw.as_mut(), draws));
         let mean = |values: &mut dyn Iterator<Item = f64>| {
             let (sum, count) = values.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
             (count > 0).then(|| sum / f64::from(count))
@@ -101,6 +98,33 @@ impl Points {
             sigma_visible: mean(&mut noises.iter().filter_map(|noise| noise.sigma_visible))?,
             dead: mean(&mut noises.iter().map(|noise| noise.dead))?,
         })
+    }
+
+    /// The noise of so many draws at each point, in several frames that are prepared one by one.
+    fn estimated(&self, view: &SceneView, draw: &mut dyn Draw, draws: u32) -> Vec<PointNoise> {
+        let (renderer, learns) = (view.renderer(), draw.warm_up() > 0);
+        let mut frames = Frames::new(&renderer, draw, SEED);
+        let mut pictures = vec![Vec3::ZERO; view.view.pixels.len()];
+        let mut sums = vec![Sums::default(); self.0.len()];
+        for round in 0..FRAMES {
+            frames.prepare();
+            let (draw, frame) = frames.prepared();
+            sums.par_iter_mut().zip(&self.0).enumerate().for_each(|(index, (sums, point))| {
+                let Point { pixel, surface, .. } = point;
+                let material = renderer.material(surface);
+                for i in round * draws / FRAMES..(round + 1) * draws / FRAMES {
+                    let sample = Sample { pixel: *pixel, frame, u: numbers(index as u32, i, SEED) };
+                    let drawn = draw.draw(surface, material, &sample);
+                    sums.add(drawn.map(|drawn| {
+                        let cosine = surface.shading_point.normal.dot(drawn.incident.direction).max(0.0);
+                        let lux = luminance(drawn.incident.radiance) * cosine * drawn.weight;
+                        (f64::from(lux), !renderer.is_shadowed(surface, &drawn.incident))
+                    }));
+                }
+            });
+            frames.draw(&mut pictures, |_| learns);
+        }
+        sums.iter().zip(&self.0).map(|(sums, point)| sums.noise(point)).collect()
     }
 }
 
@@ -122,26 +146,37 @@ fn exact(point: &Point, pmfs: &[f32]) -> PointNoise {
     }
 }
 
-/// The noise of draws, which are `None` or an illuminance without shadows and its visibility.
-fn estimated(point: &Point, draws: impl Iterator<Item = Option<[f64; 2]>>) -> PointNoise {
-    let (mut count, mut dead, mut squares, mut visible_squares) = (0.0_f64, 0.0, 0.0, 0.0);
-    for draw in draws {
-        count += 1.0;
+/// Sums over the draws at a point.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    count: f64,
+    dead: f64,
+    squares: f64,
+    visible_squares: f64,
+}
+
+impl Sums {
+    /// Adds a draw: an illuminance without shadows, and whether it arrives with them.
+    fn add(&mut self, draw: Option<(f64, bool)>) {
+        self.count += 1.0;
         match draw {
-            Some([lux, visibility]) => {
-                squares += lux * lux;
-                visible_squares += lux * lux * visibility;
+            Some((lux, is_visible)) => {
+                self.squares += lux * lux;
+                self.visible_squares += if is_visible { lux * lux } else { 0.0 };
             }
-            None => dead += 1.0,
+            None => self.dead += 1.0,
         }
     }
-    let sigma = |lux: &[f32], squares: f64| {
-        let mean: f64 = lux.iter().map(|lux| f64::from(*lux)).sum();
-        (mean > 0.0).then(|| (squares / count / (mean * mean) - 1.0).max(0.0).sqrt())
-    };
-    PointNoise {
-        sigma: sigma(&point.lux, squares).unwrap_or(0.0),
-        sigma_visible: sigma(&point.visible, visible_squares),
-        dead: dead / count.max(1.0),
+
+    fn noise(&self, point: &Point) -> PointNoise {
+        let sigma = |lux: &[f32], squares: f64| {
+            let mean: f64 = lux.iter().map(|lux| f64::from(*lux)).sum();
+            (mean > 0.0).then(|| (squares / self.count / (mean * mean) - 1.0).max(0.0).sqrt())
+        };
+        PointNoise {
+            sigma: sigma(&point.lux, self.squares).unwrap_or(0.0),
+            sigma_visible: sigma(&point.visible, self.visible_squares),
+            dead: self.dead / self.count.max(1.0),
+        }
     }
 }

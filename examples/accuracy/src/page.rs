@@ -311,7 +311,9 @@ fn method(options: &Options, measured: &Measured) -> String {
             measured.noise_points, plan.noise_draws
         ),
         "Times of samples are those of one core: 15 rounds in turn, of which the fastest counts. Other samplers pay nothing \
-         for keeping their trees fit, which favours them. Their formulas are on binary trees with one light per leaf."
+         for keeping their trees fit, which favours them. Their formulas are on binary trees with one light per leaf. \
+         Samples share what a sampler prepares for a frame; lists and grids that do not grow with the picture are shared \
+         by as many samples as a frame of 1920 × 1080 has."
             .into(),
         format!(
             "Learnt visibility was taught by {} frames of the same view, with {KNOB_SAMPLES} samples per pixel each. Its time \

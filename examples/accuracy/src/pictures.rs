@@ -5,7 +5,8 @@ use girandole::{LightId, LightSampler};
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
 use testbed::direct_light::draw::Draw;
-use testbed::direct_light::renderer::{Renderer, StageTimes};
+use testbed::direct_light::renderer::Renderer;
+use testbed::direct_light::times::StageTimes;
 use testbed::measuring::score::{Estimate, Score};
 
 /// The sum over all lights is timed with the n-th part of the evaluations of a picture.
@@ -37,7 +38,7 @@ impl Errors {
 /// first picture as well.
 pub fn errors(
     renderer: &Renderer<'_>,
-    draw: &dyn Draw,
+    draw: &mut dyn Draw,
     samples: f64,
     pictures: u32,
     reference: &[Vec3],

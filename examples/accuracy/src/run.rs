@@ -7,6 +7,7 @@ use super::extracts;
 use super::measured::{Measured, measure};
 use super::options::Options;
 use super::page::{FRONT_COLUMNS, Plots, front, page};
+use super::settings::{self, Sampler};
 use super::table::COLUMNS;
 use std::fs;
 use testbed::common::table::{Table, markdown_head};
@@ -24,10 +25,13 @@ pub fn run(options: &Options) -> Result<Measured, SceneError> {
 
     let answers = Answers::new(&measured.rows).ok_or_else(|| SceneError("the default was not measured".into()))?;
     let draw = |plot: Result<String, String>| plot.map_err(|error| SceneError(format!("cannot draw a plot: {error}")));
+    let others: Vec<Sampler> = settings::others().collect();
+    let shown = measured.equal_time.iter().map(|panel| panel.row.setting.sampler);
+    let others: Vec<Sampler> = shown.filter(|sampler| others.contains(sampler)).collect();
     let plots = Plots {
         error_over_time: draw(charts::error_over_time(&measured.rows, &answers))?,
-        alternatives: draw(charts::alternatives(&measured.rows, &answers, options.quick))?,
-        stages: draw(charts::stages(&measured.rows, measured.shaded_pixels, options.quick))?,
+        alternatives: draw(charts::alternatives(&measured.rows, &others, &answers, options.quick))?,
+        stages: draw(charts::stages(&measured.rows, &others, measured.shaded_pixels, options.quick))?,
     };
     let crops = crops(&measured, measured.view.scene.exposure)
         .map_err(|error| SceneError(format!("cannot encode a picture: {error}")))?;

@@ -7,6 +7,8 @@ use girandole::{
     SplitCount,
 };
 use testbed::direct_light::draw::{Draw, Resampled, ResampledByBrdf, ResampledWithGloss, Single, Streaming};
+use testbed::direct_light::rivals;
+use testbed::direct_light::view::View;
 use testbed::measuring::lights::carried;
 use testbed::measuring::samplers::{self, Chooser};
 use testbed::scene::SceneError;
@@ -36,6 +38,11 @@ impl Prepared {
         one_level.update(FrameBudget::UNLIMITED);
         Ok(Self { lights, ids, one_level })
     }
+
+    /// A world with one tree over all lights.
+    pub fn one_level(&self) -> &LightWorld {
+        &self.one_level
+    }
 }
 
 /// All samplers over the same lights.
@@ -43,12 +50,13 @@ pub struct Samplers<'a> {
     world: &'a LightWorld,
     prepared: &'a Prepared,
     published: Vec<Box<dyn Chooser + 'a>>,
+    view: &'a View,
 }
 
 impl<'a> Samplers<'a> {
-    /// Builds the trees of the samplers to compare with.
-    pub fn new(world: &'a LightWorld, prepared: &'a Prepared) -> Result<Self, SceneError> {
-        Ok(Self { world, prepared, published: samplers::published(&prepared.lights, &prepared.ids)? })
+    /// Builds the trees of the samplers to compare with, for pictures of a view.
+    pub fn new(world: &'a LightWorld, prepared: &'a Prepared, view: &'a View) -> Result<Self, SceneError> {
+        Ok(Self { world, prepared, published: samplers::published(&prepared.lights, &prepared.ids)?, view })
     }
 
     /// A way to draw; `None` for the sum over all lights, and for a sampler or a count that does
@@ -70,6 +78,10 @@ impl<'a> Samplers<'a> {
             }
             Sampler::Streaming => {
                 Box::new(Streaming { lights: self.world.sampler(), ids: &self.prepared.ids, candidates: STREAMED })
+            }
+            Sampler::Rival(name) => {
+                let lights = (self.world.sampler(), &self.prepared.ids[..], &self.prepared.lights[..]);
+                rivals::by_name(name, lights, self.view)?
             }
             Sampler::AllLights => return None,
         })
@@ -106,6 +118,10 @@ impl<'a> Samplers<'a> {
             Sampler::OneLevel { .. } => of_world(&self.prepared.one_level),
             Sampler::Published(name) => {
                 self.published(name).map_or(0, Chooser::bytes) + self.prepared.lights.len() * LIGHT_BYTES
+            }
+            Sampler::Rival(_) => {
+                let prepared = self.draw(sampler).map_or(0, |draw| draw.prepared_bytes());
+                prepared + self.prepared.lights.len() * LIGHT_BYTES
             }
             Sampler::Streaming | Sampler::AllLights => self.prepared.lights.len() * LIGHT_BYTES,
         }

@@ -1,8 +1,8 @@
 //! The last frame of a played scene: what the camera sees, and the key of its reference.
 
-use super::options::Plan;
 use girandole::Light;
 use girandole::glam::Vec3;
+use testbed::direct_light::numbers::numbers;
 use testbed::direct_light::reference::Key;
 use testbed::direct_light::renderer::Renderer;
 use testbed::direct_light::view::{Pixel, View};
@@ -18,10 +18,10 @@ pub struct SceneView {
 
 impl SceneView {
     /// Traces the camera rays. All materials become diffuse if `is_matte` is set.
-    pub fn new(scene: &Scene, is_matte: bool, plan: &Plan) -> Result<Self, SceneError> {
+    pub fn new(scene: &Scene, is_matte: bool, size: (u32, u32)) -> Result<Self, SceneError> {
         let scene = if is_matte { matte(scene.clone()) } else { scene.clone() };
         let geometry = Geometry::new(&scene)?;
-        let view = View::new(&scene, &geometry, plan.size);
+        let view = View::new(&scene, &geometry, size);
         let is_seen = view.pixels.iter().any(|pixel| pixel.surfaces.iter().any(Option::is_some));
         if !is_seen {
             return Err(SceneError("the camera sees no surface".into()));
@@ -31,7 +31,7 @@ impl SceneView {
 
     /// A renderer of this view.
     pub fn renderer(&self) -> Renderer<'_> {
-        Renderer { scene: &self.scene, geometry: &self.geometry, view: &self.view }
+        Renderer { scene: &self.scene, geometry: &self.geometry, view: &self.view, numbers }
     }
 
     /// A geometry that casts no shadows.

@@ -4,6 +4,7 @@ use super::options::Plan;
 use super::played::Upkeep;
 use super::simplified::LIGHT_EFFECTS;
 use girandole::Effects;
+use testbed::direct_light::rivals;
 
 /// How a sample draws its light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -18,6 +19,8 @@ pub enum Sampler {
     OneLevel { splits: usize, candidates: u32 },
     /// One of the samplers to compare with, by its name in `measuring/samplers.rs`.
     Published(&'static str),
+    /// A published sampler that prepares each frame, by its name in `direct_light/rivals/by_name.rs`.
+    Rival(&'static str),
     /// One of 32 uniform candidates.
     Streaming,
     /// All lights in every sample.
@@ -40,7 +43,9 @@ impl Sampler {
             Self::Published("cycles") => "Cycles' formula".into(),
             Self::Published("sg tree") => "spherical Gaussians".into(),
             Self::Published("sg tree, wide") => "spherical Gaussians, eight-wide".into(),
-            Self::Published(name) => name.into(),
+            Self::Rival("regir") => "ReGIR".into(),
+            Self::Rival("nee-at") => "NEE-AT".into(),
+            Self::Published(name) | Self::Rival(name) => name.into(),
             Self::Streaming => format!("streaming over {STREAMED} uniform candidates"),
             Self::AllLights => "all lights".into(),
         }
@@ -172,14 +177,19 @@ fn of_library(is_quick: bool) -> Vec<Setting> {
     settings
 }
 
-/// The samplers to compare with.
-pub const PUBLISHED: [&str; 7] = ["uniform", "flux", "pbrt", "pbrt opaque", "cycles", "sg tree", "sg tree, wide"];
+/// The samplers to compare with that know the probability of each light.
+const PUBLISHED: [&str; 7] = ["uniform", "flux", "pbrt", "pbrt opaque", "cycles", "sg tree", "sg tree, wide"];
+
+/// All samplers to compare with.
+pub fn others() -> impl Iterator<Item = Sampler> {
+    let published = PUBLISHED.map(Sampler::Published).into_iter().chain([Sampler::Streaming]);
+    published.chain(rivals::NAMES.map(Sampler::Rival))
+}
 
 /// The samplers to compare with, at numbers of samples whose times span those of the library.
 fn of_others(is_quick: bool) -> Vec<Setting> {
     let samples: &[f64] = if is_quick { &[1.0, 4.0] } else { &[1.0, 2.0, 4.0, 8.0, 16.0, 32.0] };
-    let samplers = PUBLISHED.map(Sampler::Published).into_iter().chain([Sampler::Streaming]);
-    let settings = samplers.flat_map(|sampler| {
+    let settings = others().flat_map(|sampler| {
         samples.iter().map(move |samples| Setting { sampler, samples: *samples, change: Change::Nothing })
     });
     settings.collect()

@@ -7,7 +7,7 @@
 //! | `update_ms` | refits, rebuilds and their choice; a mean over the frames. Learnt visibility adds the end of a frame of its table |
 //! | `upload_ms` | the call that uploads what changed; empty without a device |
 //! | `top_level_ms` | the build of the top level |
-//! | `choosing_ms` | drawing lights and points on them; with learnt visibility also its records |
+//! | `choosing_ms` | drawing lights and points on them, with what the sampler prepares for a frame; with learnt visibility also its records |
 //! | `shadow_rays_ms`, `shading_ms` | shadow rays; the BRDF and the product of all factors |
 //! | `sigma` | relative standard deviation of one sample's illuminance without shadows |
 //! | `sigma_visible` | the same with shadows |
@@ -26,7 +26,7 @@ use super::noise::SamplerNoise;
 use super::pictures::Errors;
 use super::played::WorldTimes;
 use super::settings::{Sampler, Setting};
-use testbed::direct_light::renderer::StageTimes;
+use testbed::direct_light::times::StageTimes;
 
 /// The columns, in order.
 pub const COLUMNS: [&str; 19] = [

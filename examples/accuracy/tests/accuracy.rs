@@ -98,7 +98,10 @@ fn a_quick_run_writes_a_table_plots_and_a_page_that_needs_nothing_else() {
         assert!(is_equal || panel.row.setting.samples == 1.0, "{:?}: {times:?}", panel.row.setting);
     }
     let has = |sampler| measured.equal_time.iter().any(|panel| panel.row.setting.sampler == sampler);
-    assert!(has(Sampler::Published("uniform")) && has(Sampler::Streaming) && has(accuracy::settings::DEFAULT));
+    assert!(has(Sampler::Rival("regir")) && has(accuracy::settings::DEFAULT));
+    // The panels are those of the best other samplers, worst first.
+    let errors: Vec<f64> = measured.equal_time.iter().map(|panel| panel.row.errors.rel_mse.mean).collect();
+    assert!(errors.len() == 8 && errors[..6].is_sorted_by(|a, b| a >= b), "{errors:?}");
 
     let page = without_pictures(&fs::read_to_string(out.join("accuracy.html")).expect("a page"));
     assert!(!page.contains("{{") && !page.contains("NaN"), "something is not filled in");

@@ -7,6 +7,7 @@ use girandole::light::luminance;
 use std::f64::consts::FRAC_2_PI;
 use std::path::Path;
 use testbed::direct_light::draw::{Draw, Resampled};
+use testbed::direct_light::numbers::numbers;
 use testbed::direct_light::reference::{Key, Reference};
 use testbed::direct_light::renderer::Renderer;
 use testbed::direct_light::view::View;
@@ -60,12 +61,12 @@ impl<'a> Shot<'a> {
         (settings, frame): (&Settings, u32),
         file: &Path,
     ) -> Result<Self, SceneError> {
-        let renderer = Renderer { scene: &film.stage.scene, geometry, view };
+        let renderer = Renderer { scene: &film.stage.scene, geometry, view, numbers };
         let mut reference = Reference::open(file, key(film, settings), view.pixels.len());
-        let draw = Resampled { lights: film.stage.world.sampler(), candidates: CANDIDATES };
+        let mut draw = Resampled { lights: film.stage.world.sampler(), candidates: CANDIDATES };
         while reference.passes() < u64::from(settings.passes) {
             let seed = REFERENCE_SEED + frame * SEEDS_PER_FRAME + reference.passes() as u32;
-            let pass = renderer.picture(&draw, f64::from(PASS_SAMPLES), seed);
+            let pass = renderer.picture(&mut draw, f64::from(PASS_SAMPLES), seed);
             reference.add(&pass).map_err(SceneError)?;
         }
         let picture = reference.picture();
@@ -77,7 +78,7 @@ impl<'a> Shot<'a> {
     }
 
     /// The MAPE of one picture for each seed. All strategies get the same random numbers.
-    pub fn errors(&self, draw: &dyn Draw) -> Vec<f64> {
+    pub fn errors(&self, draw: &mut dyn Draw) -> Vec<f64> {
         let error = |seed: u32| {
             let seed = self.frame * SEEDS_PER_FRAME + seed;
             let picture = self.renderer.picture(draw, f64::from(self.settings.samples), seed);

@@ -98,15 +98,15 @@ impl Cast {
         let mut errors = vec![Vec::new(); self.runs.len()];
         for (pool, first) in &self.pools {
             for (tree, users) in pool.in_use() {
-                let of_tree = shot.errors(&FromTree { tree, ids: &ids, lights });
+                let of_tree = shot.errors(&mut FromTree { tree, ids: &ids, lights });
                 users.into_iter().for_each(|user| errors[first + user].clone_from(&of_tree));
             }
         }
         let (worlds, first) = &self.worlds;
         for (world, errors) in worlds.iter().zip(&mut errors[*first..]) {
             *errors = match world.tree_of_all() {
-                Some(tree) => shot.errors(&FromTree { tree, ids: &ids, lights }),
-                None => shot.errors(&Resampled { lights: world.sampler(), candidates: CandidateCount::ONE }),
+                Some(tree) => shot.errors(&mut FromTree { tree, ids: &ids, lights }),
+                None => shot.errors(&mut Resampled { lights: world.sampler(), candidates: CandidateCount::ONE }),
             };
         }
         for ((run, step), errors) in self.runs.iter_mut().zip(steps).zip(errors) {

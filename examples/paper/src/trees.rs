@@ -2,7 +2,7 @@
 
 use super::strategies::TreeKind;
 use girandole::{Attributes, Light, LightId, LightSampler, LightTree, ShadingPoint, SplitCount};
-use testbed::direct_light::draw::{Draw, Drawn};
+use testbed::direct_light::draw::{Draw, Drawn, Sample};
 use testbed::direct_light::view::Surface;
 use testbed::measuring::baselines::Pbrt;
 use testbed::measuring::baselines::moving::MovingTree;
@@ -71,10 +71,11 @@ pub struct FromTree<'a> {
 }
 
 impl Draw for FromTree<'_> {
-    fn draw(&self, surface: &Surface, _: &Material, [a, b, x, y, _]: [f32; 5]) -> Option<Drawn> {
+    fn draw(&self, surface: &Surface, _: &Material, sample: &Sample) -> Option<Drawn> {
+        let [a, b, x, y, _] = sample.u;
         let (light, pmf) = self.tree.pick(&surface.shading_point, [a, b])?;
         let light = self.ids[light as usize];
         let incident = self.lights.sample_light(&surface.shading_point, light, [x, y])?;
-        Some(Drawn { incident, weight: 1.0 / (incident.pdf * pmf) })
+        Some(Drawn { incident, weight: 1.0 / (incident.pdf * pmf), light: 0 })
     }
 }

@@ -4,7 +4,9 @@ use girandole::glam::Vec3;
 use girandole::{CandidateCount, LightId, LightWorld};
 use testbed::direct_light::converged;
 use testbed::direct_light::draw::{Draw, Resampled, Single, Streaming};
+use testbed::direct_light::numbers::numbers;
 use testbed::direct_light::renderer::Renderer;
+use testbed::direct_light::rivals;
 use testbed::direct_light::stage::prepare;
 use testbed::direct_light::view::View;
 use testbed::measuring::samplers::Chooser;
@@ -27,28 +29,29 @@ fn with_studio(scene: &Scene, world: &LightWorld, test: impl Fn(&Studio<'_>)) {
     let geometry = Geometry::new(scene).expect("a sound scene");
     let view = View::new(scene, &geometry, (64, 48));
     let ids: Vec<LightId> = world.sampler().all_lights().collect();
-    test(&Studio { renderer: Renderer { scene, geometry: &geometry, view: &view }, world, ids: &ids });
+    test(&Studio { renderer: Renderer { scene, geometry: &geometry, view: &view, numbers }, world, ids: &ids });
 }
 
 impl Studio<'_> {
     /// Calls `test` with the samplers flux, pbrt opaque and girandole.
-    fn with_samplers(&self, test: impl Fn(&[(&str, &dyn Draw)])) {
+    fn with_samplers(&self, test: impl Fn(&mut [(&str, &mut dyn Draw)])) {
         let lights = self.world.sampler();
         let published = samplers::published(&lights::carried(self.world), self.ids).expect("sound lights");
         let mut choosers: Vec<Box<dyn Chooser + '_>> = vec![samplers::two_level(self.world)];
         choosers.extend(published.into_iter().filter(|chooser| ["flux", "pbrt opaque"].contains(&chooser.name())));
         choosers.rotate_left(1);
-        let draws: Vec<Single<'_>> =
+        let mut draws: Vec<Single<'_>> =
             choosers.iter().map(|chooser| Single { chooser: chooser.as_ref(), lights }).collect();
-        let named: Vec<(&str, &dyn Draw)> =
-            choosers.iter().zip(&draws).map(|(chooser, draw)| (chooser.name(), draw as &dyn Draw)).collect();
-        test(&named);
+        let named = choosers.iter().zip(&mut draws);
+        let mut named: Vec<(&str, &mut dyn Draw)> =
+            named.map(|(chooser, draw)| (chooser.name(), draw as &mut dyn Draw)).collect();
+        test(&mut named);
     }
 
     /// The mean of the pictures of a way to draw minus that of the reference, whose means are
     /// given, and the standard error of the difference, both relative to the reference. There are
     /// [`SEEDS`] independent pictures of each.
-    fn difference(&self, draw: &dyn Draw, samples: f64, reference: &[f64]) -> (f64, f64) {
+    fn difference(&self, draw: &mut dyn Draw, samples: f64, reference: &[f64]) -> (f64, f64) {
         compare(SEEDS_OF_DRAWS.map(|seed| mean(&self.renderer.picture(draw, samples, seed))), reference)
     }
 
@@ -77,8 +80,8 @@ const SEEDS_OF_DRAWS: std::ops::Range<u32> = 0..SEEDS;
 /// The seeds of references.
 const REFERENCE_SEEDS: std::ops::Range<u32> = 100..100 + SEEDS;
 /// Student's t for 23 degrees of freedom, which chance exceeds once in 10,000 tries, both sides
-/// together. With seven comparisons that is one false alarm in 1,400 choices of seeds, and the
-/// seeds are fixed.
+/// together. With twelve comparisons that is one false alarm in 800 choices of seeds, and the seeds
+/// are fixed.
 const T_LIMIT: f64 = 4.69;
 
 #[test]
@@ -88,14 +91,14 @@ fn the_pictures_of_all_ways_to_draw_have_the_mean_of_the_sum_over_all_lights() {
     with_studio(scene, world, |studio| {
         let lights = world.sampler();
         let reference = studio.means_by_all();
-        let check = |name: &str, draw: &dyn Draw, samples: f64| {
+        let check = |name: &str, draw: &mut dyn Draw, samples: f64| {
             let (difference, error) = studio.difference(draw, samples, &reference);
             assert!(difference.abs() <= T_LIMIT * error, "{name}: off by {difference}, standard error {error}");
             // Wide intervals would pass anything.
             assert!(error < 0.01, "{name}: standard error {error}");
         };
         studio.with_samplers(|samplers| {
-            for ((name, draw), samples) in samplers.iter().zip([20.0, 24.0, 6.0]) {
+            for ((name, draw), samples) in samplers.iter_mut().zip([20.0, 24.0, 6.0]) {
                 check(name, *draw, samples);
             }
         });
@@ -107,8 +110,32 @@ fn the_pictures_of_all_ways_to_draw_have_the_mean_of_the_sum_over_all_lights() {
         };
         let (difference, error) = compare(SEEDS_OF_DRAWS.map(all), &reference);
         assert!(difference.abs() <= T_LIMIT * error && error < 0.01, "all lights: {difference}, {error}");
-        check("resampled", &Resampled { lights, candidates: CandidateCount::of::<4>() }, 8.0);
-        check("streaming", &Streaming { lights, ids: studio.ids, candidates: 32 }, 6.0);
+        check("resampled", &mut Resampled { lights, candidates: CandidateCount::of::<4>() }, 8.0);
+        check("streaming", &mut Streaming { lights, ids: studio.ids, candidates: 32 }, 6.0);
+    });
+}
+
+/// The samplers that prepare each frame, with samples per pixel. Pixels share what is prepared, so their
+/// errors do not average out as those of independent samples do.
+const PREPARED: [(&str, f64); 5] =
+    [("regir", 3.0), ("presampled 8", 6.0), ("presampled 32", 4.0), ("stochastic lightcuts", 16.0), ("nee-at", 4.0)];
+
+#[test]
+fn the_pictures_of_samplers_that_prepare_frames_have_the_mean_of_the_sum_over_all_lights() {
+    assert!(PREPARED.iter().map(|(name, _)| *name).eq(rivals::NAMES));
+    let stage = prepare(small_scene::stage(true).expect("the small scene is sound"), 0.0).expect("a still scene");
+    let Stage { scene, world, .. } = &stage;
+    with_studio(scene, world, |studio| {
+        let reference = studio.means_by_all();
+        let carried = lights::carried(world);
+        for (name, samples) in PREPARED {
+            let list = (world.sampler(), studio.ids, &carried[..]);
+            let mut draw = rivals::by_name(name, list, studio.renderer.view).expect("a name of the list");
+            let (difference, error) = studio.difference(draw.as_mut(), samples, &reference);
+            assert!(difference.abs() <= T_LIMIT * error, "{name}: off by {difference}, standard error {error}");
+            // Wide intervals would pass anything.
+            assert!(error < 0.02, "{name}: standard error {error}");
+        }
     });
 }
 
@@ -122,15 +149,15 @@ fn girandole_has_the_least_error_in_the_city() {
     scene.materials.iter_mut().for_each(|material| (material.roughness, material.metallic) = (1.0, 0.0));
     with_studio(&scene, &world, |studio| {
         studio.with_samplers(|samplers| {
-            let [_, (_, pbrt), (_, girandole)] = samplers else { unreachable!("three samplers") };
+            let girandole = &mut *samplers[2].1;
             let reference: Vec<f64> =
-                REFERENCE_SEEDS.map(|seed| mean(&studio.renderer.picture(*girandole, 4.0, seed))).collect();
-            let (difference, error) = studio.difference(*pbrt, 2.4, &reference);
+                REFERENCE_SEEDS.map(|seed| mean(&studio.renderer.picture(girandole, 4.0, seed))).collect();
+            let converged = studio.renderer.picture(girandole, 64.0, 1_000);
+            let (difference, error) = studio.difference(samplers[1].1, 2.4, &reference);
             assert!(difference.abs() <= T_LIMIT * error, "off by {difference}, standard error {error}");
             assert!(error < 0.02, "standard error {error}");
-            let reference = studio.renderer.picture(*girandole, 64.0, 1_000);
             let score = |which: usize| {
-                Score::new(&studio.renderer.picture(samplers[which].1, EQUAL_TIME[which], 0), &reference)
+                Score::new(&studio.renderer.picture(samplers[which].1, EQUAL_TIME[which], 0), &converged)
             };
             let [flux, pbrt, girandole] = [0, 1, 2].map(score);
             let all = format!("{flux:?} {pbrt:?} {girandole:?}");

@@ -17,13 +17,63 @@ pub struct Drawn {
     /// One over the probability density of the point, or the unbiased estimate of it by a
     /// reservoir.
     pub weight: f32,
+    /// The light's index, for samplers that learn from what they have drawn; 0 for others.
+    pub light: u32,
+}
+
+/// A sample of a pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// The index of the pixel, row by row from the top.
+    pub pixel: u32,
+    /// The number of the frame that it belongs to. A frame has one sample per pixel.
+    pub frame: u32,
+    /// Uniform in [0, 1); the fifth chooses among candidates.
+    pub u: [f32; 5],
+}
+
+/// What the sample of a pixel has found: a light, and the luminance of its estimate, with shadows.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Found {
+    /// [`Drawn::light`].
+    pub light: u32,
+    /// Zero where no light arrives.
+    pub luminance: f32,
+}
+
+/// A frame that is about to be drawn.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame<'a> {
+    /// Seeds the random numbers of the picture that the frame belongs to.
+    pub seed: u32,
+    /// Rises by 1 from frame to frame. With 0, a sampler forgets all frames before.
+    pub number: u32,
+    /// What the samples of the frame before have found, for each pixel; empty for frame 0.
+    pub found: &'a [Found],
 }
 
 /// A way to draw a point on a light.
-pub trait Draw: Sync {
-    /// Draws a point for a surface. `u` are uniform in [0, 1); the fifth chooses among candidates.
-    /// `None` where the draw ends without light: the sample is black.
-    fn draw(&self, surface: &Surface, material: &Material, u: [f32; 5]) -> Option<Drawn>;
+pub trait Draw: Send + Sync {
+    /// Draws a point for a surface. `None` where the draw ends without light: the sample is black.
+    fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn>;
+
+    /// Prepares a frame. Called before its samples are drawn.
+    fn prepare(&mut self, _: &Frame<'_>) {}
+
+    /// The frames in which a sampler learns before its pictures begin.
+    fn warm_up(&self) -> u32 {
+        0
+    }
+
+    /// The samples that share what is prepared, in pictures of so many pixels.
+    fn samples_per_preparation(&self, pixels: f64) -> f64 {
+        pixels
+    }
+
+    /// The bytes of what is prepared.
+    fn prepared_bytes(&self) -> usize {
+        0
+    }
 }
 
 /// Chooses one light, then a point on it.
@@ -33,10 +83,11 @@ pub struct Single<'a> {
 }
 
 impl Draw for Single<'_> {
-    fn draw(&self, surface: &Surface, _: &Material, [a, b, x, y, _]: [f32; 5]) -> Option<Drawn> {
+    fn draw(&self, surface: &Surface, _: &Material, sample: &Sample) -> Option<Drawn> {
+        let [a, b, x, y, _] = sample.u;
         let pick = self.chooser.choose(&surface.shading_point, [a, b])?;
         let incident = self.lights.sample_light(&surface.shading_point, pick.light, [x, y])?;
-        Some(Drawn { incident, weight: 1.0 / (incident.pdf * pick.pmf) })
+        Some(Drawn { incident, weight: 1.0 / (incident.pdf * pick.pmf), light: 0 })
     }
 }
 
@@ -47,9 +98,9 @@ pub struct Resampled<'a> {
 }
 
 impl Draw for Resampled<'_> {
-    fn draw(&self, surface: &Surface, _: &Material, u: [f32; 5]) -> Option<Drawn> {
-        let reservoir = self.lights.resample(&surface.shading_point, u, self.candidates)?;
-        Some(Drawn { incident: reservoir.chosen.incident, weight: reservoir.weight })
+    fn draw(&self, surface: &Surface, _: &Material, sample: &Sample) -> Option<Drawn> {
+        let reservoir = self.lights.resample(&surface.shading_point, sample.u, self.candidates)?;
+        Some(Drawn { incident: reservoir.chosen.incident, weight: reservoir.weight, light: 0 })
     }
 }
 
@@ -61,10 +112,10 @@ pub struct ResampledByBrdf<'a> {
 }
 
 impl Draw for ResampledByBrdf<'_> {
-    fn draw(&self, surface: &Surface, material: &Material, u: [f32; 5]) -> Option<Drawn> {
-        let target = |sample: &LightSample| luminance(reflected(surface, material, &sample.incident));
-        let reservoir = self.lights.resample_by(&surface.shading_point, u, self.candidates, target)?;
-        Some(Drawn { incident: reservoir.chosen.incident, weight: reservoir.weight })
+    fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn> {
+        let target = |light: &LightSample| luminance(reflected(surface, material, &light.incident));
+        let reservoir = self.lights.resample_by(&surface.shading_point, sample.u, self.candidates, target)?;
+        Some(Drawn { incident: reservoir.chosen.incident, weight: reservoir.weight, light: 0 })
     }
 }
 
@@ -76,10 +127,10 @@ pub struct ResampledWithGloss<'a> {
 }
 
 impl Draw for ResampledWithGloss<'_> {
-    fn draw(&self, surface: &Surface, material: &Material, u: [f32; 5]) -> Option<Drawn> {
+    fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn> {
         let at = surface.shading_point.with_gloss(gloss(surface, material));
-        let reservoir = self.lights.resample(&at, u, self.candidates)?;
-        Some(Drawn { incident: reservoir.chosen.incident, weight: reservoir.weight })
+        let reservoir = self.lights.resample(&at, sample.u, self.candidates)?;
+        Some(Drawn { incident: reservoir.chosen.incident, weight: reservoir.weight, light: 0 })
     }
 }
 
@@ -102,8 +153,8 @@ pub struct Streaming<'a> {
 }
 
 impl Draw for Streaming<'_> {
-    fn draw(&self, surface: &Surface, material: &Material, u: [f32; 5]) -> Option<Drawn> {
-        let mut state = u.iter().fold(0, |state, u| split_mix::mix(state ^ u64::from(u.to_bits())));
+    fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn> {
+        let mut state = sample.u.iter().fold(0, |state, u| split_mix::mix(state ^ u64::from(u.to_bits())));
         let mut unit = || (split_mix::next(&mut state) >> 40) as f32 * (1.0 / 16_777_216.0);
         let (mut total, mut kept) = (0.0, None);
         for _ in 0..self.candidates {
@@ -122,7 +173,7 @@ impl Draw for Streaming<'_> {
             }
         }
         let (incident, target) = kept?;
-        Some(Drawn { incident, weight: total / (self.candidates as f32 * target) })
+        Some(Drawn { incident, weight: total / (self.candidates as f32 * target), light: 0 })
     }
 }
 

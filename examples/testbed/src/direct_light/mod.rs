@@ -12,6 +12,9 @@ pub mod numbers;
 pub mod sobol;
 pub mod draw;
 pub mod renderer;
+pub mod frames;
+pub mod times;
 pub mod converged;
+pub mod rivals;
 
 pub mod reference;
