@@ -23,4 +23,7 @@ pub mod crops;
 pub mod extracts;
 pub mod page;
 
+pub mod rival_scenes;
+pub mod rivals;
+
 pub mod run;

@@ -20,6 +20,16 @@
 //! - `reference.bin`: the reference. A run that is interrupted continues it, and the next run of
 //!   the same view starts from it.
 //!
+//! ```text
+//! cargo run --release -p accuracy -- --rivals --out DIR [--quick] [--gltf FILE] [--camera x,y,z,x,y,z]
+//!     [--size WxH] [--pictures N]
+//! ```
+//!
+//! The second form compares published samplers with the library in six procedural scenes, and in one of a
+//! file. It prints relMSE times time at 16 samples per pixel over that of the library, with confidence
+//! intervals, lists the samplers that come closer than the goal, and writes `rivals.csv` (`rivals.rs`
+//! explains the columns).
+//!
 //! All work is done by threads of the CPU; times are those of one core. Read them as ratios within
 //! one run, since machines and their load differ. Only uploads use a GPU, or a software Vulkan
 //! driver; without one their column stays empty.
@@ -29,9 +39,14 @@
 //! least error from about 0.4 ms of the page on. With few samples, the relMSE of uniform and flux
 //! may rise before it falls.
 
+use accuracy::options::Options;
+use accuracy::rivals;
 use accuracy::run::run;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    testbed::common::exit::run_program(|options| run(options).map(drop))
+    testbed::common::exit::run_program(|options: &Options| match options.rivals {
+        true => rivals::run(options),
+        false => run(options).map(drop),
+    })
 }

@@ -26,6 +26,10 @@ pub struct Options {
     /// are noisier
     #[arg(long)]
     pub matte: bool,
+    /// Compare published samplers with the library in several scenes instead, and write rivals.csv. A glTF
+    /// scene is one more of them
+    #[arg(long, conflicts_with_all = ["world", "cars", "lamps", "traffic", "net", "buildings", "passes"])]
+    pub rivals: bool,
     /// A tiny picture, few settings and a short reference, to try it out
     #[arg(long)]
     pub quick: bool,
