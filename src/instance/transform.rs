@@ -25,7 +25,7 @@ impl InstanceTransform {
     }
 
     /// A shading point in the tree's space.
-    pub fn into_tree(&self, shading_point: &ShadingPoint) -> Vec3 {
+    pub fn in_tree(&self, shading_point: &ShadingPoint) -> Vec3 {
         self.to_local * (shading_point.position - self.translation)
     }
 

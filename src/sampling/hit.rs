@@ -81,7 +81,7 @@ impl LightSampler<'_> {
             match part.entry {
                 ChildRef::Leaf(light) => meet(light, dist),
                 ChildRef::Node(entry) => {
-                    let origin = frame.into_tree(shading_point);
+                    let origin = frame.in_tree(shading_point);
                     Ray::new(origin, frame.to_local * direction, shown.tree_margin()).leaves(
                         tree.nodes(),
                         entry,
