@@ -6,7 +6,9 @@ use girandole::{
     CandidateCount, FrameBudget, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy, ShadingPoint,
     SplitCount,
 };
-use testbed::direct_light::draw::{Draw, Resampled, ResampledByBrdf, ResampledWithGloss, Single, Streaming};
+use testbed::direct_light::draw::{
+    Draw, Resampled, ResampledByBrdf, ResampledWithGloss, Single, SingleWithGloss, Streaming,
+};
 use testbed::direct_light::rivals;
 use testbed::direct_light::view::View;
 use testbed::measuring::lights::carried;
@@ -135,6 +137,13 @@ impl<'a> Samplers<'a> {
     /// The names of all lights.
     pub fn ids(&self) -> &[LightId] {
         &self.prepared.ids
+    }
+
+    /// A way to draw by a published sampler that is told how surfaces reflect; `None` for any other
+    /// sampler.
+    pub fn draw_with_gloss(&self, sampler: Sampler) -> Option<Box<dyn Draw + '_>> {
+        let Sampler::Published(name) = sampler else { return None };
+        Some(Box::new(SingleWithGloss { chooser: self.published(name)?, lights: self.world.sampler() }))
     }
 
     fn published(&self, name: &str) -> Option<&dyn Chooser> {

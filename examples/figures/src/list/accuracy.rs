@@ -24,7 +24,7 @@ const PICTURE_TEXT: &str = "The same part of the picture by several samplers in 
 pub const README_PICTURE: Figure =
     picture("readme-picture", "README.md", ("matte/equal_time.svg", "docs/equal_time.svg"), PICTURE_TEXT);
 
-pub const README: Figure = table(
+pub const README: Figure = selection(
     "readme-equal-time",
     "README.md",
     &[View {
@@ -42,7 +42,7 @@ pub const README: Figure = table(
 pub const PICTURE: Figure =
     picture("equal-time-picture", PAGE, ("matte/equal_time.svg", "equal_time.svg"), PICTURE_TEXT);
 
-pub const EQUAL_TIME: Figure = table(
+pub const EQUAL_TIME: Figure = selection(
     "equal-time",
     PAGE,
     &[View {
@@ -181,6 +181,18 @@ pub const UPKEEP: Figure = table(
             ("Girandole / 6 splits / 1 candidate / 4 spp / learnt visibility", "learnt visibility"),
         ],
         ..BOTH
+    }],
+);
+
+pub const RIVALS: Figure = table(
+    "rivals",
+    PAGE,
+    &[View {
+        from: &["rivals/rivals.csv"],
+        keys: &[("sampler", "sampler")],
+        across: Some("scene"),
+        cells: &[cell("", "over_one_tree", Digits(2))],
+        ..VIEW
     }],
 );
 

@@ -111,6 +111,19 @@ pub const LOSSES: Figure = selection(
     ],
 );
 
+pub const LOSSES_WITH_SHADOWS: Figure = selection(
+    "losses-with-shadows",
+    PAGE,
+    &[View {
+        from: &["rivals/rivals.csv"],
+        drop: &[("sampler", "Girandole, 8 candidates")],
+        cells: &[cell("relMSE × µs", "rel_mse * sample_ns / 1000", Digits(3))],
+        labels: &[("Girandole", "two levels"), ("Girandole, one tree", "one tree")],
+        above: Some(("quotient", 1.0 / 3.0)),
+        ..LOSS
+    }],
+);
+
 /// The scenes with the least lead. The program prints all.
 pub const TORTURE: Figure = selection(
     "torture",

@@ -96,6 +96,16 @@ pub const RUNS: &[Run] = &[
         ..RUN
     },
     Run {
+        name: "rivals",
+        program: "accuracy",
+        arguments: "--rivals",
+        quick: Some("--rivals --quick"),
+        scene: Scene::Added,
+        is_timed: true,
+        seconds: 900,
+        ..RUN
+    },
+    Run {
         name: "budget",
         program: "budget",
         arguments: "--scene S10,M100 --strategies girandole,round,oracle --shares 0.02,0.1,0.5 --shading-points 60 --frames 160",

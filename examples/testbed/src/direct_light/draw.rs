@@ -91,6 +91,20 @@ impl Draw for Single<'_> {
     }
 }
 
+/// Does the same as [`Single`], for a chooser that is told how surfaces reflect.
+pub struct SingleWithGloss<'a> {
+    pub chooser: &'a dyn Chooser,
+    pub lights: LightSampler<'a>,
+}
+
+impl Draw for SingleWithGloss<'_> {
+    fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn> {
+        let shading_point = surface.shading_point.with_gloss(gloss(surface, material));
+        let single = Single { chooser: self.chooser, lights: self.lights };
+        single.draw(&Surface { shading_point, ..*surface }, material, sample)
+    }
+}
+
 /// Draws several candidates from the light trees and keeps one.
 pub struct Resampled<'a> {
     pub lights: LightSampler<'a>,
