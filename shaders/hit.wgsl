@@ -16,10 +16,7 @@ fn light_ray(position: vec3<f32>, direction: vec3<f32>, margin: f32) -> LightRay
 
 // Whether a ray meets the box of a child before a distance. Twin of `Ray::meets`.
 fn light_meets(ray: LightRay, head: vec4<u32>, packed: LightPackedChild, dist: f32) -> bool {
-    var local: LightLocalShadingPoint;
-    local.position = ray.position;
-    local.margin = ray.margin;
-    let view = light_node_view(head, local);
+    let view = light_view_from(head, ray.position, ray.margin);
     let low = light_low(packed);
     let high = light_high(packed);
     let half_step = light_half_steps(view.steps);

@@ -127,18 +127,24 @@ struct LightLanes {
     last: vec4<f32>,
 }
 
-// A node as seen from a shading point; `head` are its first 16 bytes.
-fn light_node_view(head: vec4<u32>, local: LightLocalShadingPoint) -> LightNodeView {
+// A node as seen from a position in its space; `head` are its first 16 bytes.
+fn light_view_from(head: vec4<u32>, position: vec3<f32>, margin: f32) -> LightNodeView {
     let corner = bitcast<vec3<f32>>(head.xyz);
     let reach = abs(corner) + 2.0 * LIGHT_STEPS * light_half_steps(head.w);
+    return LightNodeView(corner - position, head.w, light_sum_axes(reach + abs(position)) * margin);
+}
+
+// A node as seen from a shading point.
+fn light_node_view(head: vec4<u32>, local: LightLocalShadingPoint) -> LightNodeView {
     // #if NON_RIGID
     if local.scaled_instance != LIGHT_NO_INSTANCE {
+        let corner = bitcast<vec3<f32>>(head.xyz);
+        let reach = abs(corner) + 2.0 * LIGHT_STEPS * light_half_steps(head.w);
         let scale = sqrt(light_instance(local.scaled_instance).to_local[2].w);
         return LightNodeView(corner, head.w, light_sum_axes(reach * scale + abs(local.position)) * local.margin);
     }
     // #endif
-    let farthest = reach + abs(local.position);
-    return LightNodeView(corner - local.position, head.w, light_sum_axes(farthest) * local.margin);
+    return light_view_from(head, local.position, local.margin);
 }
 
 // A child relative to a shading point: sums over the three axes. Coordinates themselves would need

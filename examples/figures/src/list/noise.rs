@@ -37,9 +37,9 @@ pub const README: Figure = table(
             ("girandole", "Girandole"),
             ("girandole flat", "Girandole, one tree"),
             ("sg tree", "SG tree"),
-            ("pbrt", "pbrt-v4's formula"),
-            ("pbrt opaque", "the same, opaque"),
-            ("cycles", "Cycles' formula"),
+            ("pbrt", "pbrt-v4"),
+            ("pbrt opaque", "pbrt-v4, opaque"),
+            ("cycles", "Cycles"),
             ("flux", "by flux"),
         ],
         ..SUMMARY_VIEW
