@@ -33,7 +33,12 @@ use crate::plan::text;
 ///     radiance: vec3<f32>, pdf: f32, pmf: f32, // see below
 ///     instance: u32, light: u32, is_delta: u32,
 /// }
+/// // `chosen` has the pmf and pdf that light_sample would return, and `weight` takes the place of
+/// // 1 / (pmf * pdf). `weight` and `chosen.pmf` are 0 if no candidate is kept, and above 0 otherwise.
 /// struct LightReservoir { chosen: LightSample, weight: f32 }
+/// // Made by the functions above. Shaders may read these two fields; the others depend on the effects,
+/// // and may change with any version. The normal is zero in a volume.
+/// struct LightShadingPoint { position: vec3<f32>, normal: vec3<f32>, /* ... */ }
 ///
 /// // A light and a point on it.
 /// fn light_sample(shading_point: LightShadingPoint, u: vec4<f32>) -> LightSample
@@ -79,7 +84,7 @@ use crate::plan::text;
 /// # Measures
 ///
 /// - `pmf` is the probability of the light among all lights, in [0, 1]. In a sample, 0 means that
-///   nothing arrives; the pick of `light_pick`, which `light_sample_picked` takes, has its
+///   nothing arrives: `radiance` is 0, and all fields are finite, but `pdf` may be 0. The pick of `light_pick`, which `light_sample_picked` takes, has its
 ///   probability in any case.
 /// - If `is_delta` is 0, `radiance` is in nits and `pdf` is a density per steradian, seen from the
 ///   shading point.
@@ -281,7 +286,7 @@ mod tests {
         let texts: Vec<_> = paths.map(|path| std::fs::read_to_string(path).expect("a text")).collect();
         let blocks_of = |text| str::split(text, "```wgsl\n").skip(1).filter_map(|rest| rest.split("```").next());
         let blocks: Vec<_> = texts.iter().flat_map(|text| blocks_of(text)).collect();
-        assert_eq!(blocks.len(), 8);
+        assert_eq!(blocks.len(), 9);
         for effects in [Effects::all(), Effects::empty()] {
             // Only shaders that know segments have the distance along one.
             let knows = |block: &&&str| effects.contains(Effects::SEGMENTS) || !block.contains("light_segment(");
