@@ -3,10 +3,14 @@
 struct Frame {
     number: u32,
     pixels_per_edge: u32,
-    most_frames: f32,
-    // The least target of a sample, in lux.
-    least: f32,
+    // New samples of a pixel.
+    candidates: u32,
+    // The caps on `Kept::frames`: the frame is drawn once with each. With 0, nothing is reused.
+    @align(16) most_frames: vec4<f32>,
 }
+
+// The least target of a sample, in lux.
+const LEAST = 0.001;
 
 // A kept sample: a light, the numbers that choose the point on it, and a weight instead of 1 / pmf.
 struct Kept {
@@ -15,25 +19,20 @@ struct Kept {
     generation: u32,
     weight: f32,
     u: vec2<f32>,
-    // How many samples it stands for.
+    // How many frames it stands for.
     frames: f32,
-    // The illuminance by this sample, and by the sample that was drawn in this frame, in lux.
-    reused: f32,
-    drawn: f32,
-    padding: array<u32, 3>,
+    // The illuminance by this sample, in lux.
+    lux: f32,
 }
 
 @group(0) @binding(0) var<storage, read_write> kept: array<Kept>;
 @group(0) @binding(1) var<uniform> frame: Frame;
 
-fn numbers(invocation: u32) -> array<f32, 5> {
-    var state = light_hash(invocation ^ light_hash(frame.number));
-    var u: array<f32, 5>;
-    for (var i = 0; i < 5; i++) {
-        state = light_hash(state);
-        u[i] = f32(state >> 8u) / 16777216.0;
-    }
-    return u;
+var<private> random_state: u32;
+
+fn random() -> f32 {
+    random_state = light_hash(random_state);
+    return f32(random_state >> 8u) / 16777216.0;
 }
 
 // Whether a wall is in the way. Twin of `is_occluded` in main.rs.
@@ -64,60 +63,60 @@ struct Value {
 fn value_of(at: LightShadingPoint, instance: u32, light: u32, u: vec2<f32>) -> Value {
     let s = light_sample_picked(at, LightPick(instance, light, 1.0), u);
     if s.pmf <= 0.0 {
-        return Value(0.0, frame.least);
+        return Value(0.0, LEAST);
     }
     let unshadowed = s.radiance.y * dot(at.normal, s.direction) / s.pdf;
     let is_lit = !is_occluded(at.position, s.direction, 0.999 * s.dist);
-    return Value(select(0.0, unshadowed, is_lit), frame.least + unshadowed * select(0.1, 1.0, is_lit));
+    return Value(select(0.0, unshadowed, is_lit), LEAST + unshadowed * select(0.1, 1.0, is_lit));
 }
 
 @compute @workgroup_size(64)
-fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let pixels = frame.pixels_per_edge * frame.pixels_per_edge;
     let pixel = id.x % pixels;
     let x = f32(pixel % frame.pixels_per_edge) + 0.5 - 0.5 * f32(frame.pixels_per_edge);
     let z = f32(pixel / frame.pixels_per_edge) + 0.5 - 0.5 * f32(frame.pixels_per_edge);
     let at = light_surface_point(vec3(x, 0.0, z), vec3(0.0, 1.0, 0.0));
-    let u = numbers(id.x);
-    let then = kept[id.x];
+    let place = id.y * groups.x * 64u + id.x;
+    random_state = light_hash(place ^ light_hash(frame.number));
+    let then = kept[place];
     var now: Kept;
 
-    // A new sample. It shares what it stands for with the kept sample: in proportion to the probability
+    // New samples. They share what they stand for with the kept sample: in proportion to the probability
     // now, and to that of the last frame for each of the frames that the kept sample stands for. That
     // probability is 0 for a light that was not there.
-    let pick = light_pick(at, vec2(u[0], u[1]));
     var total = 0.0;
-    if pick.pmf > 0.0 {
-        now.instance = pick.instance;
-        now.light = pick.light;
-        now.u = vec2(u[2], u[3]);
-        let value = value_of(at, pick.instance, pick.light, now.u);
-        let pmf_then = then.frames * light_pmf_previous(at, pick.instance, pick.light);
-        total = value.target_lux / (pick.pmf + pmf_then);
-        now.weight = value.target_lux;
-        now.drawn = value.lux / pick.pmf;
-        now.reused = value.lux;
+    for (var i = 0u; i < frame.candidates; i++) {
+        let pick = light_pick(at, vec2(random(), random()));
+        let u = vec2(random(), random());
+        let choice = random();
+        if pick.pmf > 0.0 {
+            let value = value_of(at, pick.instance, pick.light, u);
+            let pmf_then = then.frames * light_pmf_previous(at, pick.instance, pick.light);
+            let weight = value.target_lux / (f32(frame.candidates) * (pick.pmf + pmf_then));
+            total += weight;
+            if choice * total < weight {
+                now = Kept(pick.instance, pick.light, 0u, value.target_lux, u, 0.0, value.lux);
+            }
+        }
     }
     // The kept sample, unless another light has its name now. Its light is evaluated as it is now.
+    let choice = random();
     if then.weight > 0.0 && light_generation(then.instance, then.light) == then.generation {
         let value = value_of(at, then.instance, then.light, then.u);
         let pmf_then = then.frames * light_pmf_previous(at, then.instance, then.light);
         let share = pmf_then / (light_pmf(at, then.instance, then.light) + pmf_then);
         let weight = select(0.0, share * value.target_lux * then.weight, pmf_then > 0.0);
         total += weight;
-        if u[4] * total < weight {
-            now.instance = then.instance;
-            now.light = then.light;
-            now.u = then.u;
-            now.weight = value.target_lux;
-            now.reused = value.lux;
+        if choice * total < weight {
+            now = Kept(then.instance, then.light, 0u, value.target_lux, then.u, 0.0, value.lux);
         }
     }
     if total > 0.0 {
         now.weight = total / now.weight;
-        now.reused *= now.weight;
+        now.lux *= now.weight;
         now.generation = light_generation(now.instance, now.light);
     }
-    now.frames = min(then.frames + 1.0, frame.most_frames);
-    kept[id.x] = now;
+    now.frames = min(then.frames + 1.0, frame.most_frames[id.y]);
+    kept[place] = now;
 }
