@@ -70,6 +70,15 @@ fn value_of(at: LightShadingPoint, instance: u32, light: u32, u: vec2<f32>) -> V
     return Value(select(0.0, unshadowed, is_lit), LEAST + unshadowed * select(0.1, 1.0, is_lit));
 }
 
+// With how many samples times which probability the frames of a kept sample count, for a light and its
+// probability now. That is 0 for a light that was not there. If the probability has risen, others have gone,
+// and the noise that this leaves makes the frames count less: see docs/reuse.md.
+fn pmf_of_kept(at: LightShadingPoint, frames: f32, pick: LightPick) -> f32 {
+    let pmf_then = light_pmf_previous(at, pick.instance, pick.light);
+    let risen = frames * max(pick.pmf - pmf_then, 0.0);
+    return frames * pmf_then * (pmf_then / max(pmf_then + risen, 1e-30));
+}
+
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let pixels = frame.pixels_per_edge * frame.pixels_per_edge;
@@ -83,8 +92,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     var now: Kept;
 
     // New samples. They share what they stand for with the kept sample: in proportion to the probability
-    // now, and to that of the last frame for each of the frames that the kept sample stands for. That
-    // probability is 0 for a light that was not there.
+    // now, and to that of the last frame for each of the frames that the kept sample stands for.
     var total = 0.0;
     for (var i = 0u; i < frame.candidates; i++) {
         let pick = light_pick(at, vec2(random(), random()));
@@ -92,7 +100,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         let choice = random();
         if pick.pmf > 0.0 {
             let value = value_of(at, pick.instance, pick.light, u);
-            let pmf_then = then.frames * light_pmf_previous(at, pick.instance, pick.light);
+            let pmf_then = pmf_of_kept(at, then.frames, pick);
             let weight = value.target_lux / (f32(frame.candidates) * (pick.pmf + pmf_then));
             total += weight;
             if choice * total < weight {
@@ -104,8 +112,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     let choice = random();
     if then.weight > 0.0 && light_generation(then.instance, then.light) == then.generation {
         let value = value_of(at, then.instance, then.light, then.u);
-        let pmf_then = then.frames * light_pmf_previous(at, then.instance, then.light);
-        let share = pmf_then / (light_pmf(at, then.instance, then.light) + pmf_then);
+        let pmf = light_pmf(at, then.instance, then.light);
+        let pmf_then = pmf_of_kept(at, then.frames, LightPick(then.instance, then.light, pmf));
+        let share = pmf_then / (pmf + pmf_then);
         let weight = select(0.0, share * value.target_lux * then.weight, pmf_then > 0.0);
         total += weight;
         if choice * total < weight {
@@ -117,6 +126,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         now.lux *= now.weight;
         now.generation = light_generation(now.instance, now.light);
     }
-    now.frames = min(then.frames + 1.0, frame.most_frames[id.y]);
+    // The frames that last, by a light that was picked for this alone: if they depended on the samples
+    // above, the picture would be biased.
+    var lasting = then.frames;
+    let other = light_pick(at, vec2(random(), random()));
+    if other.pmf > 0.0 {
+        lasting = min(lasting, pmf_of_kept(at, then.frames, other) / other.pmf);
+    }
+    now.frames = min(lasting + 1.0, frame.most_frames[id.y]);
     kept[place] = now;
 }
