@@ -28,7 +28,7 @@ use testbed::testing::support::Rng;
 /// Pixels along an edge of the ground. A pixel is a metre wide.
 const EDGE: u32 = 16;
 /// Pictures with other random numbers that are drawn at once.
-const PICTURES: u32 = 4;
+const PICTURES: u32 = 8;
 const FRAMES: u32 = 30;
 /// The first frame whose error counts: by then, samples stand for as many frames as they may.
 const FIRST: u32 = 20;
