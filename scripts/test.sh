@@ -12,5 +12,5 @@ step cargo fmt --all --check
 step cargo clippy --locked --workspace --all-targets -- -D warnings
 RUSTDOCFLAGS='-D warnings' step cargo doc --locked --no-deps --features gltf,bake
 step cargo test --locked --workspace
-# The tests have built the programs. Tables of the documents have their columns and rows.
+# Compares the tables of the documents with what the programs print. The tests have built these.
 step target/debug/figures --quick --jobs "$(nproc)"

@@ -84,7 +84,8 @@ use crate::plan::text;
 /// # Measures
 ///
 /// - `pmf` is the probability of the light among all lights, in [0, 1]. In a sample, 0 means that
-///   nothing arrives: `radiance` is 0, and all fields are finite, but `pdf` may be 0. The pick of `light_pick`, which `light_sample_picked` takes, has its
+///   nothing arrives: `radiance` is 0, and all fields are finite, but `pdf` may be 0. The pick of
+///   `light_pick`, which `light_sample_picked` takes, has its
 ///   probability in any case.
 /// - If `is_delta` is 0, `radiance` is in nits and `pdf` is a density per steradian, seen from the
 ///   shading point.

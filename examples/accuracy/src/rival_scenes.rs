@@ -1,13 +1,12 @@
 //! Scenes with thousands of lights for the comparison of samplers: small, procedural, and seeded.
 
-use girandole::LightWorld;
 use girandole::glam::{Affine3A, Vec3, vec3};
 use girandole::{Light, Policy};
 use testbed::scene::assembly::Assembly;
 use testbed::scene::palette::{COOL, NEUTRAL, Palette, SODIUM, SOFT, WARM};
 use testbed::scene::part::Part;
 use testbed::scene::rng::Rng;
-use testbed::scene::{Animation, Camera, Scene, SceneError, Stage};
+use testbed::scene::{Camera, SceneError, Stage, Still};
 
 /// Vertical fields of view, in radians.
 const FIELD_OF_VIEW: f32 = 1.0;
@@ -24,18 +23,6 @@ pub enum Lamps {
     /// Rectangles in any direction.
     Panels,
     Points,
-}
-
-struct Still;
-
-impl Animation for Still {
-    fn advance(&mut self, _: f64, _: &mut Scene, _: &mut LightWorld) -> Result<(), SceneError> {
-        Ok(())
-    }
-
-    fn is_still(&self) -> bool {
-        true
-    }
 }
 
 /// Closes a scene: what the camera sees at night.

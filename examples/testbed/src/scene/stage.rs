@@ -181,6 +181,19 @@ pub trait Animation {
     }
 }
 
+/// The animation of a stage in which nothing moves.
+pub struct Still;
+
+impl Animation for Still {
+    fn advance(&mut self, _: f64, _: &mut Scene, _: &mut LightWorld) -> Result<(), SceneError> {
+        Ok(())
+    }
+
+    fn is_still(&self) -> bool {
+        true
+    }
+}
+
 /// A scene, its lights, and what moves both.
 pub struct Stage {
     /// Geometry, materials and camera.

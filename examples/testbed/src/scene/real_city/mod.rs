@@ -16,14 +16,13 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use girandole::LightWorld;
 use girandole::glam::{Affine3A, DVec2, Vec2, dvec2, vec2, vec3};
 
 use super::assembly::Assembly;
 use super::designs::vehicles::fleet::car_designs;
 use super::designs::{buildings, facade, furniture, land, vehicles};
 use super::palette::Palette;
-use super::{Animation, Camera, Scene, SceneError, Stage, assembly, palette, part, rng};
+use super::{Animation, Camera, SceneError, Stage, Still, assembly, palette, part, rng};
 
 pub mod source;
 pub mod xml;
@@ -271,19 +270,6 @@ fn camera(segments: &[RoadSegment], middle: Vec2, side: f32) -> Camera {
         target: vec3(center.x, 0.0, center.y),
         vertical_fov: 0.8,
         up: vec3(0.0, 1.0, 0.0),
-    }
-}
-
-/// The animation of a city without traffic.
-struct Still;
-
-impl Animation for Still {
-    fn advance(&mut self, _: f64, _: &mut Scene, _: &mut LightWorld) -> Result<(), SceneError> {
-        Ok(())
-    }
-
-    fn is_still(&self) -> bool {
-        true
     }
 }
 

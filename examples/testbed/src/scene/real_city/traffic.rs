@@ -16,7 +16,7 @@ use super::source::Source;
 use super::survey::Survey;
 use super::vehicles::body::Appearance;
 use super::vehicles::fleet::{Fleet, car_transform};
-use super::{Animation, Scene, SceneError};
+use crate::scene::{Animation, Scene, SceneError};
 
 /// A car of the pool.
 struct PoolCar {
