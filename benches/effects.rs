@@ -1,8 +1,7 @@
 //! What each effect costs a sample, and how much of that cost remains in a world without effects.
 //!
-//! The bench times the variants of our kernel and a kernel that was written by hand for points in
-//! rotated and translated instances (`by_hand.wgsl`). Before anything is timed, all kernels must
-//! give the samples of the kernel by hand.
+//! The bench times the variants of the sampling kernel in a world of points in rotated and translated
+//! instances. Before anything is timed, all must give the samples of the variant without effects.
 //!
 //! `cargo bench --bench effects` prints a table. As a test (`cargo test --benches`), some of the
 //! kernels sample a small world once, and no times are printed.
@@ -26,9 +25,9 @@ use testbed::testing::support::Rng;
 /// Relative difference of products of some twenty terms that are taken in different orders.
 const ROUNDING: f32 = 1.0e-5;
 /// One sample in so many may name another light: where a random number falls within rounding of the
-/// border between two lights, another text may choose the other one.
+/// border between two lights, another variant may choose the other one.
 const SAMPLES_PER_MISMATCH: usize = 1000;
-/// Invocations of a workgroup in both kernels.
+/// Invocations of a workgroup in all kernels.
 const LANES: u32 = 64;
 
 /// How much is measured.
@@ -68,19 +67,19 @@ fn main() {
     let output = machine.storage(u64::from(size.shading_points) * size_of::<SampleRecord>() as u64);
     let group = bind(&machine.device, &own, [&input, &output]);
 
-    let mut by_hand = Vec::new();
+    let mut bare_samples = Vec::new();
     for case in &cases {
         let lights = if case.is_stored_for_all { &all } else { &bare };
         machine.time(case, lights, &group, size.shading_points);
         let samples: Vec<SampleRecord> = machine.read(&output);
-        if by_hand.is_empty() {
+        if bare_samples.is_empty() {
             assert!(
                 samples.iter().filter(|s| s.pmf > 0.0).count() > samples.len() / 2,
                 "most shading points have a light"
             );
-            by_hand = samples;
+            bare_samples = samples;
         } else {
-            assert_alike(&samples, &by_hand, case.name);
+            assert_alike(&samples, &bare_samples, case.name);
         }
     }
 
@@ -183,14 +182,9 @@ fn requests(count: u32) -> Vec<SampleRequest> {
     (0..count).map(|_| request()).collect()
 }
 
-/// All kernels; the one by hand is first.
+/// All kernels; the one without effects is first.
 fn cases(machine: &Machine, lights: &GpuLights, own: &wgpu::BindGroupLayout, is_bench: bool) -> Vec<Case> {
     let none = lights.shader(0, Effects::empty());
-    // The kernel by hand uses the constants of the variant without effects.
-    let constants = none.wgsl.lines().filter(|line| line.starts_with("const LIGHT_")).flat_map(|line| [line, "\n"]);
-    let by_hand =
-        constants.collect::<String>() + include_str!("../shaders/request.wgsl") + include_str!("by_hand.wgsl");
-    let by_hand = machine.pipeline(lights, own, &by_hand, "by_hand");
     let batch = |effects: Effects| {
         let stage = concat!(include_str!("../shaders/request.wgsl"), include_str!("../shaders/batch.wgsl"));
         let text = none.with_effects(effects).join(stage);
@@ -204,9 +198,8 @@ fn cases(machine: &Machine, lights: &GpuLights, own: &wgpu::BindGroupLayout, is_
     };
     let [bare, all] = [Effects::empty(), Effects::all()].map(batch);
     let mut cases = vec![
-        case("by hand", &by_hand, false),
-        case("by hand, once more", &by_hand, false),
         case("no effect", &bare, false),
+        case("no effect, once more", &bare, false),
         case("no effect", &bare, true),
     ];
     if is_bench {
@@ -229,9 +222,9 @@ fn cases(machine: &Machine, lights: &GpuLights, own: &wgpu::BindGroupLayout, is_
     cases
 }
 
-fn assert_alike(samples: &[SampleRecord], by_hand: &[SampleRecord], name: &str) {
+fn assert_alike(samples: &[SampleRecord], bare: &[SampleRecord], name: &str) {
     let mut mismatches = 0;
-    for (i, (ours, theirs)) in samples.iter().zip(by_hand).enumerate() {
+    for (i, (ours, theirs)) in samples.iter().zip(bare).enumerate() {
         if (ours.instance, ours.light) != (theirs.instance, theirs.light) {
             mismatches += 1;
             continue;
@@ -257,19 +250,19 @@ fn report(machine: &Machine, size: &Size, cases: &[Case], [bare, all]: [&GpuLigh
     let rounds = cases[0].seconds.len();
     println!("{} instances, {} shading points, {rounds} rounds.\n", size.instances, size.shading_points);
     println!(
-        "| code for | stored for | bytes per node, light, instance | ns per sample | relative to by hand | fastest | relative to by hand |"
+        "| code for | stored for | bytes per node, light, instance | ns per sample | relative to no effect | fastest | relative to no effect |"
     );
     println!("|---|---|---:|---:|---:|---:|---:|");
-    let fastest_by_hand = quarters(&cases[0].seconds)[0];
+    let fastest_bare = quarters(&cases[0].seconds)[0];
     for case in cases {
         let (stored, lights) = if case.is_stored_for_all { ("all effects", all) } else { ("no effect", bare) };
         let bytes = record_bytes(lights);
         let [fastest, low, middle, high, _] =
             quarters(&case.seconds).map(|seconds| seconds * 1e9 / f64::from(size.shading_points));
-        // Ratios are taken within a round: other work of the machine slows both kernels.
+        // Ratios are taken within a round: other work of the machine slows all kernels.
         let ratios: Vec<f64> = case.seconds.iter().zip(&cases[0].seconds).map(|(ours, theirs)| ours / theirs).collect();
         let [_, ratio_low, ratio, ratio_high, _] = quarters(&ratios);
-        let of_fastest = quarters(&case.seconds)[0] / fastest_by_hand;
+        let of_fastest = quarters(&case.seconds)[0] / fastest_bare;
         println!(
             "| {} | {stored} | {}, {}, {} | {middle:.3} ({low:.3} – {high:.3}) | {ratio:.3} ({ratio_low:.3} – {ratio_high:.3}) | {fastest:.3} | {of_fastest:.3} |",
             case.name, bytes.node, bytes.light, bytes.instance,

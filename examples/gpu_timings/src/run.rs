@@ -55,7 +55,7 @@ struct Plan {
 
 /// A whole run: at most a second for each measurement.
 const FULL: Plan = Plan {
-    effort: Effort { least: 3, most: 41, time: Duration::from_secs(1) },
+    effort: Effort { warm_up: Duration::from_millis(300), least: 3, most: 41, time: Duration::from_secs(1) },
     compared: 20_000,
     top_sizes: &[1_000, 10_000, 100_000, 1_000_000],
     moving: 100_000,
@@ -65,7 +65,7 @@ const FULL: Plan = Plan {
 
 /// A run that only shows that everything works.
 const QUICK: Plan = Plan {
-    effort: Effort { least: 3, most: 3, time: Duration::ZERO },
+    effort: Effort { warm_up: Duration::ZERO, least: 3, most: 3, time: Duration::ZERO },
     compared: 1_000,
     top_sizes: &[100, 1_000],
     moving: 1_000,

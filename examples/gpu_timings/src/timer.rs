@@ -15,6 +15,8 @@ const QUERY_BYTES: u64 = wgpu::QUERY_SIZE as u64;
 /// How often work is repeated.
 #[derive(Clone, Copy)]
 pub struct Effort {
+    /// Work is done for so long before it is measured: a GPU that was idle raises its clock slowly.
+    pub warm_up: Duration,
     pub least: usize,
     pub most: usize,
     /// After this time no repetition begins, once `least` are done.
@@ -70,10 +72,14 @@ impl Timer {
         Self { device: device.clone(), queue: queue.clone(), effort, queries }
     }
 
-    /// Calls `work` once to warm up, then as often as the effort says. Returns the results of all
-    /// calls but the first.
+    /// Calls `work` at least once to warm up, then as often as the effort says. Returns the results
+    /// of the latter.
     pub fn repeat<T>(&self, mut work: impl FnMut() -> Result<T, SceneError>) -> Result<Vec<T>, SceneError> {
+        let start = Instant::now();
         work()?;
+        while start.elapsed() < self.effort.warm_up {
+            work()?;
+        }
         let start = Instant::now();
         let mut all = Vec::new();
         while all.len() < self.effort.least || (all.len() < self.effort.most && start.elapsed() < self.effort.time) {

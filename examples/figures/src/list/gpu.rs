@@ -122,7 +122,7 @@ pub const EFFECTS: Figure = table(
         cells: &[
             cell("bytes per node, light, instance", "bytes per node, light, instance", Text),
             cell("ns per sample", "ns per sample", Text),
-            cell("relative to by hand", "relative to by hand", Text),
+            cell("relative to no effect", "relative to no effect", Text),
             cell("fastest", "fastest", Digits(3)),
         ],
         ..VIEW

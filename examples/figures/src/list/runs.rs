@@ -108,7 +108,7 @@ pub const RUNS: &[Run] = &[
     Run {
         name: "budget",
         program: "budget",
-        arguments: "--scene S10,M100 --strategies girandole,round,oracle --shares 0.02,0.1,0.5 --shading-points 60 --frames 160",
+        arguments: "--scene S10,M100 --strategies girandole,round,oracle --shares 0.02,0.1,0.5 --shading-points 120 --frames 240",
         quick: Some(
             "--quick --scene S10,M100 --strategies girandole,round,oracle --shares 0.02,0.1,0.5 --motion smooth --shading-points 2 --frames 8",
         ),
