@@ -20,6 +20,7 @@
 //! | 900 | `plan::ShaderNameError` |
 //! | 1000 to 1001 | [`VisibilityError`] |
 //! | 1100 to 1106 | `tree::BakeError` |
+//! | 1200 to 1201 | [`CutError`] |
 
 use glam::DVec3;
 
@@ -401,6 +402,42 @@ pub enum VisibilityError {
     },
 }
 
+/// Why options of shared cuts were refused. Codes 1200 to 1201.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CutError {
+    /// The edge of a cell is out of range, or NaN.
+    #[error("the edge of a cell is {edge} m, outside {min} to {max} m")]
+    Edge {
+        /// The given edge.
+        edge: f32,
+        /// The least edge allowed.
+        min: f32,
+        /// The greatest edge allowed.
+        max: f32,
+    },
+    /// The number of cells is out of range.
+    #[error("{cells} cells; their number must be from {min} to {max}")]
+    Cells {
+        /// The given number.
+        cells: usize,
+        /// The least number allowed.
+        min: usize,
+        /// The greatest number allowed.
+        max: usize,
+    },
+}
+
+impl CutError {
+    /// The stable code, see [`error`](self).
+    pub fn code(&self) -> u32 {
+        match self {
+            Self::Edge { .. } => 1200,
+            Self::Cells { .. } => 1201,
+        }
+    }
+}
+
 impl VisibilityError {
     /// The stable code, see [`error`](self).
     pub fn code(&self) -> u32 {
@@ -471,10 +508,13 @@ mod tests {
             .chain([
                 VisibilityError::Edge { edge: 0.0, min: 1.0, max: 2.0 }.code(),
                 VisibilityError::Cells { cells: 3, min: 4, max: 8 }.code(),
+                CutError::Edge { edge: 0.0, min: 1.0, max: 2.0 }.code(),
+                CutError::Cells { cells: 0, min: 1, max: 8 }.code(),
             ])
             .collect();
         assert_eq!(codes.iter().collect::<BTreeSet<_>>().len(), codes.len());
-        let expected: Vec<u32> = (100..105).chain(200..216).chain(300..304).chain([400, 500, 1000, 1001]).collect();
+        let expected: Vec<u32> =
+            (100..105).chain(200..216).chain(300..304).chain([400, 500, 1000, 1001, 1200, 1201]).collect();
         assert_eq!(codes, expected);
     }
 

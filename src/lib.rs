@@ -161,7 +161,7 @@ mod documented;
 mod f64_reference;
 
 pub use effects::{EffectCounts, Effects};
-pub use error::{BudgetError, CountError, LightError, PlacementError, VisibilityError, WorldError};
+pub use error::{BudgetError, CountError, CutError, LightError, PlacementError, VisibilityError, WorldError};
 pub use glam;
 pub use instance::appearance::MAX_FACTOR;
 pub use instance::placement::{MAX_DISTANCE, MAX_SCALE, Placement};
@@ -171,6 +171,9 @@ pub use light::{DirectionalLight, Light, Shape};
 pub use policy::Policy;
 pub use sampling::along::SegmentPoint;
 pub use sampling::counts::{CandidateCount, MAX_CANDIDATES, MAX_SPLITS, SplitCount};
+pub use sampling::cuts::builds::CutBuild;
+pub use sampling::cuts::options::CutOptions;
+pub use sampling::cuts::table::{CutReport, CutTable};
 pub use sampling::emit::Incident;
 pub use sampling::quality::Quality;
 pub use sampling::resample::Reservoir;
@@ -207,6 +210,9 @@ mod pages {
     struct Shaders;
     #[doc = include_str!("../docs/reuse.md")]
     struct Reuse;
+    #[doc = include_str!("../docs/cuts.md")]
+    #[cfg(feature = "parallel")]
+    struct Cuts;
     #[doc = include_str!("../docs/visibility.md")]
     struct Visibility;
     #[doc = include_str!("../docs/streaming.md")]

@@ -12,6 +12,7 @@
 //! Its importance has a negative sign until the last split.
 
 use crate::instance::part::SINGLE;
+use crate::math::dice::{Dice, choice_pmf};
 use crate::sampling::counts::{MAX_SPLITS, SplitCount};
 use crate::shading::importance::{
     ChildImportances, LocalShadingPoint, UNRESOLVED_DOUBT, child_importances, resolved_sum, running_sums,
@@ -93,6 +94,47 @@ impl<'a> InstanceTrees<'a> for NoInstances {
     }
 }
 
+/// What a light is chosen from before the walk down the trees: the candidates of one shading point, or
+/// those that a cell shares.
+pub(crate) trait Candidates<'a> {
+    /// What all candidates bring together, in lux.
+    fn total(&self) -> f32;
+
+    /// Chooses a candidate, and remaps the number for the next choice; `None` if there are none.
+    fn choose(&self, dice: &mut Dice) -> Option<Choice<'a>>;
+
+    /// The probability of a node's child; `None` if the node was not split, and 0 if the child was.
+    fn pmf(&self, tree: &TreeView<'a>, node: u32, slot: usize) -> Option<f32>;
+
+    /// Visits every candidate that may be chosen, with its probability.
+    fn visit(&self, visit: impl FnMut(&TreeView<'a>, ChildRef, f32));
+}
+
+/// Where the candidates of a shading point come from.
+pub(crate) trait CutSource<'a> {
+    type Cut: Candidates<'a>;
+
+    /// The candidates.
+    fn cut(self, instance_trees: &impl InstanceTrees<'a>) -> Self::Cut;
+}
+
+/// Splits the trees for one shading point.
+pub(crate) struct OwnCut<'a> {
+    pub root: TreeView<'a>,
+    pub splits: SplitCount,
+    /// The illuminance by directional lights, which are chosen beside the candidates.
+    pub directional_lux: f32,
+}
+
+impl<'a> CutSource<'a> for OwnCut<'a> {
+    type Cut = Cut<'a>;
+
+    #[inline(always)]
+    fn cut(self, instance_trees: &impl InstanceTrees<'a>) -> Cut<'a> {
+        Cut::new(self, instance_trees)
+    }
+}
+
 /// The nodes whose children may be candidates: the root and one node for each split.
 const MAX_NODES: usize = MAX_SPLITS + 1;
 
@@ -139,16 +181,9 @@ impl<'a> Cut<'a> {
     /// Splits the root and then, up to `splits` times, the candidate with the greatest doubt. If only one
     /// child of the root is worth a split, that one is not counted. So a world in one instance, or with
     /// one lamp far away, is sampled as well as one tree over all lights.
-    ///
-    /// `directional_lux` is the illuminance by directional lights, which are chosen beside the
-    /// candidates.
     #[inline(always)]
-    pub fn new(
-        root: TreeView<'a>,
-        splits: SplitCount,
-        directional_lux: f32,
-        instance_trees: &impl InstanceTrees<'a>,
-    ) -> Self {
+    fn new(source: OwnCut<'a>, instance_trees: &impl InstanceTrees<'a>) -> Self {
+        let OwnCut { root, splits, directional_lux } = source;
         let mut cut = Cut {
             trees: [const { None }; MAX_NODES],
             tree_count: 0,
@@ -190,52 +225,6 @@ impl<'a> Cut<'a> {
             cut.add_totals();
         }
         cut
-    }
-
-    /// The sum of all weights: the estimated illuminance by all candidates, in lux.
-    pub fn total(&self) -> f32 {
-        self.total
-    }
-
-    /// The candidate at a point of the line from 0 to the sum of all weights; `None` if there are
-    /// no candidates.
-    #[inline(always)]
-    pub fn choose(&self, point: f32) -> Option<Choice<'a>> {
-        if self.total <= 0.0 {
-            return None;
-        }
-        let mut before = 0.0;
-        let mut chosen = (0, 0.0);
-        for (index, total) in self.totals[..self.node_count].iter().enumerate() {
-            // If rounding lets the point pass all of them, the last with a weight is chosen.
-            if *total > 0.0 && point >= before {
-                chosen = (index, before);
-            }
-            before += total;
-        }
-        let (index, before) = chosen;
-        let weights = &self.weights[index];
-        let (slot, offset) = choose_lane(weights, &running_sums(weights), point - before);
-        Some(Choice { tree: *self.tree(index)?, child: self.child(index, slot)?, weight: weights[slot], offset })
-    }
-
-    /// Every candidate with a weight. None where all are proved dark.
-    #[inline(always)]
-    pub fn candidates(&self) -> impl Iterator<Item = (&TreeView<'a>, ChildRef, f32)> {
-        (0..self.node_count).flat_map(move |index| {
-            (0..WIDTH).filter_map(move |slot| {
-                let weight = self.weights[index][slot];
-                let tree = self.tree(index).filter(|_| weight > 0.0)?;
-                Some((tree, self.child(index, slot)?, weight))
-            })
-        })
-    }
-
-    /// The weight of a node's child; `None` if the node was not split.
-    #[inline(always)]
-    pub fn weight(&self, tree: &TreeView, node: u32, slot: usize) -> Option<f32> {
-        let is_node = |i: &usize| self.nodes[*i] == node && self.tree(*i).is_some_and(|t| t.instance == tree.instance);
-        (0..self.node_count).find(is_node).map(|index| self.weights[index][slot])
     }
 
     fn tree(&self, index: usize) -> Option<&TreeView<'a>> {
@@ -336,6 +325,54 @@ impl<'a> Cut<'a> {
     }
 }
 
+impl<'a> Candidates<'a> for Cut<'a> {
+    fn total(&self) -> f32 {
+        self.total
+    }
+
+    #[inline(always)]
+    fn choose(&self, dice: &mut Dice) -> Option<Choice<'a>> {
+        if self.total <= 0.0 {
+            return None;
+        }
+        let point = dice.point(self.total);
+        let mut before = 0.0;
+        let mut chosen = (0, 0.0);
+        for (index, total) in self.totals[..self.node_count].iter().enumerate() {
+            // If rounding lets the point pass all of them, the last with a weight is chosen.
+            if *total > 0.0 && point >= before {
+                chosen = (index, before);
+            }
+            before += total;
+        }
+        let (index, before) = chosen;
+        let weights = &self.weights[index];
+        let (slot, offset) = choose_lane(weights, &running_sums(weights), point - before);
+        let pmf = choice_pmf(weights[slot], self.total);
+        dice.remap(offset / self.total, pmf);
+        Some(Choice { tree: *self.tree(index)?, child: self.child(index, slot)?, pmf })
+    }
+
+    #[inline(always)]
+    fn pmf(&self, tree: &TreeView<'a>, node: u32, slot: usize) -> Option<f32> {
+        let is_node = |i: &usize| self.nodes[*i] == node && self.tree(*i).is_some_and(|t| t.instance == tree.instance);
+        (0..self.node_count).find(is_node).map(|index| choice_pmf(self.weights[index][slot], self.total))
+    }
+
+    #[inline(always)]
+    fn visit(&self, mut visit: impl FnMut(&TreeView<'a>, ChildRef, f32)) {
+        for index in 0..self.node_count {
+            let Some(tree) = self.tree(index) else { continue };
+            for slot in 0..WIDTH {
+                let weight = self.weights[index][slot];
+                if let Some(child) = self.child(index, slot).filter(|_| weight > 0.0) {
+                    visit(tree, child, choice_pmf(weight, self.total));
+                }
+            }
+        }
+    }
+}
+
 /// Makes the doubts about a node's unresolved children the greatest. Takes only what it needs: a
 /// reference to the whole cut would keep its scalars out of registers.
 #[cold]
@@ -360,14 +397,12 @@ fn limit_unresolved(weights: &mut [Lanes], totals: &mut [f32], others: f32) {
     }
 }
 
-/// A candidate of a cut that was chosen.
+/// A candidate that was chosen.
 pub(crate) struct Choice<'a> {
     pub tree: TreeView<'a>,
     pub child: ChildRef,
-    /// Part of the sum of all weights.
-    pub weight: f32,
-    /// How far the point lies inside the candidate's part of the line.
-    pub offset: f32,
+    /// The probability of this choice.
+    pub pmf: f32,
 }
 
 /// The lane at a point of the line from 0 to the sum of all lanes, and how far the point lies

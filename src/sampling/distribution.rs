@@ -6,7 +6,9 @@
 use crate::math::dice::{choice_pmf, joint_pmf};
 use crate::math::simd::{VectorJob, with_vectors};
 use crate::sampling::counts::SplitCount;
-use crate::sampling::cut::{Cut, InstanceTrees, NO_INSTANCE, NoInstances, TreeView, seen_importances};
+use crate::sampling::cut::{
+    Candidates, CutSource, InstanceTrees, NO_INSTANCE, NoInstances, OwnCut, TreeView, seen_importances,
+};
 use crate::shading::importance::running_sums;
 use crate::shading::shading_point::ShadingPoint;
 use crate::tree::{ChildRef, LightTree, WIDTH};
@@ -20,18 +22,15 @@ impl LightTree {
     pub fn distribution(&self, shading_point: &ShadingPoint, splits: SplitCount, pmfs: &mut Vec<f32>) {
         pmfs.clear();
         pmfs.resize(self.lights().len(), 0.0);
-        let root = TreeView::of_tree(self.nodes(), shading_point);
-        let job =
-            DistributionJob { root, splits, directional_lux: 0.0, instance_trees: &NoInstances, starts: &[], pmfs };
-        with_vectors(job);
+        let source = OwnCut { root: TreeView::of_tree(self.nodes(), shading_point), splits, directional_lux: 0.0 };
+        with_vectors(DistributionJob { source, directional_lux: 0.0, instance_trees: &NoInstances, starts: &[], pmfs });
     }
 }
 
 /// Computes the probability of every light of the root's tree and of the instances below it.
 /// Returns the lux of all candidates and directional lights.
-pub(crate) struct DistributionJob<'a, 't, T> {
-    pub root: TreeView<'a>,
-    pub splits: SplitCount,
+pub(crate) struct DistributionJob<'t, C, T> {
+    pub source: C,
     /// The illuminance by all directional lights.
     pub directional_lux: f32,
     pub instance_trees: &'t T,
@@ -41,24 +40,22 @@ pub(crate) struct DistributionJob<'a, 't, T> {
     pub pmfs: &'t mut [f32],
 }
 
-impl<'a, T: InstanceTrees<'a>> VectorJob for DistributionJob<'a, '_, T> {
+impl<'a, C: CutSource<'a>, T: InstanceTrees<'a>> VectorJob for DistributionJob<'_, C, T> {
     type Output = f32;
 
     #[inline(always)]
     fn run(self) -> f32 {
-        let Self { root, splits, directional_lux, instance_trees, starts, pmfs } = self;
-        let cut = Cut::new(root, splits, directional_lux, instance_trees);
+        let Self { source, directional_lux, instance_trees, starts, pmfs } = self;
+        let cut = source.cut(instance_trees);
         let total = cut.total() + directional_lux;
         let cut_pmf = if directional_lux > 0.0 { choice_pmf(cut.total(), total) } else { 1.0 };
         let (mut stack, mut inner_stack) = (Vec::new(), Vec::new());
-        for (tree, child, weight) in cut.candidates() {
-            let pmf = joint_pmf(cut_pmf, choice_pmf(weight, cut.total()));
+        cut.visit(|tree, child, pmf| {
+            let pmf = joint_pmf(cut_pmf, pmf);
             if !tree.is_top() {
                 let start = if tree.instance == NO_INSTANCE { 0 } else { starts[tree.instance as usize] };
-                visit_leaves(tree, child, pmf, instance_trees, &mut inner_stack, |light, pmf| {
-                    pmfs[start + light as usize] = pmf
-                });
-                continue;
+                let visit = |light: u32, pmf| pmfs[start + light as usize] = pmf;
+                return visit_leaves(tree, child, pmf, instance_trees, &mut inner_stack, visit);
             }
             visit_leaves(tree, child, pmf, instance_trees, &mut stack, |leaf, pmf| {
                 let Some((tree, child)) = instance_trees.tree_view(leaf) else { return };
@@ -66,7 +63,7 @@ impl<'a, T: InstanceTrees<'a>> VectorJob for DistributionJob<'a, '_, T> {
                 let visit = |light: u32, pmf| pmfs[start + light as usize] = pmf;
                 visit_leaves(&tree, child, pmf, instance_trees, &mut inner_stack, visit);
             });
-        }
+        });
         total
     }
 }

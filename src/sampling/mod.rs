@@ -3,6 +3,7 @@
 pub(crate) mod along;
 pub(crate) mod counts;
 pub(crate) mod cut;
+pub(crate) mod cuts;
 mod distribution;
 pub(crate) mod emit;
 pub(crate) mod equiangular;

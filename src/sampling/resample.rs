@@ -11,10 +11,10 @@
 use crate::light::luminance;
 use crate::math::dice::{U_STEP, clamp_unit};
 use crate::math::simd::{VectorJob, with_vectors};
-use crate::sampling::counts::{CandidateCount, MAX_CANDIDATES, SplitCount};
-use crate::sampling::cut::{Cut, InstanceTrees, TreeView};
+use crate::sampling::counts::{CandidateCount, MAX_CANDIDATES};
+use crate::sampling::cut::{CutSource, InstanceTrees};
 use crate::sampling::emit::MIN_PDF;
-use crate::sampling::sample::{LightSample, LightSampler, with_instance_trees};
+use crate::sampling::sample::{LightSample, LightSampler, with_cut};
 use crate::sampling::walk::{Outcome, draw};
 use crate::shading::importance::LocalShadingPoint;
 use crate::shading::shading_point::ShadingPoint;
@@ -124,10 +124,8 @@ impl LightSampler<'_> {
     ) -> Option<Reservoir> {
         let u = [a, b, x, y];
         let count = candidates.get();
-        let (root, splits) = (self.root(shading_point), self.splits);
-        let directional_lux = self.directional_lux(shading_point);
-        let outcomes = with_instance_trees!(self, shading_point, |instance_trees| {
-            with_vectors(DrawManyJob { root, splits, directional_lux, u, count, instance_trees })
+        let outcomes = with_cut!(self, shading_point, |source, directional_lux, instance_trees| {
+            with_vectors(DrawManyJob { source, directional_lux, u, count, instance_trees })
         });
         let mut samples = [const { None }; MAX_CANDIDATES as usize];
         let mut weights = [0.0; MAX_CANDIDATES as usize];
@@ -203,9 +201,8 @@ pub(crate) fn candidate_numbers(u: [f32; 4], i: u32, count: u32) -> [f32; 4] {
 }
 
 /// Draws several lights from one cut; the first `count` entries of the output are filled in.
-struct DrawManyJob<'a, 't, T> {
-    root: TreeView<'a>,
-    splits: SplitCount,
+struct DrawManyJob<'t, C, T> {
+    source: C,
     /// The illuminance by all directional lights.
     directional_lux: f32,
     u: [f32; 4],
@@ -213,13 +210,13 @@ struct DrawManyJob<'a, 't, T> {
     instance_trees: &'t T,
 }
 
-impl<'a, T: InstanceTrees<'a>> VectorJob for DrawManyJob<'a, '_, T> {
+impl<'a, C: CutSource<'a>, T: InstanceTrees<'a>> VectorJob for DrawManyJob<'_, C, T> {
     type Output = [Outcome; MAX_CANDIDATES as usize];
 
     #[inline(always)]
     fn run(self) -> Self::Output {
-        let Self { root, splits, directional_lux, u, count, instance_trees } = self;
-        let cut = Cut::new(root, splits, directional_lux, instance_trees);
+        let Self { source, directional_lux, u, count, instance_trees } = self;
+        let cut = source.cut(instance_trees);
         let mut outcomes = [Outcome::Nothing; MAX_CANDIDATES as usize];
         for (i, outcome) in (0..count).zip(&mut outcomes) {
             let [a, b, ..] = candidate_numbers(u, i, count);

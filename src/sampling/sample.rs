@@ -13,7 +13,8 @@ use crate::light::{DirectionalLight, luminance};
 use crate::math::dice::{choice_pmf, clamp_unit, hashed_unit};
 use crate::math::simd::with_vectors;
 use crate::sampling::counts::SplitCount;
-use crate::sampling::cut::{InstanceTrees, NO_INSTANCE, NoInstances, TreeView};
+use crate::sampling::cut::{InstanceTrees, NO_INSTANCE, NoInstances, OwnCut, TreeView};
+use crate::sampling::cuts::table::CutsInUse;
 use crate::sampling::distribution::DistributionJob;
 use crate::sampling::emit::{Incident, MIN_INVERSE_PDF, MIN_PDF, sample_light};
 use crate::sampling::equiangular::Stretch;
@@ -110,6 +111,8 @@ pub struct LightSampler<'a> {
     pub(crate) splits: SplitCount,
     /// What is learnt, and its cells relative to the world's origin.
     pub(crate) visibility: Option<(&'a VisibilityTable, CellGrid)>,
+    /// Cuts that neighbours share.
+    pub(crate) cuts: Option<CutsInUse<'a>>,
 }
 
 impl fmt::Debug for LightSampler<'_> {
@@ -203,28 +206,46 @@ impl<'a> InstanceTrees<'a> for MaskedWorldTrees<'a, '_> {
     }
 }
 
-/// Evaluates an expression with a reference to the trees around a shading point, whatever is learnt
-/// there and whether masks hide lights.
-macro_rules! with_instance_trees {
-    ($sampler:expr, $shading_point:expr, |$trees:ident| $run:expr) => {{
+/// Evaluates an expression for a shading point with the source of its candidates, the illuminance by
+/// directional lights in lux, and a reference to the trees around it. There is a copy of the expression
+/// for each kind of source and trees: cells that share a cut, masks that hide lights, what is learnt.
+macro_rules! with_cut {
+    ($sampler:expr, $shading_point:expr, |$source:ident, $directional_lux:ident, $trees:ident| $run:expr) => {{
         let trees = $sampler.world_trees($shading_point);
-        match ($sampler.masks($shading_point), $sampler.learnt($shading_point)) {
-            (Some(masks), learnt) => {
-                let $trees = &trees.with_masks(masks, learnt);
-                $run
-            }
-            (None, Some(learnt)) => {
-                let $trees = &trees.with(learnt);
-                $run
-            }
-            (None, None) => {
-                let $trees = &trees;
-                $run
+        let $directional_lux = $sampler.directional_lux($shading_point);
+        let masks = $sampler.masks($shading_point);
+        match $sampler.shared_cut($shading_point, $directional_lux) {
+            Some($source) => match masks {
+                Some(masks) => {
+                    let $trees = &trees.with_masks(masks, None);
+                    $run
+                }
+                None => {
+                    let $trees = &trees;
+                    $run
+                }
+            },
+            None => {
+                let $source = $sampler.own_cut($shading_point, $directional_lux);
+                match (masks, $sampler.learnt($shading_point)) {
+                    (Some(masks), learnt) => {
+                        let $trees = &trees.with_masks(masks, learnt);
+                        $run
+                    }
+                    (None, Some(learnt)) => {
+                        let $trees = &trees.with(learnt);
+                        $run
+                    }
+                    (None, None) => {
+                        let $trees = &trees;
+                        $run
+                    }
+                }
             }
         }
     }};
 }
-pub(crate) use with_instance_trees;
+pub(crate) use with_cut;
 
 impl LightWorld {
     /// Returns a sampler of the world as it is now, with lights as of the last
@@ -236,7 +257,7 @@ impl LightWorld {
     /// Any thread may call this, also inside a rayon job. Threads that make the first call at once
     /// may each build the top level; to build it once, call this before the parallel loop.
     pub fn sampler(&self) -> LightSampler<'_> {
-        LightSampler { world: self, top: self.top_level(), splits: SplitCount::DEFAULT, visibility: None }
+        LightSampler { world: self, top: self.top_level(), splits: SplitCount::DEFAULT, visibility: None, cuts: None }
     }
 }
 
@@ -305,10 +326,8 @@ impl<'a> LightSampler<'a> {
     /// each level below the clusters, whatever the number of lights: about a microsecond. Source:
     /// CK18 5; `cut.rs` names the differences.
     pub fn pick(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> Option<LightPick> {
-        let (root, splits) = (self.root(shading_point), self.splits);
-        let directional_lux = self.directional_lux(shading_point);
-        let outcome = with_instance_trees!(self, shading_point, |instance_trees| {
-            with_vectors(DrawJob { root, splits, directional_lux, u, instance_trees })
+        let outcome = with_cut!(self, shading_point, |source, directional_lux, instance_trees| {
+            with_vectors(DrawJob { source, directional_lux, u, instance_trees })
         });
         self.picked(shading_point, outcome)
     }
@@ -331,7 +350,6 @@ impl<'a> LightSampler<'a> {
     /// that is dark, that cannot reach the shading point, or that does not exist. The cost is that
     /// of [`LightSampler::pick`].
     pub fn pmf(&self, shading_point: &ShadingPoint, light: LightId) -> f32 {
-        let root = self.root(shading_point);
         let query = match light {
             LightId::Directional(key) => match self.world.directional(key) {
                 Some(light) => PmfQuery::Directional(illuminance(light, shading_point)),
@@ -342,9 +360,8 @@ impl<'a> LightSampler<'a> {
                 None => return 0.0,
             },
         };
-        let (splits, directional_lux) = (self.splits, self.directional_lux(shading_point));
-        with_instance_trees!(self, shading_point, |instance_trees| {
-            with_vectors(PmfJob { root, splits, directional_lux, query, instance_trees })
+        with_cut!(self, shading_point, |source, directional_lux, instance_trees| {
+            with_vectors(PmfJob { source, directional_lux, query, instance_trees })
         })
     }
 
@@ -470,10 +487,9 @@ impl<'a> LightSampler<'a> {
         }
         pmfs.clear();
         pmfs.resize(lights, 0.0);
-        let (root, directional_lux) = (self.root(shading_point), self.directional_lux(shading_point));
-        let (splits, starts) = (self.splits, &starts);
-        let total = with_instance_trees!(self, shading_point, |instance_trees| {
-            with_vectors(DistributionJob { root, splits, directional_lux, instance_trees, starts, pmfs })
+        let starts = &starts;
+        let total = with_cut!(self, shading_point, |source, directional_lux, instance_trees| {
+            with_vectors(DistributionJob { source, directional_lux, instance_trees, starts, pmfs })
         });
         pmfs.extend(world.directional_lights().map(|(_, light)| {
             let lux = illuminance(light, shading_point);
@@ -484,6 +500,11 @@ impl<'a> LightSampler<'a> {
     /// The illuminance by all directional lights, in lux.
     pub(crate) fn directional_lux(&self, shading_point: &ShadingPoint) -> f32 {
         self.world.directional_lights().map(|(_, light)| illuminance(light, shading_point)).sum()
+    }
+
+    /// What splits the trees for one shading point.
+    pub(crate) fn own_cut(&self, shading_point: &ShadingPoint, directional_lux: f32) -> OwnCut<'a> {
+        OwnCut { root: self.root(shading_point), splits: self.splits, directional_lux }
     }
 
     /// The trees of all instances as seen from a shading point.
@@ -583,9 +604,8 @@ impl LightTree {
     /// The shading point is in the tree's space. `u` and the result are as for
     /// [`LightSampler::pick`], `splits` as for [`LightSampler::with_splits`].
     pub fn pick(&self, shading_point: &ShadingPoint, u: [f32; 2], splits: SplitCount) -> Option<(u32, f32)> {
-        let root = TreeView::of_tree(self.nodes(), shading_point);
-        let job = DrawJob { root, splits, directional_lux: 0.0, u, instance_trees: &NoInstances };
-        match with_vectors(job) {
+        let source = OwnCut { root: TreeView::of_tree(self.nodes(), shading_point), splits, directional_lux: 0.0 };
+        match with_vectors(DrawJob { source, directional_lux: 0.0, u, instance_trees: &NoInstances }) {
             Outcome::Light(TreeLight { light, pmf, .. }) => Some((light, pmf)),
             Outcome::Directional { .. } | Outcome::Nothing => None,
         }
@@ -597,6 +617,7 @@ impl LightTree {
         let Some(place) = self.leaves().get(light as usize).filter(|place| **place != NO_LEAF) else { return 0.0 };
         let root = TreeView::of_tree(self.nodes(), shading_point);
         let query = PmfQuery::Light(LeafPath { tree: root, place: *place, top: None });
-        with_vectors(PmfJob { root, splits, directional_lux: 0.0, query, instance_trees: &NoInstances })
+        let source = OwnCut { root, splits, directional_lux: 0.0 };
+        with_vectors(PmfJob { source, directional_lux: 0.0, query, instance_trees: &NoInstances })
     }
 }

@@ -6,8 +6,9 @@
 
 use crate::math::dice::{Dice, choice_pmf, joint_pmf};
 use crate::math::simd::VectorJob;
-use crate::sampling::counts::SplitCount;
-use crate::sampling::cut::{Choice, Cut, InstanceTrees, NO_INSTANCE, TreeView, choose_lane, seen_importances};
+use crate::sampling::cut::{
+    Candidates, Choice, CutSource, InstanceTrees, NO_INSTANCE, TreeView, choose_lane, seen_importances,
+};
 use crate::shading::importance::running_sums;
 use crate::tree::{ChildRef, NO_PARENT, Opening, WIDTH};
 
@@ -37,7 +38,7 @@ pub(crate) enum Outcome {
 /// Draws a light of a cut, or a directional light; those bring `directional_lux` together.
 #[inline(always)]
 pub(crate) fn draw<'a>(
-    cut: &Cut<'a>,
+    cut: &impl Candidates<'a>,
     directional_lux: f32,
     u: [f32; 2],
     instance_trees: &impl InstanceTrees<'a>,
@@ -66,14 +67,12 @@ pub(crate) fn draw<'a>(
 /// of an instance. `None` if everything below a node is proved dark.
 #[inline(always)]
 fn descend<'a>(
-    cut: &Cut<'a>,
+    cut: &impl Candidates<'a>,
     mut outer: Dice,
     mut inner: Dice,
     instance_trees: &impl InstanceTrees<'a>,
 ) -> Option<TreeLight> {
-    let Choice { mut tree, mut child, weight, offset } = cut.choose(outer.point(cut.total()))?;
-    let mut pmf = choice_pmf(weight, cut.total());
-    outer.remap(offset / cut.total(), pmf);
+    let Choice { mut tree, mut child, mut pmf } = cut.choose(&mut outer)?;
     loop {
         let node = match child {
             ChildRef::Leaf(leaf) if tree.is_top() => {
@@ -145,14 +144,14 @@ impl<'a> LeafPath<'a> {
 
 /// The probability that [`descend`] ends at a leaf.
 #[inline(always)]
-fn climb<'a>(cut: &Cut<'a>, leaf: &LeafPath<'a>, instance_trees: &impl InstanceTrees<'a>) -> f32 {
+fn climb<'a>(cut: &impl Candidates<'a>, leaf: &LeafPath<'a>, instance_trees: &impl InstanceTrees<'a>) -> f32 {
     let mut path = *leaf;
     let mut pmf = 1.0;
     while path.enter_top() {
         let LeafPath { tree, place, .. } = &path;
         let (node, slot) = (place / WIDTH as u32, *place as usize % WIDTH);
-        if let Some(weight) = cut.weight(tree, node, slot) {
-            return joint_pmf(pmf, choice_pmf(weight, cut.total()));
+        if let Some(in_cut) = cut.pmf(tree, node, slot) {
+            return joint_pmf(pmf, in_cut);
         }
         let record = &tree.nodes[node as usize];
         let weights = seen_importances(tree, node, record, instance_trees).weights();
@@ -166,22 +165,21 @@ fn climb<'a>(cut: &Cut<'a>, leaf: &LeafPath<'a>, instance_trees: &impl InstanceT
 }
 
 /// Draws one light.
-pub(crate) struct DrawJob<'a, 't, T> {
-    pub root: TreeView<'a>,
-    pub splits: SplitCount,
+pub(crate) struct DrawJob<'t, C, T> {
+    pub source: C,
     /// The illuminance by all directional lights.
     pub directional_lux: f32,
     pub u: [f32; 2],
     pub instance_trees: &'t T,
 }
 
-impl<'a, T: InstanceTrees<'a>> VectorJob for DrawJob<'a, '_, T> {
+impl<'a, C: CutSource<'a>, T: InstanceTrees<'a>> VectorJob for DrawJob<'_, C, T> {
     type Output = Outcome;
 
     #[inline(always)]
     fn run(self) -> Outcome {
-        let Self { root, splits, directional_lux, u, instance_trees } = self;
-        draw(&Cut::new(root, splits, directional_lux, instance_trees), directional_lux, u, instance_trees)
+        let Self { source, directional_lux, u, instance_trees } = self;
+        draw(&source.cut(instance_trees), directional_lux, u, instance_trees)
     }
 }
 
@@ -194,22 +192,21 @@ pub(crate) enum PmfQuery<'a> {
 }
 
 /// Computes the probability that a [`DrawJob`] chooses a light.
-pub(crate) struct PmfJob<'a, 't, T> {
-    pub root: TreeView<'a>,
-    pub splits: SplitCount,
+pub(crate) struct PmfJob<'a, 't, C, T> {
+    pub source: C,
     /// The illuminance by all directional lights.
     pub directional_lux: f32,
     pub query: PmfQuery<'a>,
     pub instance_trees: &'t T,
 }
 
-impl<'a, T: InstanceTrees<'a>> VectorJob for PmfJob<'a, '_, T> {
+impl<'a, C: CutSource<'a>, T: InstanceTrees<'a>> VectorJob for PmfJob<'a, '_, C, T> {
     type Output = f32;
 
     #[inline(always)]
     fn run(self) -> f32 {
-        let Self { root, splits, directional_lux, query, instance_trees } = self;
-        let cut = Cut::new(root, splits, directional_lux, instance_trees);
+        let Self { source, directional_lux, query, instance_trees } = self;
+        let cut = source.cut(instance_trees);
         let total = cut.total() + directional_lux;
         match query {
             _ if total <= 0.0 => 0.0,

@@ -13,6 +13,8 @@
 pub(crate) mod masks;
 mod split;
 
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
 use crate::cluster::Cluster;
 use crate::instance::part::{PART, PART_BITS, Part};
 use crate::tree::space_order::{NO_KEY, SpaceOrder, identity};
@@ -36,9 +38,14 @@ pub(crate) const SHARE: usize = PIECE.div_ceil(2);
 /// pass what it could split; more make more passes (docs/decisions.md, 66).
 pub(crate) const LEFT: usize = 5;
 
+/// The next [`TopLevel::id`].
+static NEXT_ID: AtomicU64 = AtomicU64::new(1);
+
 /// A tree over parts of instances.
 #[derive(Clone, Debug)]
 pub(crate) struct TopLevel {
+    /// Tells top levels apart; not 0.
+    pub id: u64,
     /// The root first.
     pub nodes: Vec<Node>,
     /// The parts of all instances, in the order of their slots.
@@ -175,7 +182,14 @@ impl TopLevel {
         first_parts.resize(slots + 1, parts.len() as u32);
         let parts: Vec<Part> = parts.iter().map(|(part, _)| *part).collect();
         let places = vec![NO_PARENT; parts.len()];
-        Self { nodes: vec![Node::EMPTY], places, parts, first_parts, masks: Vec::new() }
+        Self {
+            id: NEXT_ID.fetch_add(1, Relaxed),
+            nodes: vec![Node::EMPTY],
+            places,
+            parts,
+            first_parts,
+            masks: Vec::new(),
+        }
     }
 
     /// The part that a leaf is. `leaf` are its child bits below [`LEAF`]. `None` if there

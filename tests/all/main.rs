@@ -38,6 +38,7 @@ mod sampling;
 mod scheduler;
 mod segments;
 mod shader_text;
+mod shared_cuts;
 mod small_trees;
 mod solid_angle;
 mod stand_ins;

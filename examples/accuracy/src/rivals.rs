@@ -18,6 +18,7 @@ use girandole::glam::Vec3;
 use std::fs;
 use testbed::common::progress::progress;
 use testbed::common::table::{Table, markdown_head, short};
+use testbed::direct_light::cells::SharedCells;
 use testbed::direct_light::converged;
 use testbed::direct_light::draw::{Draw, Resampled, ResampledWithGloss};
 use testbed::direct_light::renderer::Renderer;
@@ -53,7 +54,13 @@ const COLUMNS: [&str; 11] = [
 ];
 
 /// The library's rows; the first two are what the others are compared with.
-const OWN: [&str; 3] = ["Girandole, one tree", "Girandole", "Girandole, 8 candidates"];
+const OWN: [&str; 5] = [
+    "Girandole, one tree",
+    "Girandole",
+    "Girandole, 8 candidates",
+    "Girandole, shared cuts",
+    "Girandole, shared cuts, 8 candidates",
+];
 
 /// A scene, and how it is rendered.
 struct Contest {
@@ -178,6 +185,10 @@ fn measure(contest: Contest, closeness: &Closeness) -> Result<Vec<Entry>, SceneE
         own(world.sampler(), CandidateCount::ONE),
         own(world.sampler(), CandidateCount::of::<8>()),
     ];
+    for candidates in [CandidateCount::ONE, CandidateCount::of::<8>()] {
+        let how = (!contest.is_matte, candidates);
+        draws.push(Box::new(SharedCells::new(&world, (&view.view, &view.scene), how)));
+    }
     let mut names: Vec<String> = OWN.map(Into::into).into();
     for sampler in settings::others() {
         let with_gloss = if contest.is_matte { None } else { samplers.draw_with_gloss(sampler) };

@@ -6,9 +6,13 @@ use super::timing::nanoseconds;
 use girandole::LightId;
 use rayon::prelude::*;
 use testbed::measuring::lights::{carried, illuminances};
-use testbed::measuring::samplers;
 use testbed::measuring::sigma::Summary;
+use testbed::measuring::{samplers, shared_cuts};
 use testbed::scene::SceneError;
+
+/// The edges of cells that share cuts, in metres.
+const CELLS: [(&str, f32); 4] =
+    [("shared cuts, 0.25 m", 0.25), ("shared cuts, 0.5 m", 0.5), ("shared cuts, 1 m", 1.0), ("shared cuts, 4 m", 4.0)];
 
 /// One sampler on one scene.
 pub struct Row {
@@ -35,7 +39,13 @@ pub fn measure(lit: &Lit, effort: Effort) -> Result<Measured, SceneError> {
     let lights = carried(&lit.world);
     let sampler = lit.world.sampler();
     let ids: Vec<LightId> = sampler.all_lights().collect();
-    let choosers = samplers::all(&lit.world, &lights, &ids)?;
+    let table = |(name, edge): (&'static str, f32)| {
+        let table = shared_cuts::table(&lit.world, &lit.shading_points, edge);
+        table.map(|table| (name, table)).map_err(|error| SceneError(error.to_string()))
+    };
+    let tables = CELLS.into_iter().map(table).collect::<Result<Vec<_>, SceneError>>()?;
+    let mut choosers = samplers::all(&lit.world, &lights, &ids)?;
+    choosers.extend(tables.iter().map(|(name, table)| samplers::shared(name, &lit.world, table)));
     let lux: Vec<Vec<f32>> = lit.shading_points.par_iter().map(|at| illuminances(&lights, at)).collect();
     let lit_shading_points = lux.iter().filter(|lux| lux.iter().any(|lux| *lux > 0.0)).count();
     if lit_shading_points == 0 {

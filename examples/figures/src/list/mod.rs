@@ -18,6 +18,7 @@ pub const FIGURES: &[Figure] = &[
     accuracy::README,
     noise::SUMMARY,
     noise::ALL,
+    noise::SHARED_CUTS,
     noise::LOSSES,
     noise::LOSSES_WITH_SHADOWS,
     noise::TORTURE,

@@ -13,7 +13,7 @@ const OWN: &[&str] = &["two levels", "one tree"];
 const SUMMARY_VIEW: View = View {
     from: NOISE,
     keep: &[SCENES],
-    drop: &[("sampler", "flat,")],
+    drop: &[("sampler", "flat,"), ("sampler", "shared cuts")],
     keys: &[("scene", "scene")],
     across: Some("sampler"),
     cells: &[
@@ -54,11 +54,42 @@ pub const ALL: Figure = table(
     &[View {
         from: NOISE,
         keep: &[SCENES],
-        drop: &[("sampler", "uniform"), ("sampler", "flux"), ("sampler", "flat, 2"), ("sampler", "flat, 4")],
+        drop: &[
+            ("sampler", "uniform"),
+            ("sampler", "flux"),
+            ("sampler", "flat, 2"),
+            ("sampler", "flat, 4"),
+            ("sampler", "shared cuts"),
+        ],
         keys: &[("scene", "scene"), ("sampler", "sampler")],
         cells: &[
             cell("σ mean", "sigma_mean", Digits(3)),
             cell("median", "sigma_median", Digits(3)),
+            cell("95 %", "sigma_p95", Digits(3)),
+            cell("99.9 %", "sigma_p999", Digits(3)),
+            cell("rms", "sigma_rms", Digits(3)),
+            cell("dead", "dead", Percent(1)),
+            cell("ns per sample", "ns_per_sample", Digits(3)),
+        ],
+        ..VIEW
+    }],
+);
+
+pub const SHARED_CUTS: Figure = table(
+    "shared-cuts",
+    PAGE,
+    &[View {
+        from: NOISE,
+        keep: &[
+            SCENES,
+            (
+                "sampler",
+                &["girandole", "shared cuts, 0.25 m", "shared cuts, 0.5 m", "shared cuts, 1 m", "shared cuts, 4 m"],
+            ),
+        ],
+        keys: &[("scene", "scene"), ("sampler", "sampler")],
+        cells: &[
+            cell("σ mean", "sigma_mean", Digits(3)),
             cell("95 %", "sigma_p95", Digits(3)),
             cell("99.9 %", "sigma_p999", Digits(3)),
             cell("rms", "sigma_rms", Digits(3)),
@@ -86,7 +117,7 @@ pub const LOSSES: Figure = selection(
         View {
             from: NOISE,
             keep: &[SCENES],
-            drop: &[("sampler", "flat,")],
+            drop: &[("sampler", "flat,"), ("sampler", "shared cuts")],
             cells: &[cell("σ² × µs", "sigma_mean^2 * ns_per_sample / 1000", Digits(3))],
             above: Some(("quotient", 1.0 / 3.0)),
             ..LOSS
@@ -116,7 +147,7 @@ pub const LOSSES_WITH_SHADOWS: Figure = selection(
     PAGE,
     &[View {
         from: &["rivals/rivals.csv"],
-        drop: &[("sampler", "Girandole, 8 candidates")],
+        drop: &[("sampler", "Girandole, 8 candidates"), ("sampler", "Girandole, shared cuts")],
         cells: &[cell("relMSE × µs", "rel_mse * sample_ns / 1000", Digits(3))],
         labels: &[("Girandole", "two levels"), ("Girandole, one tree", "one tree")],
         above: Some(("quotient", 1.0 / 3.0)),

@@ -149,7 +149,7 @@ impl Draw for ResampledWithGloss<'_> {
 }
 
 /// What the library is told of a surface.
-fn gloss(surface: &Surface, material: &Material) -> Gloss {
+pub(super) fn gloss(surface: &Surface, material: &Material) -> Gloss {
     let specular = luminance(specular_reflectance(material));
     let diffuse = luminance(material.base_color) * (1.0 - material.metallic);
     Gloss { view: surface.toward_eye, roughness: material.roughness, specular, diffuse }

@@ -11,6 +11,7 @@ pub mod shadows;
 pub mod numbers;
 pub mod sobol;
 pub mod draw;
+pub mod cells;
 pub mod renderer;
 pub mod frames;
 pub mod times;

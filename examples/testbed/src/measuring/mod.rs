@@ -8,6 +8,7 @@ pub mod charts;
 pub mod log_log;
 
 pub mod score;
+pub mod shared_cuts;
 pub mod crops;
 
 pub mod real;

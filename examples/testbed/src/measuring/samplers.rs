@@ -4,7 +4,9 @@
 use super::baselines::lightcuts::LightcutTree;
 use super::baselines::{BinaryTree, Cycles, Formula, GaussianTree, Pbrt};
 use super::sigma::{Noise, Summary};
-use girandole::{Light, LightId, LightPick, LightSampler, LightTree, LightWorld, ShadingPoint, SplitCount, WorldError};
+use girandole::{
+    CutTable, Light, LightId, LightPick, LightSampler, LightTree, LightWorld, ShadingPoint, SplitCount, WorldError,
+};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -183,13 +185,14 @@ impl Chooser for Lightcuts {
 
 /// This library with its two levels of trees.
 struct TwoLevel<'a> {
+    name: &'static str,
     world: &'a LightWorld,
     sampler: LightSampler<'a>,
 }
 
 impl Chooser for TwoLevel<'_> {
     fn name(&self) -> &'static str {
-        "girandole"
+        self.name
     }
 
     fn pmfs(&self, shading_point: &ShadingPoint) -> Vec<f32> {
@@ -281,6 +284,12 @@ pub fn pbrt(lights: &[Light], ids: Arc<[LightId]>) -> Box<dyn Chooser> {
     Box::new(Published { name: "pbrt", ids, tree })
 }
 
+/// Chooses lights by the tree of spherical Gaussians, as published. `lights` and `ids` as for
+/// [`published`].
+pub fn sg_tree(lights: &[Light], ids: Arc<[LightId]>) -> Box<dyn Chooser> {
+    Box::new(Gaussian { name: "sg tree", ids, tree: GaussianTree::binary(lights) })
+}
+
 /// The samplers that this library is compared with: uniform, flux, pbrt, pbrt opaque, cycles, and
 /// the tree of spherical Gaussians as published and on the nodes of this library.
 ///
@@ -290,7 +299,6 @@ pub fn published(lights: &[Light], ids: &[LightId]) -> Result<Vec<Box<dyn Choose
     let ids: Arc<[LightId]> = ids.into();
     let opaque = BinaryTree::new(Pbrt { is_opaque: true }, lights.to_vec());
     let cycles = BinaryTree::new(Cycles, lights.to_vec());
-    let gaussian = GaussianTree::binary(lights);
     let wide_gaussian = GaussianTree::wide(&LightTree::new(lights.to_vec())?);
     Ok(vec![
         uniform(ids.clone()),
@@ -298,14 +306,19 @@ pub fn published(lights: &[Light], ids: &[LightId]) -> Result<Vec<Box<dyn Choose
         pbrt(lights, ids.clone()),
         Box::new(Published { name: "pbrt opaque", ids: ids.clone(), tree: opaque }),
         Box::new(Published { name: "cycles", ids: ids.clone(), tree: cycles }),
-        Box::new(Gaussian { name: "sg tree", ids: ids.clone(), tree: gaussian }),
+        sg_tree(lights, ids.clone()),
         Box::new(Gaussian { name: "sg tree, wide", ids, tree: wide_gaussian }),
     ])
 }
 
 /// This library with its two levels and the default number of splits.
 pub fn two_level(world: &LightWorld) -> Box<dyn Chooser + '_> {
-    Box::new(TwoLevel { world, sampler: world.sampler() })
+    Box::new(TwoLevel { name: "girandole", world, sampler: world.sampler() })
+}
+
+/// This library with its two levels and cuts that neighbours share.
+pub fn shared<'a>(name: &'static str, world: &'a LightWorld, cuts: &'a CutTable) -> Box<dyn Chooser + 'a> {
+    Box::new(TwoLevel { name, world, sampler: world.sampler().with_cuts(cuts) })
 }
 
 /// One tree of this library over all lights, with the default number of splits.

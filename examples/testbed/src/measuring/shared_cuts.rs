@@ -1,0 +1,36 @@
+//! Tables of shared cuts for shading points that were chosen one by one.
+
+use crate::scene::rng::Rng;
+use girandole::glam::Vec3;
+use girandole::{CutError, CutOptions, CutTable, LightWorld, ShadingPoint};
+
+/// The points that are marked around each shading point: as many pixels as a cell has in a picture.
+const NEIGHBOURS: u64 = 256;
+/// Seeds their places.
+const SEED: u64 = 2_024;
+
+/// A table with the cells of all shading points, each with an edge of `edge` metres and built for
+/// neighbours that lie in the plane of the point's surface, or around a point in a volume. `None` as
+/// `edge` if a cell would not be built.
+pub fn table(world: &LightWorld, shading_points: &[ShadingPoint], edge: f32) -> Result<CutTable, CutError> {
+    let mut table = CutTable::new(CutOptions::new(edge, (16 * shading_points.len()).clamp(1, 1 << 16))?);
+    let sampler = world.sampler().with_cuts(&table);
+    for (index, at) in (0..).zip(shading_points) {
+        let mut rng = Rng::new(SEED, index);
+        for neighbour in neighbours(at, edge, &mut rng) {
+            sampler.mark(&neighbour);
+        }
+    }
+    table.build(world);
+    Ok(table)
+}
+
+/// Points within an edge of a point, in its plane. Those in its cell are uniform there.
+fn neighbours(at: &ShadingPoint, edge: f32, rng: &mut Rng) -> impl Iterator<Item = ShadingPoint> {
+    (0..NEIGHBOURS).map(move |_| {
+        let shift = Vec3::from_array([(); 3].map(|()| rng.range(-edge, edge)));
+        let mut neighbour = *at;
+        neighbour.position += shift - at.normal * shift.dot(at.normal);
+        neighbour
+    })
+}

@@ -1,0 +1,320 @@
+//! Builds the cut of a cell for a few of its points.
+//!
+//! A candidate's weight is the root of its mean squared share of the light at the points. A candidate is
+//! split that is most in doubt, or whose share differs most between points. docs/math.md has the
+//! reasons, and docs/decisions.md what else was tried.
+
+use crate::math::simd::{VectorJob, with_vectors};
+use crate::sampling::cut::{MIN_DOUBT, NO_INSTANCE, TreeView, seen_importances};
+use crate::sampling::cuts::cell::POINTS;
+use crate::sampling::cuts::shared::{MIN_SIDE, NodeId, SHARED_NODES, SharedCut, UNITS};
+use crate::sampling::sample::LightSampler;
+use crate::shading::importance::{
+    ChildImportances, UNRESOLVED_DOUBT, resolved_sum, scale_unresolved, unresolved_scale, unresolved_sum,
+};
+use crate::shading::shading_point::ShadingPoint;
+use crate::tree::{ChildRef, Lanes, WIDTH};
+
+/// A candidate is split only while its doubt and the deviation of its share are more than this share of
+/// all light. A cell splits further than a point does, since many samples pay for it.
+pub(crate) const MIN_SHARED_DOUBT: f32 = 0.25 * MIN_DOUBT;
+
+/// What the deviation of a candidate's shares counts, relative to the doubt about it.
+pub(crate) const DEVIATION: f32 = 2.0;
+
+/// The part of the samples that is spread evenly over all candidates, so that none is ever starved.
+pub(crate) const EVEN: f32 = 0.01;
+
+/// The part of the samples that is spread by the light at the middle of the cell, from all sides.
+pub(crate) const CENTER: f32 = 0.01;
+
+/// The low bits of a key, which do not belong to the priority: the number of a child.
+const CHILD_BITS: u32 = (SHARED_NODES * WIDTH) as u32 - 1;
+
+/// The points of a cell and its middle, which comes last.
+const VIEWS: usize = POINTS + 1;
+
+/// What is known of a node whose children are candidates.
+#[derive(Clone, Copy)]
+struct Opened {
+    id: NodeId,
+    /// The importances of the children for each point; 0 for a child that was split.
+    importance: [Lanes; VIEWS],
+    /// The sums of the resolved importances.
+    sums: [f32; VIEWS],
+    /// What is split next.
+    priority: Lanes,
+    /// Bits of the children that may send light to some point of the cell.
+    lit: u8,
+}
+
+/// The points of a cell.
+pub(crate) struct CellPoints<'p> {
+    /// At most [`POINTS`], and at least one.
+    pub points: &'p [ShadingPoint],
+    /// The middle of the cell.
+    pub center: ShadingPoint,
+}
+
+/// A cut that is being made.
+struct Sketch<'s, 'a, 'p> {
+    sampler: &'s LightSampler<'a>,
+    cell: &'s CellPoints<'p>,
+    opened: [Opened; SHARED_NODES],
+    count: usize,
+    /// The illuminance by directional lights at each point.
+    directional: [f32; VIEWS],
+}
+
+/// Builds the cut of a cell. It has no nodes if no light reaches any of the points.
+pub(crate) fn build(sampler: &LightSampler<'_>, cell: &CellPoints<'_>, cut: &mut SharedCut) {
+    with_vectors(BuildJob { sampler, cell, cut });
+}
+
+struct BuildJob<'s, 'a, 'p> {
+    sampler: &'s LightSampler<'a>,
+    cell: &'s CellPoints<'p>,
+    cut: &'s mut SharedCut,
+}
+
+impl VectorJob for BuildJob<'_, '_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { sampler, cell, cut } = self;
+        sketch(sampler, cell).finish(cut);
+    }
+}
+
+/// Splits until no split is worth its time, or as often as there is room.
+#[inline(always)]
+fn sketch<'s, 'a, 'p>(sampler: &'s LightSampler<'a>, cell: &'s CellPoints<'p>) -> Sketch<'s, 'a, 'p> {
+    let opened = Opened {
+        id: NodeId::default(),
+        importance: [[0.0; WIDTH]; VIEWS],
+        sums: [0.0; VIEWS],
+        priority: [0.0; WIDTH],
+        lit: 0,
+    };
+    let mut sketch = Sketch { sampler, cell, opened: [opened; SHARED_NODES], count: 0, directional: [0.0; VIEWS] };
+    for view in sketch.views() {
+        sketch.directional[view] = sampler.directional_lux(sketch.point(view));
+    }
+    let mut next = NodeId { instance: NO_INSTANCE, node: 0 };
+    while sketch.add(next).is_some() && sketch.count < SHARED_NODES {
+        let Some((index, slot, child)) = sketch.next() else { break };
+        sketch.remove(index, slot);
+        next = child;
+    }
+    sketch
+}
+
+impl<'a> Sketch<'_, 'a, '_> {
+    fn point(&self, view: usize) -> &ShadingPoint {
+        if view == POINTS { &self.cell.center } else { &self.cell.points[view] }
+    }
+
+    /// The numbers of the points and of the middle.
+    fn views(&self) -> impl Iterator<Item = usize> + use<> {
+        (0..self.cell.points.len()).chain([POINTS])
+    }
+
+    /// Makes a node's children candidates. `None` if there is no such node.
+    #[inline(always)]
+    fn add(&mut self, id: NodeId) -> Option<()> {
+        let mut opened = Opened { id, ..self.opened[self.count] };
+        let mut doubts = [[0.0; WIDTH]; POINTS];
+        for view in self.views() {
+            let point = self.point(view);
+            let tree = match id.instance {
+                NO_INSTANCE => self.sampler.root(point),
+                slot => self.sampler.tree_view(self.sampler.world.instance_at(slot)?, point)?.1,
+            };
+            let record = tree.nodes.get(id.node as usize)?;
+            let ChildImportances { importance, doubt } = self.importances(&tree, id.node, point)?;
+            opened.sums[view] = resolved_sum(&importance);
+            opened.importance[view] = importance;
+            if view < POINTS {
+                doubts[view] = doubt;
+            } else {
+                for slot in 0..WIDTH {
+                    opened.lit |= u8::from(record.flux[slot] > 0) << slot;
+                }
+            }
+        }
+        self.opened[self.count] = opened;
+        self.count += 1;
+        self.opened[self.count - 1].priority = self.priorities(&opened, &doubts);
+        Some(())
+    }
+
+    #[inline(always)]
+    fn importances(&self, tree: &TreeView<'a>, node: u32, point: &ShadingPoint) -> Option<ChildImportances> {
+        let (trees, record) = (self.sampler.world_trees(point), tree.nodes.get(node as usize)?);
+        Some(match self.sampler.masks(point) {
+            Some(masks) => seen_importances(tree, node, record, &trees.with_masks(masks, None)),
+            None => seen_importances(tree, node, record, &trees),
+        })
+    }
+
+    /// All light at a point that is known to be resolved.
+    fn total(&self, view: usize) -> f32 {
+        self.opened[..self.count].iter().map(|opened| opened.sums[view]).sum::<f32>() + self.directional[view]
+    }
+
+    /// What is split next: the mean doubt, and the deviation of the shares.
+    #[inline(always)]
+    fn priorities(&self, opened: &Opened, doubts: &[Lanes; POINTS]) -> Lanes {
+        let count = self.cell.points.len();
+        let (mut priority, mut sums, mut squares) = ([0.0; WIDTH], [0.0; WIDTH], [0.0; WIDTH]);
+        for view in 0..count {
+            let total = self.total(view);
+            let scale = if total > 0.0 { 1.0 / total } else { 0.0 };
+            for slot in 0..WIDTH {
+                let importance = opened.importance[view][slot];
+                let share = importance.max(0.0) * scale;
+                // Unresolved children come first.
+                let doubt = if importance < 0.0 { UNRESOLVED_DOUBT } else { share * doubts[view][slot] };
+                priority[slot] += doubt;
+                sums[slot] += share;
+                squares[slot] += share * share;
+            }
+        }
+        let inverse = 1.0 / count as f32;
+        for slot in 0..WIDTH {
+            let mean = sums[slot] * inverse;
+            let variance = (squares[slot] * inverse - mean * mean).max(0.0);
+            priority[slot] = priority[slot] * inverse + DEVIATION * variance.sqrt();
+        }
+        priority
+    }
+
+    /// The candidate to split next, as an opened node, a slot and the node that replaces it. `None` if no
+    /// split is worth its time.
+    #[inline(always)]
+    fn next(&mut self) -> Option<(usize, usize, NodeId)> {
+        loop {
+            // The last bits of a key name the child, so the first of equal priorities is the greatest.
+            let mut greatest = 0;
+            let priorities = self.opened[..self.count].iter().flat_map(|opened| opened.priority);
+            for (child, priority) in (0..).zip(priorities) {
+                greatest = greatest.max((priority.to_bits() & !CHILD_BITS) | (CHILD_BITS - child));
+            }
+            if f32::from_bits(greatest & !CHILD_BITS) <= MIN_SHARED_DOUBT {
+                return None;
+            }
+            let child = (CHILD_BITS - (greatest & CHILD_BITS)) as usize;
+            let (index, slot) = (child / WIDTH, child % WIDTH);
+            if let Some(node) = self.below(index, slot) {
+                return Some((index, slot, node));
+            }
+            // A single light cannot be split.
+            self.opened[index].priority[slot] = 0.0;
+        }
+    }
+
+    /// The node below a child; `None` for a light.
+    fn below(&self, index: usize, slot: usize) -> Option<NodeId> {
+        let id = self.opened[index].id;
+        let LightSampler { world, top, .. } = self.sampler;
+        let nodes = match id.instance {
+            NO_INSTANCE => &top.nodes[..],
+            slot => world.tree(world.instance(world.instance_at(slot)?)?.tree)?.nodes(),
+        };
+        match nodes.get(id.node as usize)?.child(slot)? {
+            ChildRef::Node(node) => Some(NodeId { node, ..id }),
+            ChildRef::Leaf(leaf) if id.instance == NO_INSTANCE => {
+                let part = top.part(leaf)?;
+                match part.entry {
+                    ChildRef::Node(node) => Some(NodeId { instance: part.slot, node }),
+                    ChildRef::Leaf(_) => None,
+                }
+            }
+            ChildRef::Leaf(_) => None,
+        }
+    }
+
+    /// Removes a candidate, whose own children replace it.
+    fn remove(&mut self, index: usize, slot: usize) {
+        let views = self.views();
+        let opened = &mut self.opened[index];
+        opened.priority[slot] = 0.0;
+        opened.lit &= !(1 << slot);
+        for view in views {
+            opened.importance[view][slot] = 0.0;
+            opened.sums[view] = resolved_sum(&opened.importance[view]);
+        }
+    }
+
+    /// Turns importances into shares of all light at each point, in which unresolved candidates have at
+    /// most as much as all others. Returns the shares of directional lights.
+    fn shares(&mut self) -> [f32; VIEWS] {
+        let mut directional = [0.0; VIEWS];
+        for view in self.views() {
+            let others = self.total(view);
+            let opened = &mut self.opened[..self.count];
+            let unresolved: f32 = opened.iter().map(|opened| unresolved_sum(&opened.importance[view])).sum();
+            let scale = unresolved_scale(others, unresolved);
+            let total = others + unresolved * scale;
+            let inverse = if total > 0.0 { 1.0 / total } else { 0.0 };
+            for opened in opened {
+                let weights = scale_unresolved(&opened.importance[view], scale);
+                opened.importance[view] = weights.map(|weight| weight * inverse);
+            }
+            directional[view] = self.directional[view] * inverse;
+        }
+        directional
+    }
+
+    /// Writes the cut.
+    #[inline(always)]
+    fn finish(mut self, cut: &mut SharedCut) {
+        cut.count = 0;
+        let directional = self.shares();
+        let count = self.cell.points.len();
+        let root_mean_square = |share: &dyn Fn(usize) -> f32| {
+            ((0..count).map(|view| share(view) * share(view)).sum::<f32>() / count as f32).sqrt()
+        };
+        let mut weights = [[0.0; WIDTH]; SHARED_NODES];
+        let (mut sum, mut center, mut lit) = (0.0, 0.0, 0);
+        for (weights, opened) in weights.iter_mut().zip(&self.opened[..self.count]) {
+            for slot in 0..WIDTH {
+                weights[slot] = root_mean_square(&|view| opened.importance[view][slot]);
+                sum += weights[slot];
+                center += opened.importance[POINTS][slot];
+            }
+            lit += opened.lit.count_ones();
+        }
+        let sun = root_mean_square(&|view| directional[view]);
+        if lit == 0 || sum + sun <= 0.0 {
+            return;
+        }
+        cut.directional = match self.sampler.world.directional_lights().next() {
+            Some(_) => {
+                let part = (sun / (sun + sum)).clamp(MIN_SIDE, 1.0 - MIN_SIDE);
+                part / (1.0 - part)
+            }
+            None => 0.0,
+        };
+        let inverse = |part: f32, sum: f32| if sum > 0.0 { part / sum } else { 0.0 };
+        let by_points = inverse(1.0 - EVEN - CENTER, sum);
+        let (by_center, even) = (inverse(CENTER, center), EVEN / lit as f32);
+        let mut order: [usize; SHARED_NODES] = std::array::from_fn(|index| index);
+        order[..self.count].sort_unstable_by_key(|index| self.opened[*index].id);
+        let mut total = 0;
+        for (place, index) in order[..self.count].iter().enumerate() {
+            let opened = &self.opened[*index];
+            cut.nodes[place] = opened.id;
+            for slot in 0..WIDTH {
+                if opened.lit >> slot & 1 == 1 {
+                    let part = weights[*index][slot] * by_points + opened.importance[POINTS][slot] * by_center + even;
+                    // Each has a unit, and no more than all units are handed out.
+                    total += (part.min(1.0) * (UNITS - 512) as f32) as u32 + 1;
+                }
+                cut.sums[place][slot] = total;
+            }
+        }
+        cut.count = self.count;
+    }
+}

@@ -1,0 +1,89 @@
+//! How a table of shared cuts divides the world.
+
+use glam::DVec3;
+
+use crate::error::CutError;
+use crate::sampling::cuts::cell::{Camera, CutGrid};
+
+/// The largest number of cells of [`CutOptions`]. Their cuts take 84 MB.
+pub(crate) const MAX_CELLS: usize = 1 << 16;
+
+/// The least and the largest edge of a cell, in metres.
+pub(crate) const EDGES: [f32; 2] = [0.01, 1.0e4];
+
+/// The edges of cells that follow a camera are at most this many times doubled.
+const LEVELS: u32 = 2;
+
+/// The edge of a cell, in pixels of the camera.
+pub(crate) const PIXELS: f32 = 16.0;
+
+/// How a [`CutTable`] divides the world, and how much of it fits.
+///
+/// ```
+/// use girandole::CutOptions;
+/// let options = CutOptions::new(0.25, 16_384)?.with_min_marks(32);
+/// assert_eq!((options.edge(), options.cells(), options.min_marks()), (0.25, 16_384, 32));
+/// assert!(CutOptions::new(0.0, 16_384).is_err() && CutOptions::new(0.25, 0).is_err());
+/// # Ok::<(), girandole::CutError>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CutOptions {
+    edge: f32,
+    cells: usize,
+    min_marks: u32,
+}
+
+impl CutOptions {
+    /// Cells with edges of `edge` metres, of which `cells` have cuts at the same time.
+    ///
+    /// With a [view](CutTable::set_view), edges are up to four times as long where pixels are large. The
+    /// default is 0.25 m and 16,384 cells, which take 1.3 kB each.
+    ///
+    /// # Errors
+    /// [`CutError`] for an edge outside 0.01 to 10,000 m, and for 0 or more than 65,536 cells.
+    pub const fn new(edge: f32, cells: usize) -> Result<Self, CutError> {
+        // NaN is in no range.
+        if !(edge >= EDGES[0] && edge <= EDGES[1]) {
+            return Err(CutError::Edge { edge, min: EDGES[0], max: EDGES[1] });
+        }
+        if cells == 0 || cells > MAX_CELLS {
+            return Err(CutError::Cells { cells, min: 1, max: MAX_CELLS });
+        }
+        Ok(Self { edge, cells, min_marks: 8 })
+    }
+
+    /// The same with another number of marks that a cell needs to get a cut. A cut takes as long as some
+    /// 15 samples without one. The default is 8.
+    #[must_use]
+    pub const fn with_min_marks(self, min_marks: u32) -> Self {
+        Self { min_marks, ..self }
+    }
+
+    /// The edge of the smallest cells in metres.
+    pub const fn edge(self) -> f32 {
+        self.edge
+    }
+
+    /// The number of cells that may have cuts.
+    pub const fn cells(self) -> usize {
+        self.cells
+    }
+
+    /// The marks that a cell needs to get a cut.
+    pub const fn min_marks(self) -> u32 {
+        self.min_marks
+    }
+}
+
+impl Default for CutOptions {
+    fn default() -> Self {
+        Self { edge: 0.25, cells: 1 << 14, min_marks: 8 }
+    }
+}
+
+impl CutOptions {
+    /// The grid of cells in coordinates relative to an origin.
+    pub(crate) fn grid(&self, camera: Option<Camera>, origin: DVec3) -> CutGrid {
+        CutGrid::new(self.edge, LEVELS, camera, origin)
+    }
+}

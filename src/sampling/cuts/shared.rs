@@ -1,0 +1,71 @@
+//! A cut that belongs to a cell.
+
+use crate::tree::WIDTH;
+
+/// The nodes whose children are the candidates of a shared cut, at most: the root and one node for each
+/// split.
+pub(crate) const SHARED_NODES: usize = 32;
+
+/// Probabilities of candidates are integers in units of at least 2^-24, so they add up exactly.
+pub(crate) const UNITS: u32 = 1 << 24;
+
+/// The least part of a cell's samples that goes to the trees, and to directional lights if there are any.
+/// Neither then depends on what the cell's points see.
+pub(crate) const MIN_SIDE: f32 = 0.01;
+
+/// A node of a world: the slot of an instance, or [`NO_INSTANCE`](crate::sampling::cut::NO_INSTANCE) for the top
+/// level, and the index of the
+/// node in its tree.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct NodeId {
+    pub instance: u32,
+    pub node: u32,
+}
+
+/// The candidates of a cell.
+#[derive(Clone, Debug)]
+pub(crate) struct SharedCut {
+    /// The number of nodes; 0 if the cell has no cut.
+    pub count: usize,
+    /// The number of points that it was made for.
+    pub points: usize,
+    /// In ascending order.
+    pub nodes: [NodeId; SHARED_NODES],
+    /// The running sums of the units of all children of all nodes. A child without flux has none, and
+    /// neither has one that was split.
+    pub sums: [[u32; WIDTH]; SHARED_NODES],
+    /// The illuminance by directional lights over that by the trees, by which a sample chooses between
+    /// the two. 0 if there are no directional lights.
+    pub directional: f32,
+}
+
+impl Default for SharedCut {
+    fn default() -> Self {
+        Self {
+            count: 0,
+            points: 0,
+            nodes: [NodeId::default(); SHARED_NODES],
+            sums: [[0; WIDTH]; SHARED_NODES],
+            directional: 0.0,
+        }
+    }
+}
+
+impl SharedCut {
+    /// The running sums in one piece.
+    pub fn sums(&self) -> &[u32] {
+        self.sums[..self.count].as_flattened()
+    }
+
+    /// The sum of all units.
+    pub fn total(&self) -> u32 {
+        self.sums().last().copied().unwrap_or(0)
+    }
+
+    /// Where the units of a child begin, and how many there are.
+    pub fn units(&self, child: usize) -> [u32; 2] {
+        let sums = self.sums();
+        let before = if child > 0 { sums[child - 1] } else { 0 };
+        [before, sums[child] - before]
+    }
+}

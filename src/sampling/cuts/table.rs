@@ -1,0 +1,192 @@
+//! The table of cells: what was marked, and the cuts that were built from it.
+
+use std::fmt;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
+use glam::DVec3;
+
+use crate::sampling::cuts::cell::{Camera, CutCell, CutGrid};
+use crate::sampling::cuts::marks::{Marked, Marks, PROBES};
+use crate::sampling::cuts::options::{CutOptions, PIXELS};
+use crate::sampling::cuts::shared::SharedCut;
+use crate::shading::shading_point::ShadingPoint;
+
+/// The places for marked cells, for each cell that may have a cut.
+const SLOTS_PER_CELL: usize = 4;
+
+/// What the last build of a [`CutTable`] did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct CutReport {
+    /// The cells that were marked.
+    pub marked: usize,
+    /// The cells that got a new cut.
+    pub built: usize,
+    /// The cells that kept their cut.
+    pub kept: usize,
+    /// The marked cells that had too few marks to get one.
+    pub rare: usize,
+    /// The marked cells for which there was no room.
+    pub refused: usize,
+    /// The marks for whose cells there was no room.
+    pub lost_marks: usize,
+}
+
+/// Cuts that neighbours share: less noise in less time, where many samples lie close together.
+///
+/// A sampler [without](crate::LightSampler::with_cuts) a table splits clusters of lights for each shading point,
+/// six times. Points of one neighbourhood need nearly the same. So the table divides the world into
+/// cells, and splits once for all points of a cell, 31 times. A sample then chooses from the cell's
+/// clusters and walks down from there, with exact probabilities. Whatever the table holds, each light
+/// that reaches a point can be chosen there. Points whose cell has no cut split for themselves, as they
+/// do without a table.
+///
+/// In each frame, after [`LightWorld::update`](crate::LightWorld::update): [mark](crate::LightSampler::mark) the shading points, or those
+/// of the frame before; [`build`](Self::build); and sample. A change of the world makes cuts void, until
+/// they are built again.
+///
+/// ```
+/// use girandole::glam::Vec3;
+/// use girandole::{CutTable, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint};
+///
+/// let mut world = LightWorld::new();
+/// let lamps = (0..100).map(|i| Light::point(Vec3::new(i as f32, 3.0, 0.0), Vec3::ONE)).collect();
+/// let lamps = world.add_tree(LightTree::new(lamps)?);
+/// world.add_instance(lamps, Placement::IDENTITY, Policy::Static)?;
+/// let points: Vec<_> = (0..64).map(|i| ShadingPoint::surface(Vec3::X * i as f32 * 0.003, Vec3::Y)).collect();
+///
+/// let mut cuts = CutTable::default();
+/// for point in &points {
+///     world.sampler().with_cuts(&cuts).mark(point); // from any threads
+/// }
+/// cuts.build(&world);
+/// assert_eq!((cuts.report().marked, cuts.report().built), (1, 1));
+/// let sampler = world.sampler().with_cuts(&cuts);
+/// let sample = sampler.sample(&points[0], [0.1, 0.2, 0.3, 0.4]).expect("lamps are in sight");
+/// assert!((sample.pmf / sampler.pmf(&points[0], sample.light) - 1.0).abs() < 1.0e-5);
+/// # Ok::<(), girandole::WorldError>(())
+/// ```
+pub struct CutTable {
+    pub(crate) options: CutOptions,
+    /// For marks.
+    pub(crate) camera: Option<Camera>,
+    pub(crate) marks: Marks,
+    pub(crate) lost_marks: AtomicUsize,
+    pub(crate) built: Built,
+}
+
+/// The cuts of the last build.
+#[derive(Default)]
+pub(crate) struct Built {
+    pub grid: Option<CutGrid>,
+    /// [`TopLevel::id`](crate::top::TopLevel::id) of the world for which they were built; 0 for none.
+    pub world: u64,
+    /// For each place of a mark the tag of its cell and the number of its cut; 0 for none.
+    pub tags: Vec<(u32, u32)>,
+    /// The first ones are in use.
+    pub cuts: Vec<SharedCut>,
+    pub report: CutReport,
+}
+
+impl Built {
+    /// The number of a cell's cut.
+    fn number(&self, cell: &CutCell) -> Option<u32> {
+        let [hash, tag] = cell.keys();
+        let mut slots = (0..PROBES).map(|step| self.tags[(hash as usize).wrapping_add(step) & (self.tags.len() - 1)]);
+        slots.find(|(found, _)| *found == tag).map(|(_, number)| number)
+    }
+
+    /// The number of the cut of a cell that keeps it: the world is the same, the cut was made for at least
+    /// as many points as are known now, and glossy points have the same view.
+    pub fn kept(&self, marked: &Marked, grid: &CutGrid, world: u64) -> Option<u32> {
+        let number = self.number(&marked.cell).filter(|_| self.world == world)?;
+        let cut = self.cuts.get(number as usize).filter(|cut| cut.count > 0)?;
+        let has_view = !marked.cell.is_glossy() || self.grid.is_some_and(|built| built.has_eye_of(grid));
+        let known = marked.points.iter().filter(|word| **word != 0).count();
+        (has_view && cut.points >= known).then_some(number)
+    }
+}
+
+impl CutTable {
+    /// Creates a table without cells.
+    pub fn new(options: CutOptions) -> Self {
+        let slots = (options.cells() * SLOTS_PER_CELL).next_power_of_two().max(PROBES);
+        Self {
+            options,
+            camera: None,
+            marks: Marks::new(slots),
+            lost_marks: AtomicUsize::new(0),
+            built: Built { tags: vec![(0, 0); slots], ..Built::default() },
+        }
+    }
+
+    /// The options that the table was made with.
+    pub fn options(&self) -> CutOptions {
+        self.options
+    }
+
+    /// Makes cells follow the pixels of a camera for all marks to come: about 16 pixels to an edge.
+    ///
+    /// `eye` is its position in the world, and `pixel` the size of a pixel at a distance of one metre, in
+    /// metres: for a picture of `h` rows with a vertical field of view of `a`, `2 * tan(a / 2) / h`.
+    /// Without a view all cells have the edge of the options, and glossy points share no cuts. A `pixel`
+    /// that is not a positive finite number, and an eye that is not finite, are no view.
+    pub fn set_view(&mut self, eye: DVec3, pixel: f32) {
+        let is_valid = eye.is_finite() && pixel > 0.0 && pixel.is_finite();
+        self.camera = is_valid.then_some(Camera { eye, edge_per_metre: PIXELS * pixel });
+    }
+
+    /// What the last build did.
+    pub fn report(&self) -> CutReport {
+        self.built.report
+    }
+}
+
+impl Default for CutTable {
+    fn default() -> Self {
+        Self::new(CutOptions::default())
+    }
+}
+
+impl fmt::Debug for CutTable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("CutTable")
+            .field("options", &self.options)
+            .field("report", &self.report())
+            .finish_non_exhaustive()
+    }
+}
+
+/// A table, as a sampler uses it.
+#[derive(Clone, Copy)]
+pub(crate) struct CutsInUse<'a> {
+    table: &'a CutTable,
+    /// The cuts and their cells; `None` if there are none for the world as it is.
+    built: Option<(&'a Built, CutGrid)>,
+    /// The origin of the world.
+    origin: DVec3,
+}
+
+impl<'a> CutsInUse<'a> {
+    pub fn new(table: &'a CutTable, world: u64, origin: DVec3) -> Self {
+        let built = table.built.grid.filter(|_| table.built.world == world).map(|grid| (&table.built, grid));
+        Self { table, built, origin }
+    }
+
+    /// Marks the cell of a shading point.
+    pub fn mark(&self, shading_point: &ShadingPoint) {
+        let CutTable { options, camera, .. } = self.table;
+        if let Some((cell, place)) = options.grid(*camera, self.origin).cell(shading_point)
+            && !self.table.marks.add(&cell, place)
+        {
+            self.table.lost_marks.fetch_add(1, Relaxed);
+        }
+    }
+
+    /// The cut of a shading point's cell.
+    pub fn cut(&self, shading_point: &ShadingPoint) -> Option<&'a SharedCut> {
+        let (built, grid) = self.built.as_ref()?;
+        let (cell, _) = grid.cell(shading_point)?;
+        built.cuts.get(built.number(&cell)? as usize).filter(|cut| cut.count > 0)
+    }
+}
