@@ -29,9 +29,10 @@ impl ViewKind {
 }
 
 /// The samplers that the panel offers, with their names.
-pub const SAMPLERS: [(LightChoice, &str); 4] = [
+pub const SAMPLERS: [(LightChoice, &str); 5] = [
     (LightChoice::Girandole, "Girandole"),
     (LightChoice::Pbrt, "pbrt's formula"),
+    (LightChoice::SgTree, "Spherical Gaussians"),
     (LightChoice::Flux, "Flux"),
     (LightChoice::Uniform, "Uniform"),
 ];

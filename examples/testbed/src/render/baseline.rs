@@ -39,7 +39,7 @@ impl Baseline {
     /// - `Uniform`: like any other light.
     /// - `Flux`: their flux is their illuminance times the area of a circle around the scene, as in
     ///   pbrt-v4's `PowerLightSampler`.
-    /// - `Pbrt`: each is as probable as the whole tree, as in pbrt-v4's `BVHLightSampler`.
+    /// - `Pbrt` and `SgTree`: each is as probable as the whole tree, as in pbrt-v4's `BVHLightSampler`.
     pub fn new(choice: LightChoice, world: &LightWorld, scene_radius: f32) -> Option<Self> {
         if matches!(choice, LightChoice::Girandole | LightChoice::Exhaustive) {
             return None;
@@ -57,6 +57,7 @@ impl Baseline {
                 let sum = lights.iter().map(|light| f64::from(light.flux())).sum();
                 (samplers::flux(&lights, ids), sum)
             }
+            LightChoice::SgTree => (samplers::sg_tree(&lights, ids), local_count.min(1.0)),
             _ => (samplers::pbrt(&lights, ids), local_count.min(1.0)),
         };
         let weigh = |light| if choice == LightChoice::Flux { flux(light) } else { 1.0 };

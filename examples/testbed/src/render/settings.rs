@@ -37,6 +37,8 @@ pub enum LightChoice {
     Flux,
     /// One light per sample, from a light tree with the formula of pbrt-v4
     Pbrt,
+    /// One light per sample, from the tree of spherical Gaussians of Tokuyoshi et al. 2024
+    SgTree,
     /// All lights in every sample, without a choice. The cost of a sample grows with their number.
     #[value(skip)]
     Exhaustive,
