@@ -145,6 +145,8 @@ fn stored(machine: &Machine, instances: u32) -> Result<(GpuLights, GpuLights), W
     world.set_glossy_sampling(true);
     world.set_segment_sampling(true);
     world.set_origin_mode(OriginMode::Grid)?;
+    // Updates divide trees among leaves of the top level, which both layouts must have alike.
+    world.update(FrameBudget::UNLIMITED);
     let all = upload(machine, &world, Effects::all());
     world.set_solid_angle_sampling(false);
     world.set_glossy_sampling(false);
