@@ -266,7 +266,7 @@ fn report(machine: &Machine, size: &Size, cases: &[Case], [bare, all]: [&GpuLigh
         let [_, ratio_low, ratio, ratio_high, _] = quarters(&ratios);
         let of_fastest = quarters(&case.seconds)[0] / fastest_bare;
         println!(
-            "| {} | {stored} | {}, {}, {} | {middle:.3} ({low:.3} – {high:.3}) | {ratio:.3} ({ratio_low:.3} – {ratio_high:.3}) | {fastest:.3} | {of_fastest:.3} |",
+            "| {} | {stored} | {}, {}, {} | {middle:.0} ({low:.0} – {high:.0}) | {ratio:.3} ({ratio_low:.3} – {ratio_high:.3}) | {fastest:.0} | {of_fastest:.3} |",
             case.name, bytes.node, bytes.light, bytes.instance,
         );
     }

@@ -79,7 +79,10 @@ const FRONT_VIEW: View = View {
 };
 
 pub const FRONT: Figure =
-    selection("front", PAGE, &[View { from: &["matte/front.csv", "glossy/front.csv"], ..FRONT_VIEW }]);
+    selection("front", PAGE, &[View { from: &["matte/front.csv", "glossy/front.csv"], drop: CLOSE, ..FRONT_VIEW }]);
+
+/// Settings that are close to those of six splits.
+const CLOSE: &[(&str, &str)] = &[("setting", "Girandole / 4 splits"), ("setting", "Girandole / 7 splits")];
 
 /// Of all settings, with diffuse and with glossy materials.
 const BOTH: View = View {
