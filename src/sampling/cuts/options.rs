@@ -17,7 +17,7 @@ const LEVELS: u32 = 2;
 /// The edge of a cell, in pixels of the camera.
 pub(crate) const PIXELS: f32 = 16.0;
 
-/// How a [`CutTable`] divides the world, and how much of it fits.
+/// How a [`CutTable`](crate::CutTable) divides the world, and how much of it fits.
 ///
 /// ```
 /// use girandole::CutOptions;
@@ -36,7 +36,7 @@ pub struct CutOptions {
 impl CutOptions {
     /// Cells with edges of `edge` metres, of which `cells` have cuts at the same time.
     ///
-    /// With a [view](CutTable::set_view), edges are up to four times as long where pixels are large. The
+    /// With a [view](crate::CutTable::set_view), edges are up to four times as long where pixels are large. The
     /// default is 0.25 m and 16,384 cells, which take 1.3 kB each.
     ///
     /// # Errors
