@@ -41,7 +41,7 @@ impl CutTable {
     /// of them are known now.
     ///
     /// The result does not depend on the order or the threads of the marks. O(cells of the table), and
-    /// some 15 µs for each cell that gets a cut.
+    /// up to 256 evaluations of a node for each cell that gets a cut.
     pub fn build(&mut self, world: &LightWorld) {
         self.builds(world).for_each(CutBuild::run);
     }
