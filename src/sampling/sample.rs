@@ -571,6 +571,14 @@ impl<'a> LightSampler<'a> {
         chosen
     }
 
+    /// The tree of an instance by its slot, or the top level for [`NO_INSTANCE`].
+    pub(crate) fn view_at(&self, instance: u32, shading_point: &ShadingPoint) -> Option<TreeView<'a>> {
+        if instance == NO_INSTANCE {
+            return Some(self.root(shading_point));
+        }
+        Some(self.tree_view(self.world.instance_at(instance)?, shading_point)?.1)
+    }
+
     pub(crate) fn tree_view(
         &self,
         key: InstanceKey,

@@ -88,7 +88,7 @@ impl CellGrid {
 
 /// The side of a cube that a surface faces: the axis of the longest component of its normal and its
 /// sign, or 6 for a volume.
-fn side(normal: Vec3) -> u32 {
+pub(crate) fn side(normal: Vec3) -> u32 {
     let length = normal.abs();
     let axis = match () {
         () if length.x >= length.y && length.x >= length.z => 0,

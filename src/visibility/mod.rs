@@ -18,8 +18,8 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use glam::DVec3;
 
 #[cfg(feature = "gpu-plan")]
-pub(crate) use cell::{BIN_SHIFT, COORDINATE_BITS, MAX_COORDINATE, MAX_DIST, ROUNDING, TAG_SEED};
-pub(crate) use cell::{BINS, Cell, CellGrid, LearntCell, bin_of_child};
+pub(crate) use cell::{BIN_SHIFT, COORDINATE_BITS, MAX_DIST, ROUNDING};
+pub(crate) use cell::{BINS, Cell, CellGrid, LearntCell, MAX_COORDINATE, TAG_SEED, bin_of_child, side};
 pub(crate) use fold::FULL_SHARE;
 use fold::{Known, fold};
 #[cfg(feature = "gpu-plan")]

@@ -13,7 +13,7 @@ use crate::shading::importance::{
     ChildImportances, UNRESOLVED_DOUBT, resolved_sum, scale_unresolved, unresolved_scale, unresolved_sum,
 };
 use crate::shading::shading_point::ShadingPoint;
-use crate::tree::{ChildRef, Lanes, WIDTH};
+use crate::tree::{ChildRef, Lanes, Node, WIDTH};
 
 /// A candidate is split only while its doubt and the deviation of its share are more than this share of
 /// all light. A cell splits further than a point does, since many samples pay for it.
@@ -127,12 +127,9 @@ impl<'a> Sketch<'_, 'a, '_> {
         let mut doubts = [[0.0; WIDTH]; POINTS];
         for view in self.views() {
             let point = self.point(view);
-            let tree = match id.instance {
-                NO_INSTANCE => self.sampler.root(point),
-                slot => self.sampler.tree_view(self.sampler.world.instance_at(slot)?, point)?.1,
-            };
+            let tree = self.sampler.view_at(id.instance, point)?;
             let record = tree.nodes.get(id.node as usize)?;
-            let ChildImportances { importance, doubt } = self.importances(&tree, id.node, point)?;
+            let ChildImportances { importance, doubt } = self.importances(&tree, id.node, record, point);
             opened.sums[view] = resolved_sum(&importance);
             opened.importance[view] = importance;
             if view < POINTS {
@@ -150,12 +147,12 @@ impl<'a> Sketch<'_, 'a, '_> {
     }
 
     #[inline(always)]
-    fn importances(&self, tree: &TreeView<'a>, node: u32, point: &ShadingPoint) -> Option<ChildImportances> {
-        let (trees, record) = (self.sampler.world_trees(point), tree.nodes.get(node as usize)?);
-        Some(match self.sampler.masks(point) {
+    fn importances(&self, tree: &TreeView<'a>, node: u32, record: &Node, point: &ShadingPoint) -> ChildImportances {
+        let trees = self.sampler.world_trees(point);
+        match self.sampler.masks(point) {
             Some(masks) => seen_importances(tree, node, record, &trees.with_masks(masks, None)),
             None => seen_importances(tree, node, record, &trees),
-        })
+        }
     }
 
     /// All light at a point that is known to be resolved.

@@ -6,6 +6,7 @@ use crate::math::dice::{U_STEP, hash};
 use crate::shading::gloss::Gloss;
 use crate::shading::segment::LocalSegment;
 use crate::shading::shading_point::ShadingPoint;
+use crate::visibility::{MAX_COORDINATE, TAG_SEED, side};
 
 /// The points that a cell keeps, at most. With the middle of the cell they are as many as the children of
 /// a node.
@@ -38,12 +39,6 @@ const VIEW_COSINE: f32 = 0.98;
 
 /// The lowest bit of a kind that belongs to the gloss.
 const GLOSS_SHIFT: u32 = 10;
-
-/// Mixed into the hash that becomes a tag, so that it is independent of the place in the table.
-const TAG_SEED: u32 = 0x9e37_79b9;
-
-/// Coordinates in units of the smallest place are clamped to this.
-const MAX_COORDINATE: f32 = 1.0e9;
 
 /// The camera whose pixels decide the size of cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -221,18 +216,13 @@ fn gloss_of(class: u32, view: Vec3) -> Gloss {
 
 /// The class of a normal, and its slopes within the class. `random` decides how they are rounded.
 fn normal_bits(normal: Vec3, random: u32) -> (u32, u32) {
-    if normal == Vec3::ZERO {
+    let side = side(normal);
+    if 9 * side == VOLUME {
         return (VOLUME, 0);
     }
-    let length = normal.abs();
-    let axis = match () {
-        () if length.x >= length.y && length.x >= length.z => 0,
-        () if length.y >= length.z => 1,
-        () => 2,
-    };
-    let side = 2 * axis as u32 + u32::from(normal[axis] < 0.0);
+    let axis = side as usize / 2;
     let slope = |k: usize| {
-        let slope = normal[(axis + k) % 3] / length[axis] * SLOPE_CLASSES;
+        let slope = normal[(axis + k) % 3] / normal[axis].abs() * SLOPE_CLASSES;
         let class = slope.round().clamp(-1.0, 1.0);
         // A slope of 0 is kept as it is: near walls and floors a tilt would show lights that lie in them.
         // Others are rounded up or down at random, so that a cell's points together have their mean.

@@ -1,7 +1,7 @@
 //! Samples from the cuts that cells share.
 
 use crate::math::dice::Dice;
-use crate::sampling::cut::{Candidates, Choice, CutSource, InstanceTrees, NO_INSTANCE, TreeView};
+use crate::sampling::cut::{Candidates, Choice, CutSource, InstanceTrees, TreeView};
 use crate::sampling::cuts::shared::{MIN_SIDE, NodeId, SharedCut};
 use crate::sampling::cuts::table::{CutTable, CutsInUse};
 use crate::sampling::sample::LightSampler;
@@ -20,11 +20,7 @@ pub(crate) struct PlacedCut<'a, 's> {
 
 impl<'a> PlacedCut<'a, '_> {
     fn tree(&self, node: NodeId) -> Option<TreeView<'a>> {
-        if node.instance == NO_INSTANCE {
-            return Some(self.sampler.root(self.shading_point));
-        }
-        let key = self.sampler.world.instance_at(node.instance)?;
-        Some(self.sampler.tree_view(key, self.shading_point)?.1)
+        self.sampler.view_at(node.instance, self.shading_point)
     }
 }
 

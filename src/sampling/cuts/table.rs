@@ -20,7 +20,7 @@ const SLOTS_PER_CELL: usize = 4;
 pub struct CutReport {
     /// The cells that were marked.
     pub marked: usize,
-    /// The cells that got a new cut.
+    /// The cells that were built. They have a cut unless no light reaches any of their known points.
     pub built: usize,
     /// The cells that kept their cut.
     pub kept: usize,
