@@ -7,18 +7,19 @@
 // that may be split next it keeps as many as there are splits. No array is indexed at run time,
 // because such arrays are in memory.
 
-// A node of a tree in an instance, or of the top level for LIGHT_NO_INSTANCE. `index` counts from the
-// start of the buffer; for a single light it is LIGHT_LEAF with the index of the light in its tree.
-struct LightPlace {
-    instance: u32,
-    index: u32,
-}
-
+// #if SPLITS
 // The nodes that a cut has at most: the root and one node for each split.
 const LIGHT_CUT_NODES: u32 = LIGHT_MAX_SPLITS + 1u;
+// #endif
 
 // The candidates of a shading point: the children of the nodes that were split.
 struct LightCut {
+    // #if CELLS
+    // The row of the cut that the point shares with its cell, as in light_shared_cut. Without one, the
+    // other fields are those of the point's own cut.
+    row: u32,
+    // #endif
+    // #if SPLITS
     // The number of nodes that were split.
     node_count: u32,
     // The index of each of them, with LIGHT_LEAF for nodes of the top level.
@@ -30,19 +31,21 @@ struct LightCut {
     // For each of them the sum of its children's weights, without unresolved children until the last
     // split.
     sums: LightLanes,
-    // The sum of all weights: the estimated illuminance by all candidates, in lux.
-    total: f32,
     // A bit for each node with unresolved candidates.
     unresolved_nodes: u32,
+    pending: LightPending,
+    // #endif
+    // The sum of all weights: the estimated illuminance by all candidates, in lux.
+    total: f32,
     // The sum of the importances of unresolved candidates; after the last split what each of them is
     // multiplied by.
     unresolved: f32,
-    pending: LightPending,
     // #if LEARNS
     cell: LightCell,
     // #endif
 }
 
+// #if SPLITS
 // The children that may be split next, the one with the greatest doubt first. They are not in the
 // sums of their nodes. The eighth place is always empty.
 struct LightPending {
@@ -76,24 +79,6 @@ fn light_link(links: vec2<u32>, node: u32) -> u32 {
     return extractBits(select(links.x, links.y, node > 4u), 6u * ((node - 1u) & 3u), 6u);
 }
 
-// The node or the light that the child bits of a node name.
-fn light_place_below(place: LightPlace, bits: u32) -> LightPlace {
-    var below = LightPlace(place.instance, bits);
-    if place.instance == LIGHT_NO_INSTANCE && (bits & LIGHT_LEAF) != 0u {
-        let part = light_part(bits);
-        below = LightPlace(part.slot, part.child_bits);
-    }
-    if below.instance != LIGHT_NO_INSTANCE && (below.index & LIGHT_LEAF) == 0u {
-        below.index += light_node_base(below.instance);
-    }
-    return below;
-}
-
-// A child of a node, by its slot.
-fn light_child_place(place: LightPlace, slot: u32) -> LightPlace {
-    return light_place_below(place, light_child_bits(place.instance == LIGHT_NO_INSTANCE, place.index, slot));
-}
-
 // A node of the cut: goes down from the root by the links.
 fn light_cut_place(links: vec2<u32>, number: u32) -> LightPlace {
     var slots = 0u;
@@ -118,73 +103,6 @@ fn light_split_children(cut: ptr<function, LightCut>, number: u32) -> u32 {
         split |= select(0u, 1u << (id % LIGHT_WIDTH), id / LIGHT_WIDTH == number);
     }
     return split;
-}
-
-// A shading point in the space of the top level, which is the world.
-fn light_local_to_top(shading_point: LightShadingPoint) -> LightLocalShadingPoint {
-    var local: LightLocalShadingPoint;
-    local.position = shading_point.position;
-    local.normal = light_normalize_or_zero(shading_point.normal);
-    local.has_normal = any(local.normal != vec3(0.0));
-    local.margin = LIGHT_POSITION_MARGIN;
-    local.light_bit = LIGHT_SINGLE;
-    // #if GLOSSY
-    local.gloss = shading_point.gloss;
-    // #endif
-    // #if SEGMENTS
-    if light_is_segment(shading_point) {
-        local.segment = light_local_segment(shading_point.segment);
-    }
-    // #endif
-    // #if FACTORS
-    local.brightness = 1.0;
-    // #endif
-    // #if NON_RIGID
-    local.scaled_instance = LIGHT_NO_INSTANCE;
-    // #endif
-    return local;
-}
-
-// A shading point in the space of an instance's tree, or in the axes of a scaled instance. Twin of
-// `Placed::local_shading_point`.
-fn light_local_to_tree(instance: u32, shading_point: LightShadingPoint) -> LightLocalShadingPoint {
-    let placed = light_instance(instance);
-    var local: LightLocalShadingPoint;
-    var axes = placed.to_world;
-    // #if NON_RIGID
-    local.scaled_instance = LIGHT_NO_INSTANCE;
-    if (placed.flags & LIGHT_NON_RIGID) != 0u {
-        axes = light_axes(placed);
-        local.scaled_instance = instance;
-    }
-    // #endif
-    local.position = light_transposed(axes, shading_point.position - light_translation(placed.to_world));
-    local.normal = light_normalize_or_zero(light_transposed(axes, shading_point.normal));
-    local.has_normal = any(local.normal != vec3(0.0));
-    local.margin = LIGHT_POSITION_MARGIN + LIGHT_RIGID_TOLERANCE;
-    local.light_bit = LIGHT_LEAF;
-    // #if GLOSSY
-    local.gloss = shading_point.gloss;
-    local.gloss.tangent = light_transposed(axes, shading_point.gloss.tangent);
-    local.gloss.bitangent = light_transposed(axes, shading_point.gloss.bitangent);
-    // #endif
-    // #if SEGMENTS
-    if light_is_segment(shading_point) {
-        local.segment = light_local_segment(light_transposed(axes, shading_point.segment));
-    }
-    // #endif
-    // #if FACTORS
-    local.brightness = light_brightness(placed.factor);
-    // #endif
-    return local;
-}
-
-// A shading point in the space of an instance's tree, or of the top level for LIGHT_NO_INSTANCE.
-fn light_local_to(instance: u32, shading_point: LightShadingPoint) -> LightLocalShadingPoint {
-    if instance == LIGHT_NO_INSTANCE {
-        return light_local_to_top(shading_point);
-    }
-    return light_local_to_tree(instance, shading_point);
 }
 
 // Adds a candidate to the sum of its node.
@@ -236,6 +154,8 @@ fn light_shift_pending(cut: ptr<function, LightCut>) {
         vec4(pending.first_lux.yzw, pending.last_lux.x), vec4(pending.last_lux.yzw, 0.0),
     );
 }
+
+// #endif
 
 // What the children of a node are weighed for.
 struct LightWeighing {
@@ -305,17 +225,22 @@ fn light_take(
         lux *= light_visible_share(packed, view, instance, local, (*cut).cell);
     }
     // #endif
-    if !weighing.is_split {
-        light_set_lane(lanes, slot, lux);
-    } else if lux != 0.0 {
-        // What cannot be resolved is split first, but single lights cannot be split.
-        let is_light = (packed.child_bits & local.light_bit) != 0u;
-        let unresolved_doubt = select(-lux * LIGHT_UNRESOLVED_DOUBT, 0.0, is_light);
-        let doubt = select(lux * estimate.doubt, unresolved_doubt, lux < 0.0);
-        light_add_candidate(cut, doubt, light_child_id((*cut).node_count, slot), lux);
+    // #if SPLITS
+    if weighing.is_split {
+        if lux != 0.0 {
+            // What cannot be resolved is split first, but single lights cannot be split.
+            let is_light = (packed.child_bits & local.light_bit) != 0u;
+            let unresolved_doubt = select(-lux * LIGHT_UNRESOLVED_DOUBT, 0.0, is_light);
+            let doubt = select(lux * estimate.doubt, unresolved_doubt, lux < 0.0);
+            light_add_candidate(cut, doubt, light_child_id((*cut).node_count, slot), lux);
+        }
+        return;
     }
+    // #endif
+    light_set_lane(lanes, slot, lux);
 }
 
+// #if SPLITS
 // Splits the pending child with the greatest doubt, if that is worth its time and allowed. Returns
 // whether it did; the links of the cut then lead to the child as its last node. Otherwise all
 // pending children have been added to the sums of their nodes.
@@ -345,6 +270,8 @@ fn light_split_next(cut: ptr<function, LightCut>) -> bool {
     return false;
 }
 
+// #endif
+
 // Splits the root of the top level and then, up to light_splits times, the candidate with the
 // greatest doubt. If only one child of the root is worth a split, that one is not counted. Limits the
 // weights of all unresolved candidates together, relative to the other candidates and the directional
@@ -355,6 +282,23 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
     if light_params.slots == 0u {
         return;
     }
+    // #if CELLS
+    (*cut).row = light_shared_cut(shading_point);
+    if (*cut).row != 0u {
+        (*cut).total = light_shared_total((*cut).row, directional_lux);
+        return;
+    }
+    // #endif
+    // #if UNSPLIT
+    // The candidates are the children of the root.
+    let root = LightPlace(LIGHT_NO_INSTANCE, 0u);
+    let local = light_local_to_top(shading_point);
+    let lanes = light_weigh(cut, root, shading_point, local, LightWeighing(false, true, 0u));
+    let unresolved = light_unresolved_sum(lanes);
+    (*cut).unresolved = light_unresolved_scale(light_resolved_sum(lanes) + directional_lux, unresolved);
+    (*cut).total = light_sum(light_scale_unresolved(lanes, (*cut).unresolved));
+    // #endif
+    // #if SPLITS
     var local: LightLocalShadingPoint;
     var local_instance = LIGHT_NO_INSTANCE;
     var node = 0u;
@@ -392,8 +336,10 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
         node = firstTrailingBit((*cut).unresolved_nodes);
         skipped = light_split_children(cut, node);
     }
+    // #endif
 }
 
+// #if SPLITS
 // Records which node a node of the cut is.
 fn light_name_node(cut: ptr<function, LightCut>, node: u32, place: LightPlace) {
     let id = light_node_id(place);
@@ -422,34 +368,4 @@ fn light_number_in_cut(cut: ptr<function, LightCut>, place: LightPlace) -> u32 {
     }
     return LIGHT_CUT_NODES;
 }
-
-// A child and where its part of the line of weights begins.
-struct LightLane {
-    slot: u32,
-    before: f32,
-    weight: f32,
-}
-
-// The lane at a point of the line of weights; `start` is where the first begins. The last lane with
-// a weight that begins at or before the point.
-fn light_choose_lane(lanes: LightLanes, start: f32, point: f32) -> LightLane {
-    var chosen = LightLane(0u, start, 0.0);
-    var before = start;
-    before = light_pass_lane(&chosen, 0u, lanes.first.x, before, point);
-    before = light_pass_lane(&chosen, 1u, lanes.first.y, before, point);
-    before = light_pass_lane(&chosen, 2u, lanes.first.z, before, point);
-    before = light_pass_lane(&chosen, 3u, lanes.first.w, before, point);
-    before = light_pass_lane(&chosen, 4u, lanes.last.x, before, point);
-    before = light_pass_lane(&chosen, 5u, lanes.last.y, before, point);
-    before = light_pass_lane(&chosen, 6u, lanes.last.z, before, point);
-    before = light_pass_lane(&chosen, 7u, lanes.last.w, before, point);
-    return chosen;
-}
-
-// Chooses a lane that begins at or before the point. Returns where the next one begins.
-fn light_pass_lane(chosen: ptr<function, LightLane>, slot: u32, weight: f32, before: f32, point: f32) -> f32 {
-    if weight > 0.0 && point >= before {
-        *chosen = LightLane(slot, before, weight);
-    }
-    return before + weight;
-}
+// #endif

@@ -19,14 +19,6 @@ fn light_nothing() -> LightIncident {
     return LightIncident(vec3(0.0), 0.0, vec3(0.0), 0.0, false);
 }
 
-fn light_normalize_or_zero(v: vec3<f32>) -> vec3<f32> {
-    let length_sq = dot(v, v);
-    if length_sq > 0.0 {
-        return v / sqrt(length_sq);
-    }
-    return vec3(0.0);
-}
-
 // #if RANGES
 // The factor by which a range dims a light; 0 from the range on.
 fn light_range_window(dist_sq: f32, range: f32) -> f32 {

@@ -3,13 +3,6 @@
 // nothing.
 
 // #if SEGMENTS
-// Whether a shading point is a segment.
-fn light_is_segment(shading_point: LightShadingPoint) -> bool {
-    let length_sq = dot(shading_point.segment, shading_point.segment);
-    return length_sq >= LIGHT_MIN_SEGMENT_SQ && length_sq <= LIGHT_MAX_SEGMENT_SQ
-        && all(light_normalize_or_zero(shading_point.normal) == vec3(0.0));
-}
-
 // The unit vector and half the length of a segment; 0 for a vector without length.
 fn light_local_segment(segment: vec3<f32>) -> vec4<f32> {
     return vec4(light_normalize_or_zero(segment), 0.5 * length(segment));

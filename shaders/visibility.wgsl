@@ -27,18 +27,6 @@ fn light_row_count() -> u32 {
     return light_learnt[0].z;
 }
 
-// Twin of `side`.
-fn light_side(normal: vec3<f32>) -> u32 {
-    let size = abs(normal);
-    var axis = 2u;
-    if size.x >= size.y && size.x >= size.z {
-        axis = 0u;
-    } else if size.y >= size.z {
-        axis = 1u;
-    }
-    return select(2u * axis + select(0u, 1u, normal[axis] < 0.0), 6u, all(normal == vec3(0.0)));
-}
-
 // Twin of `CellGrid::cell` and `VisibilityTable::row`.
 fn light_cell(shading_point: LightShadingPoint) -> LightCell {
     var cell = LightCell(0u, 0u, LIGHT_NO_ROW, vec3(0.0));

@@ -28,6 +28,7 @@
 
 mod bindings;
 mod candidates;
+mod cuts;
 mod error;
 mod kernel;
 mod limits;
@@ -62,6 +63,7 @@ use glam::DVec3;
 
 use bindings::{bind_lights, light_layout};
 use candidates::CandidateTable;
+use cuts::{CutKernels, SharedCuts};
 pub use error::GpuError;
 use error::{check_limits, largest_storage_buffer};
 use kernel::RequestKernel;
@@ -74,7 +76,7 @@ use top_status::TopStatus;
 use visibility::LearntTable;
 
 use crate::effects::Effects;
-use crate::plan::layout::ParamsRecord;
+pub use crate::plan::cut_fallback::CutFallback;
 use crate::plan::pool::Growth;
 use crate::plan::{Commands, KERNELS, LightPlanner, PlanLimits, ShaderBuffers};
 pub use crate::plan::{GpuMemory, ShaderNameError, TargetHook, UploadReport, wgsl, with_prefix};
@@ -126,6 +128,10 @@ pub struct GpuLights {
     candidates: CandidateTable,
     /// Made at first use.
     learnt: OnceLock<LearntTable>,
+    /// Made at first use.
+    cuts: OnceLock<SharedCuts>,
+    /// Compiled when cuts are first built.
+    cut_kernels: Option<CutKernels>,
     /// The world's origin at the last upload.
     origin: DVec3,
     /// An upload was refused memory, so the buffers are incomplete: `dark` is bound in their place.
@@ -143,17 +149,17 @@ pub struct GpuLights {
 struct DarkBuffers {
     params: wgpu::Buffer,
     storage: wgpu::Buffer,
-    /// Bound as the records of shaders that learn, while there is no table.
+    /// Bound as the records of shaders that learn and as cuts that are shared, while there is no table.
     records: wgpu::Buffer,
 }
 
 impl DarkBuffers {
     fn new(device: &wgpu::Device) -> Result<Self, GpuError> {
         // The root node and more: shaders never read past the end of a buffer.
-        let zeros = |what| memory::create_buffer(device, what, 256, wgpu::BufferUsages::STORAGE);
-        let (storage, records) = (zeros("no lights")?, zeros("no records of visibility")?);
-        let usage = wgpu::BufferUsages::UNIFORM;
-        let params = memory::create_buffer(device, "no parameters", size_of::<ParamsRecord>() as u64, usage)?;
+        let zeros = |what, usage| memory::create_buffer(device, what, 256, usage);
+        let storage = zeros("no lights", wgpu::BufferUsages::STORAGE)?;
+        let records = zeros("no records of visibility", wgpu::BufferUsages::STORAGE)?;
+        let params = zeros("no parameters", wgpu::BufferUsages::UNIFORM)?;
         Ok(Self { params, storage, records })
     }
 }
@@ -190,6 +196,8 @@ impl GpuLights {
             resampling: RequestKernel::resampling(device, &layout),
             candidates,
             learnt: OnceLock::new(),
+            cuts: OnceLock::new(),
+            cut_kernels: None,
             origin: DVec3::ZERO,
             is_dark: true,
             dark,
@@ -281,9 +289,7 @@ impl GpuLights {
     /// `effects` are the effects that the text has to support; with [`Effects::all`] it supports
     /// every world.
     pub fn shader(&self, group: u32, effects: Effects) -> LightShader {
-        let wgsl = wgsl(group, effects);
-        let layout = self.layout.clone();
-        LightShader { wgsl, group, effects, learns_visibility: false, target: None, previous_group: None, layout }
+        LightShader::choosing(group, effects, false, None, self.layout.clone())
     }
 
     /// Replaces bind groups whose buffers were replaced. A former bind group keeps the former
@@ -296,6 +302,7 @@ impl GpuLights {
         }
         self.rebind_previous();
         self.rebind_visibility();
+        self.rebind_cuts();
     }
 
     /// Binds buffers of zeros, in which shaders find no light, until an upload succeeds.

@@ -2,7 +2,8 @@
 
 use crate::effects::Effects;
 use crate::plan::TargetHook;
-use crate::plan::text;
+use crate::plan::cut_fallback::CutFallback;
+use crate::plan::text::{self, Extras};
 
 /// The WGSL text and the bind group layout that an engine's shader needs to choose lights.
 ///
@@ -133,17 +134,53 @@ pub struct LightShader {
     /// The number of the bind group with the lights of the last frame, if the text has
     /// `light_pmf_previous`: see [`LightShader::with_previous`].
     pub previous_group: Option<u32>,
+    /// What happens where no cut is shared, if lights are chosen from cuts that cells share: see
+    /// [`GpuLights::cut_shader`](super::GpuLights::cut_shader).
+    pub cut_fallback: Option<CutFallback>,
     /// The layout of the bind group, for compute and fragment stages.
     pub layout: wgpu::BindGroupLayout,
+    /// The text marks cells and chooses no lights.
+    marks: bool,
 }
 
 impl LightShader {
+    /// A shader that chooses lights.
+    pub(super) fn choosing(
+        group: u32,
+        effects: Effects,
+        learns_visibility: bool,
+        cut_fallback: Option<CutFallback>,
+        layout: wgpu::BindGroupLayout,
+    ) -> Self {
+        Self {
+            wgsl: String::new(),
+            group,
+            effects,
+            learns_visibility,
+            target: None,
+            previous_group: None,
+            cut_fallback,
+            layout,
+            marks: false,
+        }
+        .with_effects(effects)
+    }
+
+    /// A shader that marks cells.
+    pub(super) fn marking(group: u32, effects: Effects, layout: wgpu::BindGroupLayout) -> Self {
+        Self { marks: true, ..Self::choosing(group, effects, false, None, layout) }.with_effects(effects)
+    }
+
     /// Returns the same shader for other effects. This needs no [`GpuLights`](super::GpuLights), so it
     /// works on the threads of an engine that compiles its pipelines there. Joins texts and compiles
     /// nothing.
     #[must_use]
     pub fn with_effects(&self, effects: Effects) -> Self {
-        let mut wgsl = text::wgsl_of_shader(self.group, effects, self.learns_visibility, self.target.as_ref());
+        if self.marks {
+            return Self { wgsl: text::wgsl_of_marks(self.group, effects), effects, ..self.clone() };
+        }
+        let extras = Extras { learns: self.learns_visibility, cells: self.cut_fallback, ..Extras::default() };
+        let mut wgsl = text::wgsl_of_shader(self.group, effects, extras, self.target.as_ref());
         if let Some(group) = self.previous_group {
             wgsl += &text::wgsl_previous(group, effects);
         }
@@ -296,7 +333,8 @@ mod tests {
                 let hook = TargetHook::new("engine_target", "EngineSurface").expect("identifiers");
                 let hook = block.contains("light_resample_by").then_some(&hook);
                 let previous = block.contains("light_pmf_previous").then(|| text::wgsl_previous(2, effects));
-                let text = text::wgsl_of_shader(1, effects, learns, hook) + &previous.unwrap_or_default();
+                let text = text::wgsl_of_shader(1, effects, Extras { learns, ..Extras::default() }, hook)
+                    + &previous.unwrap_or_default();
                 let text = text + STUBS + block;
                 let module =
                     naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");

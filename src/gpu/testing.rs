@@ -3,8 +3,15 @@
 
 use std::sync::OnceLock;
 
-use glam::Vec3;
+use glam::{DVec3, Mat3, Vec3};
 use testbed::common::gpu as shared;
+
+use crate::instance::placement::Placement;
+use crate::light::{DirectionalLight, Light};
+use crate::math::dice::hash;
+use crate::policy::Policy;
+use crate::tree::LightTree;
+use crate::world::LightWorld;
 
 /// The shared device and its queue, made once for each process.
 ///
@@ -42,4 +49,35 @@ pub(crate) fn random(index: u32, salt: u32) -> f32 {
 /// A vector with coordinates in [-0.5, 0.5) for each index and purpose.
 pub(crate) fn random_vec(index: u32, salt: u32) -> Vec3 {
     Vec3::new(random(index, salt), random(index, salt + 1), random(index, salt + 2)) - Vec3::splat(0.5)
+}
+
+/// A number in [0, 1) for a seed.
+pub(crate) fn unit(seed: u32) -> f32 {
+    (hash(seed) >> 8) as f32 / (1 << 24) as f32
+}
+
+/// Instances of several trees, turned and some scaled, and a sun.
+pub(crate) fn mixed_world() -> LightWorld {
+    let mut world = LightWorld::new();
+    for tree in 0..4_u32 {
+        let light = |i: u32| {
+            let seed = 1000 * tree + 10 * i;
+            let place = Vec3::new(unit(seed), unit(seed + 1), unit(seed + 2)) * 6.0 - 3.0;
+            match i % 3 {
+                0 => Light::point(place, Vec3::splat(1.0 + unit(seed + 3))),
+                1 => Light::spot(place, Vec3::NEG_Y, 0.2, 1.3, Vec3::splat(3.0)).with_range(40.0),
+                _ => Light::rectangle(place, Vec3::X * 0.2, Vec3::Z * 0.2, Vec3::splat(9.0)),
+            }
+        };
+        let key = world.add_tree(LightTree::new((0..30).map(light).collect()).expect("valid"));
+        for i in 0..6_u32 {
+            let seed = 50_000 + 100 * tree + 10 * i;
+            let linear = Mat3::from_rotation_y(unit(seed)) * if i == 3 { 1.5 } else { 1.0 };
+            let translation = DVec3::new(unit(seed + 1).into(), 0.2, unit(seed + 2).into()) * 40.0;
+            world.add_instance(key, Placement { linear, translation }, Policy::Static).expect("valid");
+        }
+    }
+    let sun = DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::splat(0.01) };
+    world.add_directional(sun).expect("valid");
+    world
 }

@@ -61,6 +61,8 @@ pub(crate) mod buffers;
 mod changes;
 pub(crate) mod commands;
 mod cursor;
+pub(crate) mod cut_fallback;
+pub(crate) mod cut_layout;
 mod error;
 mod frame;
 mod instance_store;

@@ -4,9 +4,10 @@
 use std::collections::HashSet;
 use std::fmt::Write;
 
+use super::cut_fallback::CutFallback;
 use super::items::renamed;
 use super::target_hook::TargetHook;
-use super::{layout, stored};
+use super::{cut_layout, layout, stored};
 use crate::cluster;
 use crate::effects::Effects;
 use crate::instance::part;
@@ -16,6 +17,7 @@ use crate::math::dice;
 use crate::math::solid_angle;
 use crate::sampling::counts::{self, SplitCount};
 use crate::sampling::cut;
+use crate::sampling::cuts;
 use crate::sampling::emit;
 use crate::sampling::equiangular;
 use crate::sampling::hit;
@@ -89,6 +91,8 @@ pub(crate) struct Extras {
     pub learns: bool,
     /// Reads the buffers of the last frame.
     pub previous: bool,
+    /// Chooses from the cuts of cells, and like this where a cell has none.
+    pub cells: Option<CutFallback>,
 }
 
 impl Extras {
@@ -98,6 +102,9 @@ impl Extras {
             "COUNTS" => Some(self.counts),
             "LEARNS" => Some(self.learns),
             "PREVIOUS" => Some(self.previous),
+            "CELLS" => Some(self.cells.is_some()),
+            "SPLITS" => Some(self.cells != Some(CutFallback::Walk)),
+            "UNSPLIT" => Some(self.cells == Some(CutFallback::Walk)),
             _ => None,
         }
     }
@@ -111,17 +118,50 @@ pub(crate) fn wgsl_counting(group: u32, effects: Effects) -> String {
 }
 
 /// The same as [`wgsl`], with `light_record_visibility` and choices that depend on what it recorded
-/// if the shader learns, and with `light_resample_by` if it has a target.
+/// if the shader learns, with choices from the cuts of cells if there are any, and with
+/// `light_resample_by` if it has a target.
 #[cfg(feature = "gpu")]
-pub(crate) fn wgsl_of_shader(group: u32, effects: Effects, learns: bool, target: Option<&TargetHook>) -> String {
-    joined(group, effects, Extras { learns, ..Extras::default() }, target)
+pub(crate) fn wgsl_of_shader(group: u32, effects: Effects, extras: Extras, target: Option<&TargetHook>) -> String {
+    joined(group, effects, extras, target)
+}
+
+/// What marks the cells of shading points: `light_mark` and the functions that make shading points.
+#[cfg(feature = "gpu")]
+pub(crate) fn wgsl_of_marks(group: u32, effects: Effects) -> String {
+    let body = [
+        include_str!("../../shaders/gloss.wgsl"),
+        include_str!("../../shaders/shading_point.wgsl"),
+        include_str!("../../shaders/dice.wgsl"),
+        include_str!("../../shaders/cells.wgsl"),
+        include_str!("../../shaders/mark.wgsl"),
+    ]
+    .concat();
+    let extras = Extras { cells: Some(CutFallback::Walk), ..Extras::default() };
+    with_constants(&variant(&at_group(&without_lights(&body), group), effects, extras))
+}
+
+/// The stages that list the cells to build.
+#[cfg(feature = "gpu")]
+pub(crate) fn wgsl_of_cut_list() -> String {
+    let cells = include_str!("../../shaders/cells.wgsl");
+    let grid = &cells[..cells.find("// What tells cells apart.").unwrap_or(cells.len())];
+    let body = [grid, include_str!("../../shaders/cut_list.wgsl")].concat();
+    with_constants(&at_group(&without_lights(&body), 0))
+}
+
+/// The stage that builds the cuts of cells, behind the functions that it shares with shaders.
+#[cfg(feature = "gpu")]
+pub(crate) fn wgsl_of_cut_build(effects: Effects) -> String {
+    let extras = Extras { cells: Some(CutFallback::Walk), ..Extras::default() };
+    let functions = functions(0, effects, extras, None)
+        .replace("var<storage, read> light_cuts", "var<storage, read_write> light_cuts");
+    with_constants(&(functions + &variant(include_str!("../../shaders/cut_build.wgsl"), effects, extras)))
 }
 
 /// The stage that folds what was recorded about visibility.
 #[cfg(feature = "gpu")]
 pub(crate) fn wgsl_of_visibility_fold() -> String {
-    let body = include_str!("../../shaders/visibility_fold.wgsl");
-    constants_of(body) + body
+    with_constants(include_str!("../../shaders/visibility_fold.wgsl"))
 }
 
 /// `light_resample`, and `light_resample_by` if the engine weighs candidates.
@@ -144,28 +184,44 @@ fn resampling(target: Option<&TargetHook>) -> String {
 }
 
 fn joined(group: u32, effects: Effects, extras: Extras, target: Option<&TargetHook>) -> String {
-    let body = functions(group, effects, extras, target);
-    constants_of(&body) + &body
+    with_constants(&functions(group, effects, extras, target))
+}
+
+fn with_constants(body: &str) -> String {
+    constants_of(body) + body
+}
+
+/// Puts a text's bindings in a group.
+fn at_group(text: &str, group: u32) -> String {
+    text.replace("LIGHT_GROUP", &group.to_string())
+}
+
+/// Gives what binds the table of cuts without the lights bindings from 0 on.
+#[cfg(feature = "gpu")]
+fn without_lights(text: &str) -> String {
+    text.replace("@binding(5)", "@binding(0)")
+        .replace("@binding(6)", "@binding(1)")
+        .replace("@binding(7)", "@binding(2)")
 }
 
 /// All functions, without the constants.
 fn functions(group: u32, effects: Effects, extras: Extras, target: Option<&TargetHook>) -> String {
-    let grouped = |text: &str| text.replace("LIGHT_GROUP", &group.to_string());
-    let sample = grouped(include_str!("../../shaders/sample.wgsl"));
-    let learnt = grouped(include_str!("../../shaders/visibility.wgsl"));
+    let optional = |is_used: bool, text: &'static str| if is_used { text } else { "" };
     let body = [
         include_str!("../../shaders/types.wgsl"),
         include_str!("../../shaders/instance.wgsl"),
         include_str!("../../shaders/node.wgsl"),
         include_str!("../../shaders/gloss.wgsl"),
+        include_str!("../../shaders/shading_point.wgsl"),
         include_str!("../../shaders/segment.wgsl"),
         include_str!("../../shaders/importance.wgsl"),
         include_str!("../../shaders/dice.wgsl"),
         include_str!("../../shaders/solid_angle.wgsl"),
         include_str!("../../shaders/emit.wgsl"),
-        &sample,
+        include_str!("../../shaders/sample.wgsl"),
         include_str!("../../shaders/stored.wgsl"),
         include_str!("../../shaders/scaled.wgsl"),
+        include_str!("../../shaders/places.wgsl"),
         include_str!("../../shaders/cut.wgsl"),
         include_str!("../../shaders/walk.wgsl"),
         include_str!("../../shaders/along.wgsl"),
@@ -173,10 +229,12 @@ fn functions(group: u32, effects: Effects, extras: Extras, target: Option<&Targe
         include_str!("../../shaders/hit.wgsl"),
         include_str!("../../shaders/resample.wgsl"),
         &resampling(target),
-        if extras.learns { &learnt } else { "" },
+        optional(extras.learns, include_str!("../../shaders/visibility.wgsl")),
+        optional(extras.cells.is_some(), include_str!("../../shaders/cells.wgsl")),
+        optional(extras.cells.is_some(), include_str!("../../shaders/shared.wgsl")),
     ]
     .concat();
-    variant(&body, effects, extras)
+    variant(&at_group(&body, group), effects, extras)
 }
 
 /// Constants that `LightShader` documents for engines. Every variant has them.
@@ -239,6 +297,24 @@ pub(crate) fn constants() -> String {
         ("WITHOUT_SECTOR", stored::WITHOUT_SECTOR),
         ("MASK_QUADS", stored::MASK_QUADS),
         ("MASK_WHOLE", masks::WHOLE),
+        ("SHARED_NODES", cuts::SHARED_NODES as u32),
+        ("SHARED_UNITS", cuts::UNITS),
+        ("SHARED_BITS", cuts::CHILD_BITS),
+        ("PROBES", cuts::PROBES as u32),
+        ("CELL_POINTS", cuts::POINTS as u32),
+        ("PLACE_BITS", cuts::PLACE_BITS),
+        ("SLOPE_BITS", cuts::SLOPE_BITS),
+        ("PRIORITY_SHIFT", cuts::PRIORITY_SHIFT),
+        ("VOLUME_CLASS", cuts::VOLUME),
+        ("GLOSS_SHIFT", cuts::GLOSS_SHIFT),
+        ("CUT_HEAD", cut_layout::HEAD),
+        ("SLOT_WORDS", cut_layout::SLOT_WORDS),
+        ("LOST_MARKS", cut_layout::LOST_MARKS),
+        ("ROW_QUADS", cut_layout::ROW_QUADS),
+        ("ROW_NODES", cut_layout::ROW_NODES),
+        ("ROW_SUMS", cut_layout::ROW_SUMS),
+        ("HAS_EYE", cut_layout::HAS_EYE),
+        ("EYE_MOVED", cut_layout::EYE_MOVED),
         ("WAYS", visibility::WAYS as u32),
         ("MIN_IDLE", visibility::MIN_IDLE),
         ("BINS", visibility::BINS as u32),
@@ -328,6 +404,18 @@ pub(crate) fn constants() -> String {
         ("MIN_WEIGHT", resample::MIN_WEIGHT),
         ("MAX_WEIGHT", resample::MAX_WEIGHT),
         ("MAX_RESERVOIR_WEIGHT", resample::MAX_RESERVOIR_WEIGHT),
+        ("MIN_SIDE", cuts::MIN_SIDE),
+        ("MIN_SHARED_DOUBT", cuts::MIN_SHARED_DOUBT),
+        ("DEVIATION", cuts::DEVIATION),
+        ("EVEN", cuts::EVEN),
+        ("CENTER", cuts::CENTER),
+        ("SLOPE_CLASSES", cuts::SLOPE_CLASSES),
+        ("SLOPE_STEPS", cuts::SLOPE_STEPS),
+        ("SLOPE_ZERO", cuts::SLOPE_ZERO),
+        ("ROUGHNESS_STEPS", cuts::ROUGHNESS_STEPS),
+        ("LEAST_RATIO", cuts::REFLECTANCES[0]),
+        ("GREATEST_RATIO", cuts::REFLECTANCES[1]),
+        ("VIEW_COSINE", cuts::VIEW_COSINE),
         ("MAX_COORDINATE", visibility::MAX_COORDINATE),
         ("MAX_DIST", visibility::MAX_DIST),
         ("ROUNDING", visibility::ROUNDING),
@@ -484,7 +572,7 @@ mod tests {
         let all = Effects::all() - Effects::MOVING;
         let sets = all.iter().flat_map(|effect| [effect, all - effect]).chain([all, Effects::empty()]);
         for effects in sets {
-            let text = wgsl_of_shader(2, effects, true, None);
+            let text = wgsl_of_shader(2, effects, Extras { learns: true, ..Extras::default() }, None);
             let (names, plain) = (module_names(&text), module_names(&wgsl(2, effects)));
             let added: HashSet<&str> = names.difference(&plain).map(String::as_str).collect();
             assert_eq!(added, LEARNING_NAMES.split_whitespace().collect(), "{effects:?}");
@@ -494,6 +582,39 @@ mod tests {
         }
         let fold = module(&wgsl_of_visibility_fold());
         assert_eq!(fold.entry_points[0].workgroup_size, [visibility::BINS as u32 / 4, 1, 1]);
+    }
+
+    const CELL_NAMES: &str = "light_cut_grid light_cuts light_cut_cell light_cell_normal light_cell_keys light_shared_cut \
+        light_row light_shared_total light_sums_passed light_sixteen_passed light_shared_sum light_units \
+        light_choose_shared light_shared_pmf light_side";
+
+    #[test]
+    fn cells_add_their_functions_with_every_effect_and_without_any_and_may_take_the_place_of_splits() {
+        let functions = |text: &str| -> HashSet<String> {
+            let is_lower = |name: &String| name.starts_with("light_") && !name.contains('.');
+            module_names(text).into_iter().filter(is_lower).collect()
+        };
+        let all = Effects::all() - Effects::MOVING;
+        let sets = all.iter().flat_map(|effect| [effect, all - effect]).chain([all, Effects::empty()]);
+        for effects in sets {
+            let plain = functions(&wgsl(2, effects));
+            let gloss = effects.contains(Effects::GLOSSY).then_some("light_cell_gloss");
+            let expected: HashSet<&str> = CELL_NAMES.split_whitespace().chain(gloss).collect();
+            for (fallback, lacks_splits) in [(CutFallback::Walk, true), (CutFallback::Split, false)] {
+                let text = wgsl_of_shader(2, effects, Extras { cells: Some(fallback), ..Extras::default() }, None);
+                let names = functions(&text);
+                let added: HashSet<&str> = names.difference(&plain).map(String::as_str).collect();
+                assert_eq!(added, expected, "{effects:?}");
+                assert_eq!(names.contains("light_split_next"), !lacks_splits);
+                let bindings = module(&text).global_variables.iter().filter(|(_, v)| v.binding.is_some()).count();
+                assert_eq!(bindings, 7, "{effects:?}");
+            }
+            let marks = module(&wgsl_of_marks(2, effects));
+            assert!(marks.functions.iter().any(|(_, f)| f.name.as_deref() == Some("light_mark")));
+            let build = module(&wgsl_of_cut_build(effects));
+            assert_eq!(build.entry_points[0].workgroup_size, [64, 1, 1]);
+        }
+        assert_eq!(module(&wgsl_of_cut_list()).entry_points.len(), 2);
     }
 
     #[test]
@@ -540,9 +661,9 @@ mod tests {
         let hook = TargetHook::new("brdf_target", "Material").expect("identifiers");
         for effects in text_variants() {
             for learns in [false, true] {
-                let plain = wgsl_of_shader(2, effects, learns, None);
+                let plain = wgsl_of_shader(2, effects, Extras { learns, ..Extras::default() }, None);
                 assert!(learns || plain == wgsl(2, effects), "{effects:?}");
-                let text = wgsl_of_shader(2, effects, learns, Some(&hook)) + engine;
+                let text = wgsl_of_shader(2, effects, Extras { learns, ..Extras::default() }, Some(&hook)) + engine;
                 let own = ["brdf_target", "use_it", "Material", "Material.roughness"].map(String::from);
                 let names = module_names(&text);
                 let added: HashSet<_> = names.difference(&module_names(&plain)).cloned().collect();

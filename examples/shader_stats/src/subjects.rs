@@ -1,6 +1,7 @@
 //! The kernels that are compiled.
 
 use girandole::Effects;
+use girandole::gpu::{CutFallback, measure};
 use girandole::plan::{self, KERNELS};
 
 /// A kernel of the library, or one that only calls a function of it.
@@ -44,9 +45,17 @@ const FUNCTIONS: [(&str, &str); 7] = [
     ("light_hit", "let s = light_hit(point, q.u.xyz, q.u.w); answers[id.x] = vec4(s.radiance, s.pdf * s.pmf);"),
 ];
 
-/// A kernel that calls a function for each question.
-fn caller(effects: Effects, call: &str) -> String {
-    plan::wgsl(0, effects)
+/// The functions of shaders that share cuts, of those in [`FUNCTIONS`], and their names with and without
+/// splits where no cut is shared.
+const SHARED: [(&str, &str, &str); 3] = [
+    ("light_sample", "shared light_sample", "shared or split light_sample"),
+    ("light_resample", "shared light_resample", "shared or split light_resample"),
+    ("light_pmf", "shared light_pmf", "shared or split light_pmf"),
+];
+
+/// A kernel that calls a function for each question. `functions` is the text with the function.
+fn caller(functions: &str, call: &str) -> String {
+    functions.to_owned()
         + "
 struct Question {
     position: vec3<f32>, instance: u32,
@@ -76,7 +85,34 @@ pub fn all() -> Vec<Subject> {
         wgsl: kernel.wgsl(),
     });
     let functions = FUNCTIONS.iter().flat_map(|(kernel, call)| {
-        worlds().map(|(effects, set)| Subject { kernel, effects, entry: "call", wgsl: caller(set, call) })
+        worlds().map(|(effects, set)| Subject {
+            kernel,
+            effects,
+            entry: "call",
+            wgsl: caller(&plan::wgsl(0, set), call),
+        })
     });
-    own.chain(functions).collect()
+    own.chain(functions).chain(cuts()).collect()
+}
+
+/// What marks, builds and shares cuts.
+fn cuts() -> impl Iterator<Item = Subject> {
+    worlds().into_iter().flat_map(|(effects, set)| {
+        let call = |name| FUNCTIONS.into_iter().find(|(function, _)| *function == name).map_or("", |(_, call)| call);
+        let [marks, shared, list, build] = measure::cut_texts(set, CutFallback::Walk);
+        let [_, shared_or_split, ..] = measure::cut_texts(set, CutFallback::Split);
+        let lists =
+            ["cut_list", "cut_dispatch"].map(|entry| Subject { kernel: entry, effects, entry, wgsl: list.clone() });
+        let mark = Subject { kernel: "light_mark", effects, entry: "call", wgsl: caller(&marks, "light_mark(point);") };
+        let build = Subject { kernel: "cut_build", effects, entry: "cut_build", wgsl: build };
+        let choosing = SHARED.into_iter().flat_map(move |(function, walk, split)| {
+            [(walk, &shared), (split, &shared_or_split)].map(|(kernel, text)| Subject {
+                kernel,
+                effects,
+                entry: "call",
+                wgsl: caller(text, call(function)),
+            })
+        });
+        lists.into_iter().filter(|_| set.is_empty()).chain([mark, build]).chain(choosing).collect::<Vec<_>>()
+    })
 }

@@ -16,7 +16,6 @@ use super::GpuLights;
 use super::error::GpuError;
 use super::shader::LightShader;
 use crate::effects::Effects;
-use crate::plan::text;
 use crate::visibility::VisibilityOptions;
 
 impl GpuLights {
@@ -69,9 +68,7 @@ impl GpuLights {
     /// [`GpuLights::learn_visibility`]), lights are chosen as by other shaders.
     /// [`GpuLights::sample`] and [`GpuLights::resample`] do not use the table.
     pub fn visibility_shader(&self, group: u32, effects: Effects) -> LightShader {
-        let wgsl = text::wgsl_of_shader(group, effects, true, None);
-        let layout = self.learnt_table().layout.clone();
-        LightShader { wgsl, group, effects, learns_visibility: true, target: None, previous_group: None, layout }
+        LightShader::choosing(group, effects, true, None, self.learnt_table().layout.clone())
     }
 
     /// The bind group for a [`GpuLights::visibility_shader`]. Call this in each frame after
@@ -94,7 +91,9 @@ impl GpuLights {
     /// Takes the origin of the world that is uploaded. Returns the bytes sent.
     pub(super) fn follow_origin(&mut self, origin: DVec3) -> u64 {
         self.origin = origin;
-        self.learnt.get_mut().map_or(0, |learnt| learnt.set_origin(&self.queue, origin))
+        let of_learnt = self.learnt.get_mut().map_or(0, |learnt| learnt.set_origin(&self.queue, origin));
+        let of_cuts = self.cuts.get_mut().map_or(0, |cuts| cuts.set_origin(&self.queue, origin));
+        of_learnt + of_cuts
     }
 
     /// Makes the layout and a bind group without a table when they are first needed.

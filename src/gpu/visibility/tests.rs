@@ -1,22 +1,17 @@
 //! The GPU learns what the CPU learns, and chooses lights by it.
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DVec3, Mat3, Vec3};
+use glam::{DVec3, Vec3};
 use wgpu::util::DeviceExt;
 
 use super::super::memory::refusals::Refusals;
-use super::super::testing::{gpu, noop, read};
+use super::super::testing::{gpu, mixed_world, noop, read, unit};
 use super::*;
-use crate::instance::placement::Placement;
 use crate::keys::LightId;
-use crate::light::{DirectionalLight, Light};
 use crate::math::dice::hash;
-use crate::policy::Policy;
 use crate::sampling::sample::LightSampler;
 use crate::shading::shading_point::ShadingPoint;
-use crate::tree::LightTree;
 use crate::visibility::{TABLE_HEAD, VisibilityTable};
-use crate::world::LightWorld;
 
 /// What an invocation of the shader below gets: a shading point, and the light that was seen or
 /// not.
@@ -60,36 +55,6 @@ const ENGINE: &str = "
         chosen.pmf = 1.0;
         light_record_visibility(at, chosen, input.is_visible != 0u);
     }";
-
-fn unit(seed: u32) -> f32 {
-    (hash(seed) >> 8) as f32 / (1 << 24) as f32
-}
-
-/// Instances of several trees, turned and some scaled, and a sun.
-fn world() -> LightWorld {
-    let mut world = LightWorld::new();
-    for tree in 0..4_u32 {
-        let light = |i: u32| {
-            let seed = 1000 * tree + 10 * i;
-            let place = Vec3::new(unit(seed), unit(seed + 1), unit(seed + 2)) * 6.0 - 3.0;
-            match i % 3 {
-                0 => Light::point(place, Vec3::splat(1.0 + unit(seed + 3))),
-                1 => Light::spot(place, Vec3::NEG_Y, 0.2, 1.3, Vec3::splat(3.0)).with_range(40.0),
-                _ => Light::rectangle(place, Vec3::X * 0.2, Vec3::Z * 0.2, Vec3::splat(9.0)),
-            }
-        };
-        let key = world.add_tree(LightTree::new((0..30).map(light).collect()).expect("valid"));
-        for i in 0..6_u32 {
-            let seed = 50_000 + 100 * tree + 10 * i;
-            let linear = Mat3::from_rotation_y(unit(seed)) * if i == 3 { 1.5 } else { 1.0 };
-            let translation = DVec3::new(unit(seed + 1).into(), 0.2, unit(seed + 2).into()) * 40.0;
-            world.add_instance(key, Placement { linear, translation }, Policy::Static).expect("valid");
-        }
-    }
-    let sun = DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::splat(0.01) };
-    world.add_directional(sun).expect("valid");
-    world
-}
 
 /// Shading points, which are the same in each frame, and what each of them sees in this one.
 fn inputs(sampler: &LightSampler<'_>, frame: u32) -> Vec<Input> {
@@ -194,7 +159,7 @@ fn others(sampler: &LightSampler<'_>, inputs: &[Input], outputs: &[Output]) -> u
 #[test]
 fn the_gpu_learns_and_chooses_as_the_cpu_does() {
     let (device, queue) = gpu();
-    let mut world = world();
+    let mut world = mixed_world();
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let pipeline = pipeline(&lights);
     let options = VisibilityOptions::new(4.0, 256).expect("valid");
@@ -255,7 +220,7 @@ fn the_gpu_learns_and_chooses_as_the_cpu_does() {
 #[test]
 fn without_a_table_the_shader_chooses_as_without_learning() {
     let (device, queue) = gpu();
-    let world = world();
+    let world = mixed_world();
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let pipeline = pipeline(&lights);
     lights.upload(&world).expect("room enough");

@@ -29,7 +29,7 @@ pub(crate) const EVEN: f32 = 0.01;
 pub(crate) const CENTER: f32 = 0.01;
 
 /// The low bits of a key, which do not belong to the priority: the number of a child.
-const CHILD_BITS: u32 = (SHARED_NODES * WIDTH) as u32 - 1;
+pub(crate) const CHILD_BITS: u32 = (SHARED_NODES * WIDTH) as u32 - 1;
 
 /// The points of a cell and its middle, which comes last.
 const VIEWS: usize = POINTS + 1;
@@ -297,19 +297,16 @@ impl<'a> Sketch<'_, 'a, '_> {
         let inverse = |part: f32, sum: f32| if sum > 0.0 { part / sum } else { 0.0 };
         let by_points = inverse(1.0 - EVEN - CENTER, sum);
         let (by_center, even) = (inverse(CENTER, center), EVEN / lit as f32);
-        let mut order: [usize; SHARED_NODES] = std::array::from_fn(|index| index);
-        order[..self.count].sort_unstable_by_key(|index| self.opened[*index].id);
         let mut total = 0;
-        for (place, index) in order[..self.count].iter().enumerate() {
-            let opened = &self.opened[*index];
-            cut.nodes[place] = opened.id;
+        for (index, opened) in self.opened[..self.count].iter().enumerate() {
+            cut.nodes[index] = opened.id;
             for slot in 0..WIDTH {
                 if opened.lit >> slot & 1 == 1 {
-                    let part = weights[*index][slot] * by_points + opened.importance[POINTS][slot] * by_center + even;
+                    let part = weights[index][slot] * by_points + opened.importance[POINTS][slot] * by_center + even;
                     // Each has a unit, and no more than all units are handed out.
                     total += (part.min(1.0) * (UNITS - 512) as f32) as u32 + 1;
                 }
-                cut.sums[place][slot] = total;
+                cut.sums[index][slot] = total;
             }
         }
         cut.count = self.count;

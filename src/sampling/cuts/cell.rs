@@ -13,32 +13,32 @@ use crate::visibility::{MAX_COORDINATE, TAG_SEED, side};
 pub(crate) const POINTS: usize = 7;
 
 /// Bits of a point's place in its cell along each axis.
-const PLACE_BITS: u32 = 6;
+pub(crate) const PLACE_BITS: u32 = 6;
 /// Bits of each of the two slopes of a normal within its class.
-const SLOPE_BITS: u32 = 4;
+pub(crate) const SLOPE_BITS: u32 = 4;
 /// The steps of a slope within its class, and the step of the middle.
-const SLOPE_STEPS: f32 = 15.0;
+pub(crate) const SLOPE_STEPS: f32 = 15.0;
 /// See [`SLOPE_STEPS`].
-const SLOPE_ZERO: f32 = 7.0;
+pub(crate) const SLOPE_ZERO: f32 = 7.0;
 /// The lowest bit of a point's priority.
-const PRIORITY_SHIFT: u32 = 3 * PLACE_BITS + 2 * SLOPE_BITS;
+pub(crate) const PRIORITY_SHIFT: u32 = 3 * PLACE_BITS + 2 * SLOPE_BITS;
 
 /// The classes of a slope, the component of a normal along an axis over the largest component, for one
 /// unit of slope. There are three: rounded to -1, 0 and 1.
-const SLOPE_CLASSES: f32 = 1.2;
+pub(crate) const SLOPE_CLASSES: f32 = 1.2;
 /// The class of the normals of volumes. Surfaces have nine classes for each of six sides.
-const VOLUME: u32 = 54;
+pub(crate) const VOLUME: u32 = 54;
 
 /// The steps of perceptual roughness from 0 to 1 that are told apart.
-const ROUGHNESS_STEPS: f32 = 16.0;
+pub(crate) const ROUGHNESS_STEPS: f32 = 16.0;
 /// The powers of two of the ratio of specular to diffuse reflectance that are told apart.
-const REFLECTANCES: [f32; 2] = [-6.0, 8.0];
+pub(crate) const REFLECTANCES: [f32; 2] = [-6.0, 8.0];
 /// Points belong to the cells of a camera's surfaces only if their view is to the camera, as far as
 /// this cosine.
-const VIEW_COSINE: f32 = 0.98;
+pub(crate) const VIEW_COSINE: f32 = 0.98;
 
 /// The lowest bit of a kind that belongs to the gloss.
-const GLOSS_SHIFT: u32 = 10;
+pub(crate) const GLOSS_SHIFT: u32 = 10;
 
 /// The camera whose pixels decide the size of cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,19 +53,19 @@ pub(crate) struct Camera {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct CutGrid {
     /// The edge of the smallest place in a cell, in metres.
-    unit: f32,
-    units_per_metre: f32,
+    pub unit: f32,
+    pub units_per_metre: f32,
     /// The origin in its own unit, in metres.
-    offset: Vec3,
+    pub offset: Vec3,
     /// The unit of the origin, modulo 2^32.
-    first: [u32; 3],
-    /// Relative to the origin.
-    eye: Option<Vec3>,
+    pub first: [u32; 3],
+    /// The position of the camera relative to the origin.
+    pub eye: Option<Vec3>,
     /// Squares of distances are multiplied by this. The result is the square of the edge of a cell in
     /// edges of the smallest cells, and twice that, to round to the nearest power of two.
-    edges_sq: f32,
+    pub edges_sq: f32,
     /// The largest cells have 2^`levels` times the edge of the smallest.
-    levels: u32,
+    pub levels: u32,
 }
 
 /// What tells cells apart.

@@ -11,5 +11,21 @@ mod cell;
 mod marks;
 pub(crate) mod options;
 mod placed;
-mod shared;
+pub(crate) mod shared;
 pub(crate) mod table;
+
+#[cfg(feature = "gpu-plan")]
+pub(crate) use build::{CENTER, CHILD_BITS, DEVIATION, EVEN, MIN_SHARED_DOUBT};
+#[cfg(feature = "gpu")]
+pub(crate) use cell::{Camera, CutGrid};
+#[cfg(feature = "gpu-plan")]
+pub(crate) use cell::{
+    GLOSS_SHIFT, PLACE_BITS, POINTS, PRIORITY_SHIFT, REFLECTANCES, ROUGHNESS_STEPS, SLOPE_BITS, SLOPE_CLASSES,
+    SLOPE_STEPS, SLOPE_ZERO, VIEW_COSINE, VOLUME,
+};
+#[cfg(feature = "gpu-plan")]
+pub(crate) use marks::PROBES;
+#[cfg(feature = "gpu")]
+pub(crate) use options::{CutOptions, camera, slots};
+#[cfg(feature = "gpu-plan")]
+pub(crate) use shared::{MIN_SIDE, SHARED_NODES, UNITS};

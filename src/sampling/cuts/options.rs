@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use crate::error::CutError;
 use crate::sampling::cuts::cell::{Camera, CutGrid};
+use crate::sampling::cuts::marks::PROBES;
 
 /// The largest number of cells of [`CutOptions`]. Their cuts take 84 MB.
 pub(crate) const MAX_CELLS: usize = 1 << 16;
@@ -86,4 +87,15 @@ impl CutOptions {
     pub(crate) fn grid(&self, camera: Option<Camera>, origin: DVec3) -> CutGrid {
         CutGrid::new(self.edge, LEVELS, camera, origin)
     }
+}
+
+/// The places for marked cells: four for each cell that may have a cut.
+pub(crate) fn slots(options: CutOptions) -> usize {
+    (4 * options.cells()).next_power_of_two().max(PROBES)
+}
+
+/// The camera of [`CutTable::set_view`](crate::CutTable::set_view).
+pub(crate) fn camera(eye: DVec3, pixel: f32) -> Option<Camera> {
+    let is_valid = eye.is_finite() && pixel > 0.0 && pixel.is_finite();
+    is_valid.then_some(Camera { eye, edge_per_metre: PIXELS * pixel })
 }

@@ -63,7 +63,7 @@ impl<'a> Candidates<'a> for PlacedCut<'a, '_> {
 
     fn pmf(&self, tree: &TreeView<'a>, node: u32, slot: usize) -> Option<f32> {
         let id = NodeId { instance: tree.instance, node };
-        let index = self.cut.nodes[..self.cut.count].binary_search(&id).ok()?;
+        let index = self.cut.nodes[..self.cut.count].iter().position(|other| *other == id)?;
         let [_, units] = self.cut.units(index * WIDTH + slot);
         Some(units as f32 / self.cut.total() as f32)
     }

@@ -16,7 +16,7 @@ pub(crate) const MIN_SIDE: f32 = 0.01;
 /// A node of a world: the slot of an instance, or [`NO_INSTANCE`](crate::sampling::cut::NO_INSTANCE) for the top
 /// level, and the index of the
 /// node in its tree.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct NodeId {
     pub instance: u32,
     pub node: u32,
@@ -29,7 +29,7 @@ pub(crate) struct SharedCut {
     pub count: usize,
     /// The number of points that it was made for.
     pub points: usize,
-    /// In ascending order.
+    /// In the order in which they were split.
     pub nodes: [NodeId; SHARED_NODES],
     /// The running sums of the units of all children of all nodes. A child without flux has none, and
     /// neither has one that was split.

@@ -7,12 +7,9 @@ use glam::DVec3;
 
 use crate::sampling::cuts::cell::{Camera, CutCell, CutGrid};
 use crate::sampling::cuts::marks::{Marked, Marks, PROBES};
-use crate::sampling::cuts::options::{CutOptions, PIXELS};
+use crate::sampling::cuts::options::{CutOptions, camera, slots};
 use crate::sampling::cuts::shared::SharedCut;
 use crate::shading::shading_point::ShadingPoint;
-
-/// The places for marked cells, for each cell that may have a cut.
-const SLOTS_PER_CELL: usize = 4;
 
 /// What the last build of a [`CutTable`] did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -110,7 +107,7 @@ impl Built {
 impl CutTable {
     /// Creates a table without cells.
     pub fn new(options: CutOptions) -> Self {
-        let slots = (options.cells() * SLOTS_PER_CELL).next_power_of_two().max(PROBES);
+        let slots = slots(options);
         Self {
             options,
             camera: None,
@@ -132,8 +129,7 @@ impl CutTable {
     /// Without a view all cells have the edge of the options, and glossy points share no cuts. A `pixel`
     /// that is not a positive finite number, and an eye that is not finite, are no view.
     pub fn set_view(&mut self, eye: DVec3, pixel: f32) {
-        let is_valid = eye.is_finite() && pixel > 0.0 && pixel.is_finite();
-        self.camera = is_valid.then_some(Camera { eye, edge_per_metre: PIXELS * pixel });
+        self.camera = camera(eye, pixel);
     }
 
     /// What the last build did.

@@ -83,7 +83,15 @@ pub const FUNCTIONS: Figure = table(
     &[View {
         from: &["shaders/shaders.csv"],
         keep: &[("effects", &["none", "city", "all"])],
-        drop: &[("kernel", "light_pdf"), ("kernel", "light_hit"), ("kernel", "light_sample_")],
+        drop: &[
+            ("kernel", "light_pdf"),
+            ("kernel", "light_hit"),
+            ("kernel", "light_sample_"),
+            ("kernel", "light_mark"),
+            ("kernel", "cut_list"),
+            ("kernel", "cut_dispatch"),
+            ("kernel", "shared or split"),
+        ],
         keys: &[("kernel", "function"), ("effects", "effects")],
         cells: &[
             cell("registers", "vgprs", Fixed(0)),

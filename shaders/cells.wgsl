@@ -1,0 +1,120 @@
+// The cell of a shading point, whose points share a cut. Twin of src/sampling/cuts/cell.rs, which explains
+// it and owns the constants. src/gpu/cuts owns the buffers.
+
+// The grid of cells and the sizes of the table. Twin of `GridRecord`.
+struct LightCutGrid {
+    // The edge of the smallest place in a cell, in metres, and its inverse.
+    unit: f32,
+    units_per_metre: f32,
+    // What squares of distances to the eye are multiplied by: see `CutGrid`. 0 without an eye.
+    edges_sq: f32,
+    levels: u32,
+    offset: vec3<f32>,
+    // The slots of the table less one.
+    last_slot: u32,
+    first: vec3<u32>,
+    // The cells that may have a cut.
+    rows: u32,
+    eye: vec3<f32>,
+    // LIGHT_HAS_EYE, LIGHT_EYE_MOVED.
+    flags: u32,
+    // The marks that a cell needs to get a cut.
+    min_marks: u32,
+    // The quad at which the first row begins.
+    first_row: u32,
+    // The numbers of free rows and the slots of cells to build: the words at which they begin.
+    free_rows: u32,
+    listed: u32,
+}
+
+@group(LIGHT_GROUP) @binding(5) var<uniform> light_cut_grid: LightCutGrid;
+
+// What tells cells apart. Twin of `CutCell`.
+struct LightCutCell {
+    corner: vec3<u32>,
+    // LIGHT_NO_CELL for a point that shares no cell.
+    kind: u32,
+    mask: u32,
+    // Which of a cell's words the point may become, and its word. Twin of `Place`.
+    which: u32,
+    word: u32,
+}
+
+const LIGHT_NO_CELL: u32 = 0xffffffffu;
+
+// The cell of a shading point. Twin of `CutGrid::cell`.
+fn light_cut_cell(shading_point: LightShadingPoint) -> LightCutCell {
+    let position = bitcast<vec3<u32>>(shading_point.position);
+    let random = light_hash(position.x ^ light_hash(position.y ^ light_hash(position.z)));
+    let normal = light_cell_normal(shading_point.normal, random);
+    let toward = light_cut_grid.eye - shading_point.position;
+    let exponent = bitcast<u32>(dot(toward, toward) * light_cut_grid.edges_sq) >> 23u;
+    let level = min((max(exponent, 127u) - 127u) / 2u, light_cut_grid.levels);
+    let units = floor((shading_point.position + light_cut_grid.offset) * light_cut_grid.units_per_metre);
+    let limited = clamp(units, vec3(-LIGHT_MAX_COORDINATE), vec3(LIGHT_MAX_COORDINATE));
+    let place = bitcast<vec3<i32>>(bitcast<vec3<u32>>(vec3<i32>(limited)) + light_cut_grid.first);
+    var cell: LightCutCell;
+    cell.corner = bitcast<vec3<u32>>(place >> vec3(LIGHT_PLACE_BITS + level));
+    cell.kind = level | (normal.x << 4u);
+    cell.mask = 0xffffffffu;
+    // #if MASKS
+    cell.mask = shading_point.mask;
+    // #endif
+    // #if GLOSSY
+    cell.kind = select(cell.kind | (shading_point.cell_gloss << LIGHT_GLOSS_SHIFT), LIGHT_NO_CELL,
+        shading_point.cell_gloss == LIGHT_NO_CELL);
+    // #endif
+    // #if SEGMENTS
+    cell.kind = select(cell.kind, LIGHT_NO_CELL, light_is_segment(shading_point));
+    // #endif
+    let within = bitcast<vec3<u32>>(place >> vec3(level)) & vec3((1u << LIGHT_PLACE_BITS) - 1u);
+    let bits = (((within.x << LIGHT_PLACE_BITS) | within.y) << LIGHT_PLACE_BITS) | within.z;
+    cell.which = random % LIGHT_CELL_POINTS;
+    let priority = max(random & ~((1u << LIGHT_PRIORITY_SHIFT) - 1u), 1u << LIGHT_PRIORITY_SHIFT);
+    cell.word = priority | (bits << (2u * LIGHT_SLOPE_BITS)) | normal.y;
+    return cell;
+}
+
+// The class of a normal, and its slopes within the class. Twin of `normal_bits`.
+fn light_cell_normal(normal: vec3<f32>, random: u32) -> vec2<u32> {
+    let side = light_side(normal);
+    if side == 6u {
+        return vec2(LIGHT_VOLUME_CLASS, 0u);
+    }
+    let axis = side / 2u;
+    let all_slopes = vec2(normal[(axis + 1u) % 3u], normal[(axis + 2u) % 3u]) / abs(normal[axis]);
+    let slopes = all_slopes * LIGHT_SLOPE_CLASSES;
+    let normal_class = clamp(round(slopes), vec2(-1.0), vec2(1.0));
+    let fraction = vec2<f32>(vec2(light_hash(random ^ 1u), light_hash(random ^ 2u)) >> vec2(8u)) * LIGHT_U_STEP;
+    let raised = floor((slopes - normal_class) * LIGHT_SLOPE_STEPS + LIGHT_SLOPE_ZERO + fraction);
+    let steps = vec2<u32>(clamp(raised, vec2(0.0), vec2(2.0 * LIGHT_SLOPE_ZERO + 1.0)));
+    let classes = vec2<u32>(normal_class + 1.0);
+    return vec2(9u * side + 3u * classes.x + classes.y, (steps.x << LIGHT_SLOPE_BITS) | steps.y);
+}
+
+// Where to look in the table, and what tells cells apart there. Twin of `CutCell::keys`.
+fn light_cell_keys(cell: LightCutCell) -> vec2<u32> {
+    let x = cell.corner.x;
+    let last = light_hash(cell.corner.z ^ light_hash(cell.kind ^ light_hash(cell.mask)));
+    let first = light_hash(x ^ light_hash(cell.corner.y ^ last));
+    return vec2(first, max(light_hash(first ^ light_hash(x ^ LIGHT_TAG_SEED)), 1u));
+}
+
+// #if GLOSSY
+// Twin of `CutGrid::gloss_class`; LIGHT_NO_CELL for points that share no cells.
+fn light_cell_gloss(
+    shading_point: LightShadingPoint, view: vec3<f32>, roughness: f32, specular: f32, diffuse: f32,
+) -> u32 {
+    if all(shading_point.normal == vec3(0.0)) {
+        return 0u;
+    }
+    let toward = light_cut_grid.eye - shading_point.position;
+    let is_seen = dot(toward, view) >= LIGHT_VIEW_COSINE * (length(toward) * length(view));
+    if (light_cut_grid.flags & LIGHT_HAS_EYE) == 0u || !is_seen {
+        return LIGHT_NO_CELL;
+    }
+    let steps = u32(round(clamp(roughness, 0.0, 1.0) * LIGHT_ROUGHNESS_STEPS));
+    let ratio = clamp(log2(specular / max(diffuse, 1.0e-6)), LIGHT_LEAST_RATIO, LIGHT_GREATEST_RATIO);
+    return (1u + steps) | (u32(round(ratio - LIGHT_LEAST_RATIO)) << 8u);
+}
+// #endif

@@ -1,0 +1,332 @@
+// Builds the cuts of listed cells: a workgroup for each cell, with an invocation for each of its points
+// and each child of a node. Twin of src/sampling/cuts/build.rs, which explains it.
+
+// The last point is the middle of the cell.
+const CENTER: u32 = LIGHT_CELL_POINTS;
+const STOP: u32 = 0xffffffffu;
+
+// For each node and invocation the importance, and in the end the share of all light.
+var<workgroup> importance: array<f32, 2048>;
+// For each child of each node what it is split by; 0 for what cannot be split.
+var<workgroup> keys: array<u32, 256>;
+var<workgroup> nodes: array<LightPlace, 32>;
+// Bits of the children that may send light.
+var<workgroup> lit: array<u32, 32>;
+var<workgroup> exchanged: array<vec4<f32>, 64>;
+var<workgroup> greatest: atomic<u32>;
+// The next node, and the child that it is; or STOP.
+var<workgroup> next: vec3<u32>;
+var<workgroup> job: u32;
+// What weights by points and by the middle are multiplied by, what is added to all, and what directional
+// lights bring over what trees do.
+var<workgroup> parts: vec4<f32>;
+
+// Twin of `normal_of`.
+fn cell_normal(normal_class: u32, slopes: u32) -> vec3<f32> {
+    if normal_class >= LIGHT_VOLUME_CLASS {
+        return vec3(0.0);
+    }
+    let within = vec2<f32>((vec2(slopes >> LIGHT_SLOPE_BITS, slopes) & vec2((1u << LIGHT_SLOPE_BITS) - 1u)));
+    let classes = vec2<f32>(vec2(normal_class / 3u, normal_class) % vec2(3u));
+    let slope = ((classes - 1.0) + (within - LIGHT_SLOPE_ZERO) / LIGHT_SLOPE_STEPS) / LIGHT_SLOPE_CLASSES;
+    let largest = select(1.0, -1.0, (normal_class / 9u) % 2u == 1u);
+    let axis = normal_class / 18u;
+    var normal = vec3(largest, slope);
+    if axis == 1u {
+        normal = vec3(slope.y, largest, slope.x);
+    } else if axis == 2u {
+        normal = vec3(slope, largest);
+    }
+    return normalize(normal);
+}
+
+// A point of a cell, or its middle. Twin of `CutGrid::point` and `CutGrid::center`.
+fn cell_point(cell: LightCutCell, word: u32, is_center: bool) -> LightShadingPoint {
+    let level = cell.kind & 15u;
+    let shifts = 2u * LIGHT_SLOPE_BITS + LIGHT_PLACE_BITS * vec3(2u, 1u, 0u);
+    let within = vec3<f32>((vec3(word) >> shifts) & vec3((1u << LIGHT_PLACE_BITS) - 1u)) + 0.5;
+    let middle = f32(1u << (LIGHT_PLACE_BITS - 1u));
+    let place = select(within, vec3(middle), is_center);
+    let corner = (cell.corner << vec3(LIGHT_PLACE_BITS + level)) - light_cut_grid.first;
+    let units = vec3<f32>(bitcast<vec3<i32>>(corner)) + place * f32(1u << level);
+    let position = units * light_cut_grid.unit - light_cut_grid.offset;
+    var point: LightShadingPoint;
+    if is_center {
+        point = light_volume_point(position);
+    } else {
+        let normal = cell_normal((cell.kind >> 4u) & 63u, word);
+        let gloss = cell.kind >> LIGHT_GLOSS_SHIFT;
+        point = light_surface_point(position, normal);
+        // #if GLOSSY
+        if gloss != 0u {
+            let ratio = exp2(f32(gloss >> 8u) + LIGHT_LEAST_RATIO);
+            let roughness = f32((gloss & 255u) - 1u) / LIGHT_ROUGHNESS_STEPS;
+            point = light_glossy_point(
+                position, normal, light_cut_grid.eye - position, roughness, ratio / (1.0 + ratio), 1.0 / (1.0 + ratio),
+            );
+        }
+        // #endif
+    }
+    return light_masked_point(point, cell.mask);
+}
+
+// What a child of a node sends to a point, and whether it sends anything at all.
+struct Estimate {
+    lux: f32,
+    doubt: f32,
+    is_lit: bool,
+    is_light: bool,
+}
+
+fn estimate(place: LightPlace, slot: u32, point: LightShadingPoint, local: LightLocalShadingPoint) -> Estimate {
+    let in_top = place.instance == LIGHT_NO_INSTANCE;
+    let at = place.index * light_params.node_stride;
+    let packed = light_packed_child(in_top, at, slot);
+    let is_light = (packed.child_bits & local.light_bit) != 0u;
+    let is_lit = light_has_flux(packed);
+    var is_seen = is_lit;
+    // #if MASKS
+    is_seen = is_seen && (light_met_children(in_top, place.index, point.mask) & (1u << slot)) != 0u;
+    // #endif
+    if !is_seen {
+        return Estimate(0.0, 0.0, is_lit, is_light);
+    }
+    var found = light_importance(packed, local, light_node_view(light_quad(in_top, at), local));
+    // #if MASKS
+    found.lux *= light_seen_share(in_top, packed.child_bits, point.mask);
+    // #endif
+    return Estimate(found.lux, found.doubt, is_lit, is_light);
+}
+
+// What a child is split by: of its doubts and shares at all points the mean doubt, and the deviation of
+// the shares. `sums` are those of doubts, shares and squared shares.
+fn priority(sums: vec3<f32>, count: u32) -> f32 {
+    let mean = sums / f32(count);
+    return mean.x + LIGHT_DEVIATION * sqrt(max(mean.z - mean.y * mean.y, 0.0));
+}
+
+@compute @workgroup_size(64)
+fn cut_build(
+    @builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let number = group.x + group.y * groups.x;
+    if lane == 0u {
+        let word = light_cut_grid.listed + number;
+        let is_listed = number < light_cuts[1].y;
+        job = select(0u, (LIGHT_CUT_HEAD + LIGHT_SLOT_WORDS * light_cuts[word / 4u][word % 4u]) / 4u, is_listed);
+    }
+    let slot_at = workgroupUniformLoad(&job);
+    if slot_at == 0u {
+        return;
+    }
+    let cell_words = light_cuts[slot_at + 1u];
+    let mask_and_words = light_cuts[slot_at + 2u];
+    let last_words = light_cuts[slot_at + 3u];
+    var cell: LightCutCell;
+    cell.corner = cell_words.xyz;
+    cell.kind = cell_words.w;
+    cell.mask = mask_and_words.x;
+    let view = lane / LIGHT_WIDTH;
+    let slot = lane % LIGHT_WIDTH;
+    let first_of_view = view * LIGHT_WIDTH;
+    let has_points = vec4<u32>(last_words != vec4(0u)) + vec4(vec3<u32>(mask_and_words.yzw != vec3(0u)), 0u);
+    let point_count = (has_points.x + has_points.y) + (has_points.z + has_points.w);
+    var word = 0u;
+    if view < 3u {
+        word = mask_and_words[view + 1u];
+    } else if view < CENTER {
+        word = last_words[view - 3u];
+    }
+    let is_center = view == CENTER;
+    let is_view = is_center || word != 0u;
+    let point = cell_point(cell, word, is_center);
+    var directional = 0.0;
+    // #if DIRECTIONAL
+    directional = select(0.0, light_directional_lux(point), is_view);
+    // #endif
+
+    // Split until no split is worth its time, or as often as there is room.
+    var place = LightPlace(LIGHT_NO_INSTANCE, 0u);
+    var local = light_local_to_top(point);
+    var count = 0u;
+    // The sum of the resolved importances of this invocation.
+    var column = 0.0;
+    loop {
+        let found = estimate(place, slot, point, local);
+        let lux = select(0.0, found.lux, is_view);
+        importance[count * 64u + lane] = lux;
+        column += max(lux, 0.0);
+        exchanged[lane].x = column;
+        workgroupBarrier();
+        var total = directional;
+        for (var i = 0u; i < LIGHT_WIDTH; i++) {
+            total += exchanged[first_of_view + i].x;
+        }
+        let share = select(0.0, max(lux, 0.0) / total, total > 0.0);
+        let doubt = select(share * found.doubt, LIGHT_UNRESOLVED_DOUBT, lux < 0.0);
+        workgroupBarrier();
+        exchanged[lane] = vec4(doubt, share, share * share, select(0.0, 1.0, found.is_lit));
+        workgroupBarrier();
+        if view == 0u {
+            var sums = vec3(0.0);
+            for (var i = 0u; i < CENTER; i++) {
+                sums += exchanged[i * LIGHT_WIDTH + slot].xyz;
+            }
+            let id = count * LIGHT_WIDTH + slot;
+            let key = (bitcast<u32>(priority(sums, point_count)) & ~LIGHT_SHARED_BITS) | (LIGHT_SHARED_BITS - id);
+            keys[id] = select(key, 0u, found.is_light);
+        }
+        if lane == 0u {
+            nodes[count] = place;
+            var bits = 0u;
+            for (var i = 0u; i < LIGHT_WIDTH; i++) {
+                bits |= select(0u, 1u << i, exchanged[i].w > 0.0);
+            }
+            lit[count] = bits;
+            atomicStore(&greatest, 0u);
+        }
+        workgroupBarrier();
+        count++;
+        if count == LIGHT_SHARED_NODES {
+            break;
+        }
+        var best = 0u;
+        for (var id = lane; id < count * LIGHT_WIDTH; id += 64u) {
+            best = max(best, keys[id]);
+        }
+        atomicMax(&greatest, best);
+        workgroupBarrier();
+        if lane == 0u {
+            let key = atomicLoad(&greatest);
+            let id = LIGHT_SHARED_BITS - (key & LIGHT_SHARED_BITS);
+            if bitcast<f32>(key & ~LIGHT_SHARED_BITS) <= LIGHT_MIN_SHARED_DOUBT {
+                next.z = STOP;
+            } else {
+                let below = light_child_place(nodes[id / LIGHT_WIDTH], id % LIGHT_WIDTH);
+                next = vec3(below.instance, below.index, id);
+                lit[id / LIGHT_WIDTH] &= ~(1u << (id % LIGHT_WIDTH));
+                keys[id] = 0u;
+            }
+        }
+        let chosen = workgroupUniformLoad(&next);
+        if chosen.z == STOP {
+            break;
+        }
+        // The candidate's own children replace it.
+        if slot == chosen.z % LIGHT_WIDTH {
+            importance[(chosen.z / LIGHT_WIDTH) * 64u + lane] = 0.0;
+            column = 0.0;
+            for (var node = 0u; node < count; node++) {
+                column += max(importance[node * 64u + lane], 0.0);
+            }
+        }
+        if chosen.x != place.instance {
+            local = light_local_to(chosen.x, point);
+        }
+        place = LightPlace(chosen.x, chosen.y);
+    }
+
+    // Turn importances into shares of all light at each point, in which unresolved candidates have at
+    // most as much as all others.
+    var doubtful = 0.0;
+    for (var node = 0u; node < count; node++) {
+        doubtful += max(-importance[node * 64u + lane], 0.0);
+    }
+    exchanged[lane] = vec4(column, doubtful, 0.0, 0.0);
+    workgroupBarrier();
+    var sums = vec2(directional, 0.0);
+    for (var i = 0u; i < LIGHT_WIDTH; i++) {
+        sums += exchanged[first_of_view + i].xy;
+    }
+    let scale = light_unresolved_scale(sums.x, sums.y);
+    let all = sums.x + sums.y * scale;
+    let inverse = select(0.0, 1.0 / all, all > 0.0);
+    for (var node = 0u; node < count; node++) {
+        let lux = importance[node * 64u + lane];
+        let weight = select(lux, max(-lux * scale, LIGHT_MIN_IMPORTANCE), lux < 0.0);
+        importance[node * 64u + lane] = weight * inverse;
+    }
+    workgroupBarrier();
+    let sun = directional * inverse;
+    exchanged[lane].w = select(0.0, sun * sun, view < CENTER && slot == 0u);
+
+    // Each invocation has four children. Their weights are the roots of mean squared shares.
+    let node = lane / 2u;
+    let first_slot = 4u * (lane % 2u);
+    var weights = vec4(0.0);
+    var center = vec4(0.0);
+    var is_lit = vec4(0u);
+    if node < count {
+        for (var i = 0u; i < 4u; i++) {
+            let at = node * 64u + first_slot + i;
+            var squares = 0.0;
+            for (var k = 0u; k < CENTER; k++) {
+                squares += importance[at + k * LIGHT_WIDTH] * importance[at + k * LIGHT_WIDTH];
+            }
+            weights[i] = sqrt(squares / f32(point_count));
+            center[i] = importance[at + CENTER * LIGHT_WIDTH];
+            is_lit[i] = (lit[node] >> (first_slot + i)) & 1u;
+        }
+    }
+    let lit_lanes = vec4<f32>(is_lit);
+    exchanged[lane] = vec4(
+        (weights.x + weights.y) + (weights.z + weights.w), (center.x + center.y) + (center.z + center.w),
+        (lit_lanes.x + lit_lanes.y) + (lit_lanes.z + lit_lanes.w), exchanged[lane].w,
+    );
+    workgroupBarrier();
+    if lane == 0u {
+        var all_lanes = vec4(0.0);
+        for (var i = 0u; i < 64u; i++) {
+            all_lanes += exchanged[i];
+        }
+        let sun_lux = sqrt(all_lanes.w / f32(point_count));
+        let sun_part = clamp(sun_lux / (sun_lux + all_lanes.x), LIGHT_MIN_SIDE, 1.0 - LIGHT_MIN_SIDE);
+        let has_sun = light_params.directional_count != 0u;
+        let has_light = all_lanes.z > 0.0 && all_lanes.x + sun_lux > 0.0;
+        parts = select(
+            vec4(0.0),
+            vec4(
+                select(0.0, (1.0 - LIGHT_EVEN - LIGHT_CENTER) / all_lanes.x, all_lanes.x > 0.0),
+                select(0.0, LIGHT_CENTER / all_lanes.y, all_lanes.y > 0.0),
+                LIGHT_EVEN / all_lanes.z, select(0.0, sun_part / (1.0 - sun_part), has_sun),
+            ),
+            has_light,
+        );
+    }
+    let shared_parts = workgroupUniformLoad(&parts);
+
+    // Each has a unit, and no more than all units are handed out.
+    let part = weights * shared_parts.x + center * shared_parts.y + shared_parts.z;
+    let units = select(vec4(0u), vec4<u32>(min(part, vec4(1.0)) * f32(LIGHT_SHARED_UNITS - 512u)) + 1u, is_lit != vec4(0u));
+    keys[lane] = (units.x + units.y) + (units.z + units.w);
+    workgroupBarrier();
+    var before = 0u;
+    for (var i = 0u; i < lane; i++) {
+        before += keys[i];
+    }
+    let row = light_row(light_cuts[slot_at].z);
+    let running = vec4(units.x, units.x + units.y, units.x + units.y + units.z, 0u);
+    let sum_at_end = before + running.z + units.w;
+    light_cuts[row + LIGHT_ROW_SUMS + lane] = vec4(before + running.xyz, sum_at_end);
+    if lane % 4u == 3u {
+        let block = lane / 4u;
+        light_cuts[row + 1u + block / 4u][block % 4u] = sum_at_end;
+    }
+    if lane < LIGHT_SHARED_NODES / 2u {
+        var pair = vec4(0xffffffffu);
+        if 2u * lane < count {
+            pair = vec4(nodes[2u * lane].instance, nodes[2u * lane].index, pair.zw);
+        }
+        if 2u * lane + 1u < count {
+            pair = vec4(pair.xy, nodes[2u * lane + 1u].instance, nodes[2u * lane + 1u].index);
+        }
+        light_cuts[row + LIGHT_ROW_NODES + lane] = pair;
+    }
+    if lane == 63u {
+        light_cuts[row] = vec4(count, point_count, bitcast<u32>(shared_parts.w), sum_at_end);
+        light_cuts[slot_at].w = select(0u, point_count, shared_parts.z > 0.0);
+        light_cuts[slot_at + 2u] = vec4(cell.mask, 0u, 0u, 0u);
+        light_cuts[slot_at + 3u] = vec4(0u);
+    }
+}

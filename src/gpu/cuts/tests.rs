@@ -1,0 +1,468 @@
+//! The GPU builds the cuts that the CPU builds, and chooses lights from them.
+
+use std::collections::BTreeMap;
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DVec3, Vec3};
+use wgpu::util::DeviceExt;
+
+use super::super::bindings::{bind, storage_entry};
+use super::super::memory::refusals::Refusals;
+use super::super::testing::{gpu, mixed_world, noop, read, unit};
+use super::places::CutPlaces;
+use super::*;
+use crate::instance::placement::Placement;
+use crate::keys::LightId;
+use crate::plan::cut_layout::{HEAD, ROW_NODES, ROW_QUADS, ROW_SUMS, SLOT_WORDS};
+use crate::sampling::counts::SplitCount;
+use crate::sampling::cuts::shared::NodeId;
+use crate::sampling::cuts::table::CutTable;
+use crate::sampling::sample::LightSampler;
+use crate::scheduler::FrameBudget;
+use crate::shading::gloss::Gloss;
+use crate::shading::shading_point::ShadingPoint;
+use crate::tree::WIDTH;
+use crate::world::LightWorld;
+
+/// What an invocation of the shaders below gets.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Input {
+    position: [f32; 3],
+    roughness: f32,
+    normal: [f32; 3],
+    padding: u32,
+    view: [f32; 3],
+    more_padding: u32,
+    u: [f32; 4],
+}
+
+/// What it chooses, and the probability that it finds for that.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+struct Output {
+    instance: u32,
+    light: u32,
+    pmf: f32,
+    pmf_of_light: f32,
+}
+
+const ENGINE: &str = "
+    struct Input { position: vec3<f32>, roughness: f32, normal: vec3<f32>, view: vec3<f32>, u: vec4<f32> }
+    @group(0) @binding(0) var<storage, read> inputs: array<Input>;
+    @group(0) @binding(1) var<storage, read_write> outputs: array<vec4<u32>>;
+    fn shading_point(input: Input) -> LightShadingPoint {
+        if input.roughness < 0.0 { return light_surface_point(input.position, input.normal); }
+        return light_glossy_point(input.position, input.normal, input.view, input.roughness, 0.3, 0.4);
+    }
+    @compute @workgroup_size(64) fn engine(@builtin(global_invocation_id) id: vec3<u32>) {
+        if id.x >= arrayLength(&inputs) { return; }
+        let at = shading_point(inputs[id.x]);
+        WORK
+    }";
+
+const MARK: &str = "light_mark(at);";
+
+const CHOOSE: &str = "
+        let pick = light_pick(at, inputs[id.x].u.xy);
+        var pmf = 0.0;
+        if pick.pmf > 0.0 { pmf = light_pmf(at, pick.instance, pick.light); }
+        outputs[id.x] = vec4(pick.instance, pick.light, bitcast<u32>(pick.pmf), bitcast<u32>(pmf));";
+
+struct Rig {
+    lights: GpuLights,
+    effects: Effects,
+    own: wgpu::BindGroupLayout,
+    mark: wgpu::ComputePipeline,
+    choose: wgpu::ComputePipeline,
+}
+
+impl Rig {
+    fn new(effects: Effects, fallback: CutFallback, options: CutOptions) -> Self {
+        let (device, queue) = gpu();
+        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+        let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: None,
+            entries: &[storage_entry(0, true), storage_entry(1, false)],
+        });
+        let pipeline = |shader: &LightShader, work: &str| {
+            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: None,
+                source: wgpu::ShaderSource::Wgsl(shader.join(&ENGINE.replace("WORK", work)).into()),
+            });
+            let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                bind_group_layouts: &[Some(&own), Some(&shader.layout)],
+                ..Default::default()
+            });
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: None,
+                layout: Some(&layout),
+                module: &module,
+                entry_point: Some("engine"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: None,
+            })
+        };
+        let mark = pipeline(&lights.mark_shader(1, effects), MARK);
+        let choose = pipeline(&lights.cut_shader(1, effects, fallback), CHOOSE);
+        lights.share_cuts(Some(options)).expect("memory enough");
+        Self { lights, effects, own, mark, choose }
+    }
+
+    /// Marks points, builds cuts, and chooses lights for other points.
+    fn run(&mut self, marked: &[Input], chosen: &[Input]) -> Vec<Output> {
+        let (device, queue) = gpu();
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        self.lights.build_top(&mut encoder);
+        if !marked.is_empty() {
+            self.pass(&mut encoder, &self.mark, self.lights.mark_bind_group(), marked);
+            self.lights.build_cuts(&mut encoder, self.effects);
+        }
+        let output = self.pass(&mut encoder, &self.choose, self.lights.cut_bind_group(), chosen);
+        queue.submit([encoder.finish()]);
+        read(&device, &queue, &output)
+    }
+
+    fn pass(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        pipeline: &wgpu::ComputePipeline,
+        lights: &wgpu::BindGroup,
+        inputs: &[Input],
+    ) -> wgpu::Buffer {
+        let (device, _) = gpu();
+        let input = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: None,
+            contents: bytemuck::cast_slice(inputs),
+            usage: wgpu::BufferUsages::STORAGE,
+        });
+        let output = device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size: size_of::<Output>() as u64 * inputs.len() as u64,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        let group = bind(&device, "test", &self.own, &[input.as_entire_binding(), output.as_entire_binding()]);
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.set_bind_group(1, lights, &[]);
+        pass.dispatch_workgroups((inputs.len() as u32).div_ceil(64), 1, 1);
+        drop(pass);
+        output
+    }
+
+    /// Marked, built, kept, rare, refused, lost.
+    fn report(&self) -> [u32; 6] {
+        let (device, queue) = gpu();
+        let words: Vec<u32> = read(&device, &queue, self.lights.cut_report().expect("a table"));
+        std::array::from_fn(|i| words[4 + i])
+    }
+
+    /// The cuts by cell.
+    fn cuts(&self, options: CutOptions) -> BTreeMap<[u32; 5], Row> {
+        let (device, queue) = gpu();
+        let places = CutPlaces::new(options);
+        let words: Vec<u32> = read(&device, &queue, &self.lights.shared_cuts().buffers.table);
+        let slots = words[HEAD as usize..].chunks_exact(SLOT_WORDS as usize).take(places.slots as usize);
+        let used = slots.filter(|slot| slot[0] != 0 && slot[3] != 0);
+        used.map(|slot| {
+            assert!(slot[1] == 0 && slot[9..].iter().all(|word| *word == 0), "marks are forgotten: {slot:?}");
+            let start = 4 * (places.first_row + (slot[2] - 1) * ROW_QUADS) as usize;
+            let row = &words[start..start + 4 * ROW_QUADS as usize];
+            let nodes = &row[4 * ROW_NODES as usize..][..2 * row[0] as usize];
+            let sums = &row[4 * ROW_SUMS as usize..];
+            let ends: Vec<u32> = sums.chunks_exact(16).map(|block| block[15]).collect();
+            assert_eq!(row[4..20], ends, "the ends of blocks");
+            assert!(row[3] == sums[sums.len() - 1] && row[3] <= crate::sampling::cuts::UNITS);
+            let cell = [slot[4], slot[5], slot[6], slot[7], slot[8]];
+            let nodes = nodes.chunks_exact(2).map(|node| [node[0], node[1]]).collect();
+            let row = Row { nodes, sums: sums.to_vec(), points: row[1], directional: f32::from_bits(row[2]) };
+            (cell, row)
+        })
+        .collect()
+    }
+}
+
+/// A cut on the GPU.
+struct Row {
+    nodes: Vec<[u32; 2]>,
+    sums: Vec<u32>,
+    points: u32,
+    directional: f32,
+}
+
+/// Shading points near a few places; a number of them are glossy.
+fn inputs(count: u32, eye: Vec3, seed: u32) -> Vec<Input> {
+    let input = |i: u32| {
+        let at = |k: u32| unit(seed + 31 * i + k);
+        let middle = Vec3::new(unit(i % 40), 0.05, unit(777 + i % 40)) * 40.0;
+        let position = middle + Vec3::new(at(0), 0.1 * at(1), at(2)) * 2.0;
+        let normal = match i % 7 {
+            0 => Vec3::ZERO,
+            1 => Vec3::X,
+            2 => Vec3::new(at(3) - 0.5, 1.0, at(4) - 0.5).normalize(),
+            _ => Vec3::Y,
+        };
+        let roughness = if i.is_multiple_of(5) { 0.3 } else { -1.0 };
+        Input {
+            position: position.to_array(),
+            roughness,
+            normal: normal.to_array(),
+            padding: 0,
+            view: (eye - position).normalize().to_array(),
+            more_padding: 0,
+            u: [at(5), at(6), at(7), at(8)],
+        }
+    };
+    (0..count).map(input).collect()
+}
+
+fn point(input: &Input) -> ShadingPoint {
+    let point = ShadingPoint::surface(input.position.into(), input.normal.into());
+    if input.roughness < 0.0 {
+        return point;
+    }
+    point.with_gloss(Gloss { view: input.view.into(), roughness: input.roughness, specular: 0.3, diffuse: 0.4 })
+}
+
+fn mark(world: &LightWorld, table: &CutTable, inputs: &[Input]) {
+    let sampler = world.sampler().with_cuts(table);
+    inputs.iter().for_each(|input| sampler.mark(&point(input)));
+}
+
+/// The number of choices that name another light or another probability than the CPU's.
+fn others(sampler: &LightSampler<'_>, inputs: &[Input], outputs: &[Output]) -> usize {
+    let is_other = |(input, output): &(&Input, &Output)| {
+        let Some(pick) = sampler.pick(&point(input), [input.u[0], input.u[1]]) else { return output.pmf > 0.0 };
+        let (instance, light) = match pick.light {
+            LightId::Local { instance, light } => (sampler.world.slot(instance).expect("it lives"), light),
+            LightId::Directional(_) => (u32::MAX, 0),
+        };
+        (output.instance, output.light) != (instance, light) || (output.pmf / pick.pmf - 1.0).abs() > 2.0e-3
+    };
+    inputs.iter().zip(outputs).filter(is_other).count()
+}
+
+fn assert_exact(outputs: &[Output]) {
+    let chosen = outputs.iter().filter(|output| output.pmf > 0.0);
+    let far = chosen.clone().filter(|output| (output.pmf_of_light / output.pmf - 1.0).abs() > 1.0e-4);
+    assert!(far.count() == 0 && chosen.count() > outputs.len() / 2, "a pick and its probability agree");
+}
+
+const EYE: Vec3 = Vec3::new(20.0, 12.0, -3.0);
+
+fn options() -> CutOptions {
+    CutOptions::new(2.0, 1024).expect("valid").with_min_marks(2)
+}
+
+#[test]
+fn the_gpu_builds_the_cuts_that_the_cpu_builds_and_chooses_the_same_lights() {
+    let world = mixed_world();
+    for fallback in [CutFallback::Walk, CutFallback::Split] {
+        let mut rig = Rig::new(Effects::all(), fallback, options());
+        rig.lights.upload(&world).expect("room enough");
+        let pixel = 0.01;
+        rig.lights.set_cut_view(EYE.as_dvec3(), pixel);
+        let mut table = CutTable::new(options());
+        table.set_view(EYE.as_dvec3(), pixel);
+        let (marked, chosen) = (inputs(3000, EYE, 0), inputs(3000, EYE, 500_000));
+        mark(&world, &table, &marked);
+        table.build(&world);
+        let outputs = rig.run(&marked, &chosen);
+        let report = table.report();
+        let known = [report.marked, report.built, report.kept, report.rare, report.refused, report.lost_marks];
+        let found = rig.report();
+        // A point within rounding of a border may mark another cell.
+        for (found, known) in found.iter().zip(known) {
+            assert!(found.abs_diff(known as u32) <= 4, "{found:?} {known:?}");
+        }
+        assert!(report.built > 100 && report.rare > 20 && report.refused == 0, "{report:?}");
+
+        let cuts = rig.cuts(options());
+        let (mut alike, mut total) = (0, 0);
+        let grid = options().grid(camera(EYE.as_dvec3(), pixel), DVec3::ZERO);
+        // The first node of each instance's tree in the buffer of nodes. The GPU gives the nodes of the top
+        // level other numbers.
+        let mut bases = BTreeMap::new();
+        for input in &marked {
+            let (cell, _) = grid.cell(&point(input)).expect("the camera sees it");
+            let [x, y, z] = cell.corner;
+            let at = point(input);
+            let sampler = world.sampler().with_cuts(&table);
+            let Some(cut) = sampler.shared_cut(&at, 0.0).map(|placed| placed.cut) else { continue };
+            total += 1;
+            let Some(row) = cuts.get(&[x, y, z, cell.kind, cell.mask]) else { continue };
+            let mut is_node = |[instance, index]: [u32; 2], node: &NodeId| {
+                let base = *bases.entry(instance).or_insert(index.wrapping_sub(node.node));
+                instance == node.instance && (instance == u32::MAX || index == node.node.wrapping_add(base))
+            };
+            let sums = cut.sums().iter().zip(&row.sums);
+            let is_alike = row.nodes.len() == cut.count
+                && row.nodes.iter().zip(&cut.nodes).all(|(a, b)| is_node(*a, b))
+                && cut.points as u32 == row.points
+                && (cut.directional - row.directional).abs() <= 1.0e-3 * cut.directional
+                && sums.clone().all(|(a, b)| a.abs_diff(*b) <= crate::sampling::cuts::UNITS / 4096)
+                && row.sums[WIDTH * cut.count..].iter().all(|sum| *sum == cut.total());
+            alike += usize::from(is_alike);
+        }
+        assert!(total > 1500 && alike * 50 >= total * 49, "{alike} of {total}");
+
+        assert_exact(&outputs);
+        let splits = if fallback == CutFallback::Walk { SplitCount::NONE } else { SplitCount::DEFAULT };
+        let sampler = world.sampler().with_splits(splits).with_cuts(&table);
+        let count = others(&sampler, &chosen, &outputs);
+        assert!(count <= chosen.len() / 50, "{count} of {}", chosen.len());
+        let without = others(&world.sampler(), &chosen, &outputs);
+        assert!(without > chosen.len() / 3, "cuts matter: {without}");
+    }
+}
+
+/// The effects of the world of these tests, and glossy points.
+const EFFECTS: Effects = Effects::CONES
+    .union(Effects::RANGES)
+    .union(Effects::AREAS)
+    .union(Effects::DIRECTIONAL)
+    .union(Effects::NON_RIGID)
+    .union(Effects::SOLID_ANGLES)
+    .union(Effects::GLOSSY);
+
+fn assert_as_without_cuts(world: &LightWorld, chosen: &[Input], outputs: &[Output]) {
+    let count = others(&world.sampler(), chosen, outputs);
+    assert!(count <= chosen.len() / 100, "{count} of {}", chosen.len());
+}
+
+#[test]
+fn cuts_are_kept_while_nothing_changes_and_void_after_a_change_until_they_are_built_again() {
+    let mut world = mixed_world();
+    assert!(EFFECTS.contains(world.effects() - Effects::MOVING));
+    let mut rig = Rig::new(EFFECTS, CutFallback::Split, options());
+    rig.lights.upload(&world).expect("room enough");
+    let (marked, chosen) = (inputs(3000, EYE, 0), inputs(1500, EYE, 500_000));
+    assert_as_without_cuts(&world, &chosen, &rig.run(&[], &chosen));
+    rig.lights.set_cut_view(EYE.as_dvec3(), 0.01);
+    let first = rig.run(&marked, &chosen);
+    let [all, built, kept, rare, ..] = rig.report();
+    assert!(built > 100 && kept == 0 && all == built + rare);
+    let cuts = rig.cuts(options());
+
+    let again = rig.run(&marked, &chosen);
+    let report = rig.report();
+    // Cells that no light reaches have no cut to keep.
+    assert!(report[2] >= built * 9 / 10 && report[1] + report[2] == built, "{report:?}");
+    assert!(again == first && rig.cuts(options()).keys().eq(cuts.keys()));
+
+    // Glossy cells depend on the view.
+    let eye = EYE + Vec3::new(0.3, 0.0, 0.2);
+    rig.lights.set_cut_view(eye.as_dvec3(), 0.01);
+    rig.run(&inputs(3000, eye, 0), &inputs(1500, eye, 500_000));
+    let [_, built, kept, ..] = rig.report();
+    let glossy = rig.cuts(options()).keys().filter(|cell| cell[3] >> crate::sampling::cuts::GLOSS_SHIFT != 0).count();
+    assert!(glossy > 20 && built as usize >= glossy && kept > 100, "{glossy} {built} {kept}");
+
+    assert_eq!(rig.lights.upload(&world).expect("nothing has changed").bytes, 0);
+    let instance = world.instance_at(3).expect("it lives");
+    let placement = world.placement(instance).expect("it lives");
+    let lifted = Placement { translation: placement.translation + DVec3::Y, ..placement };
+    world.move_instance(instance, lifted).expect("valid");
+    world.update(FrameBudget::NONE);
+    rig.lights.upload(&world).expect("room enough");
+    assert_as_without_cuts(&world, &chosen, &rig.run(&[], &chosen));
+    rig.lights.set_cut_view(EYE.as_dvec3(), 0.01);
+    let outputs = rig.run(&marked, &chosen);
+    assert_exact(&outputs);
+    let [_, built, kept, ..] = rig.report();
+    assert!(built > 100 && kept == 0 && outputs != first);
+
+    // Cells stay where they are when the origin moves.
+    let cells: Vec<_> = rig.cuts(options()).into_keys().collect();
+    world.set_origin(DVec3::new(3.25, 0.5, -700.125)).expect("finite");
+    rig.lights.upload(&world).expect("room enough");
+    let moved = |inputs: &[Input]| -> Vec<Input> {
+        let moved = |input: &Input| {
+            let position = (DVec3::from(Vec3::from(input.position)) - world.origin()).as_vec3().to_array();
+            Input { position, ..*input }
+        };
+        inputs.iter().map(moved).collect()
+    };
+    let outputs = rig.run(&moved(&marked), &moved(&chosen));
+    assert_exact(&outputs);
+    let found: Vec<_> = rig.cuts(options()).into_keys().collect();
+    let same = cells.iter().filter(|cell| found.contains(cell)).count();
+    assert!(same * 50 >= cells.len() * 49, "{same} of {}", cells.len());
+
+    rig.lights.share_cuts(None).expect("nothing is made");
+    assert!(rig.lights.cut_report().is_none());
+    let input = moved(&chosen);
+    assert_as_without_cuts(&world, &input, &rig.run(&moved(&marked), &input));
+}
+
+#[test]
+fn what_has_no_room_is_refused_and_rows_come_back() {
+    let world = mixed_world();
+    // As many rows as there are cells, one less, and a tenth; in the end one cell, with 16 places for marks.
+    let (marked, chosen) = (inputs(3000, EYE, 0), inputs(1000, EYE, 500_000));
+    let mut rig = Rig::new(EFFECTS, CutFallback::Walk, options());
+    rig.lights.upload(&world).expect("room enough");
+    rig.run(&marked, &chosen);
+    let [_, wanted, ..] = rig.report();
+    for (rows, refused) in [(wanted, 0), (wanted - 1, 1), (wanted / 10, 0)] {
+        let options = CutOptions::new(2.0, rows as usize).expect("valid").with_min_marks(2);
+        rig.lights.share_cuts(Some(options)).expect("memory enough");
+        for _ in 0..3 {
+            let outputs = rig.run(&marked, &chosen);
+            assert_exact(&outputs);
+            let [marked, built, kept, rare, found, lost] = rig.report();
+            // With a tenth of the rows, there are places for a third of the marked cells.
+            let has_places = rows >= wanted / 2;
+            assert!(built + kept == rows && found >= refused && (lost == 0) == has_places, "{found} {lost}");
+            assert!(!has_places || found == refused);
+            assert_eq!(marked, built + kept + rare + found);
+        }
+        // Other cells take the rows, once those have been free for a frame.
+        let others = inputs(3000, EYE, 0).into_iter().map(|input| {
+            let [x, y, z] = input.position;
+            Input { position: [x + 64.0, y, z], ..input }
+        });
+        let others: Vec<_> = others.collect();
+        rig.run(&others, &chosen);
+        let [marked, built, kept, rare, found, _] = rig.report();
+        assert_eq!((built, kept, marked), (0, 0, rare + found));
+        rig.run(&others, &chosen);
+        let [_, built, kept, rare, found, _] = rig.report();
+        assert!(rare > 0 && built == rows.min(built + found) && kept == 0, "{built} {kept} {rare} {found}");
+    }
+    rig.lights.share_cuts(Some(CutOptions::new(2.0, 1).expect("valid").with_min_marks(2))).expect("memory enough");
+    let outputs = rig.run(&marked, &chosen);
+    assert_exact(&outputs);
+    let [marked, built, _, rare, refused, lost] = rig.report();
+    assert!(marked == 16 && built == 1 && built + rare + refused == 16 && lost > 1000);
+}
+
+#[test]
+fn each_buffer_of_a_table_may_be_refused_and_the_present_one_stays() {
+    let (device, queue) = noop();
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    lights.share_cuts(None).expect("there is none");
+    lights.share_cuts(Some(CutOptions::default())).expect("memory enough");
+    let before = lights.cut_bind_group().clone();
+    let mut refused = Vec::new();
+    for successes in 0.. {
+        let refusals = Refusals::of_buffers_after(successes);
+        let result = lights.share_cuts(Some(CutOptions::new(2.0, 64).expect("valid")));
+        if refusals.count() == 0 {
+            assert!(result.is_ok() && *lights.cut_bind_group() != before);
+            break;
+        }
+        let Err(GpuError::OutOfMemory { what, .. }) = result else { panic!("{result:?}") };
+        assert!(*lights.cut_bind_group() == before, "{what}");
+        refused.push(what);
+    }
+    assert_eq!(refused, ["shared cuts", "grid of shared cuts", "report of shared cuts"]);
+}
+
+#[test]
+fn the_largest_table_fits_what_webgpu_lets_a_shader_bind() {
+    let most = CutPlaces::new(CutOptions::new(0.25, 65_536).expect("the most cells"));
+    assert!(most.bytes() <= wgpu::Limits::default().max_storage_buffer_binding_size, "{}", most.bytes());
+}

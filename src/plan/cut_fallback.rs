@@ -1,0 +1,14 @@
+//! What shaders do where no cut is shared.
+
+/// How a shader that [shares cuts](crate::gpu::GpuLights::cut_shader) chooses lights for shading points
+/// whose cell has no cut.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+#[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only `gpu` makes such shaders"))]
+pub enum CutFallback {
+    /// It walks down from the root of the top level, without splits. Such a shader has no code for cuts of
+    /// single points, which takes half of its registers and most of the time that it takes to compile.
+    Walk,
+    /// It splits clusters for the point, as shaders do that share no cuts.
+    Split,
+}
