@@ -7,7 +7,7 @@ use girandole::{Effects, wgpu};
 
 use crate::light_list::LightList;
 use testbed::render::geometry::Geometry;
-use testbed::render::gpu::pipeline::{LIGHT_GROUP, Needs, TARGET, TARGET_ARGUMENT, pipeline, shader_source};
+use testbed::render::gpu::pipeline::{LIGHT_GROUP, Needs, TARGET, TARGET_ARGUMENT, Work, pipeline, shader_source};
 use testbed::scene::Scene;
 
 /// Places of the traversal stack that the first hierarchy does not need. As objects move, its depth changes
@@ -75,7 +75,9 @@ impl Pipelines {
     /// The pipeline for lights with these effects.
     pub fn get(&mut self, effects: Effects) -> &wgpu::ComputePipeline {
         let Self { device, layout, shader, needs, variants, .. } = self;
-        variants.entry(effects).or_insert_with(|| pipeline(device, layout, &shader.with_effects(effects), *needs))
+        variants
+            .entry(effects)
+            .or_insert_with(|| pipeline(device, layout, &shader.with_effects(effects), *needs, Work::Render))
     }
 
     /// The number of pipelines that were compiled.
@@ -100,7 +102,7 @@ impl Pipelines {
 
     fn make_listed(&self, listed: Listed, effects: Effects, list: &LightList) -> wgpu::ComputePipeline {
         let shader = self.shader.with_effects(effects);
-        let text = shader_source(&shader.wgsl, self.needs);
+        let text = shader_source(&shader.wgsl, self.needs, Work::Render);
         let text = format!("{text}\n{}", include_str!("light_list.wgsl"));
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("light list"),

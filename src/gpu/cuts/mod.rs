@@ -94,7 +94,8 @@ impl GpuLights {
     /// rarely or not at all, or because the world changed after the last build of the cuts. All
     /// probabilities stay exact.
     ///
-    /// The layout has one more uniform buffer and one more storage buffer, which is only read. It takes
+    /// The layout has one more uniform buffer and one more storage buffer, which is only read: five of the
+    /// eight storage buffers that WebGPU grants a stage. It takes
     /// [`GpuLights::cut_bind_group`] in place of [`GpuLights::bind_group`]. `light_pmf_previous`
     /// ([`LightShader::with_previous`]) leaves shared cuts out. [`GpuLights::sample`] and
     /// [`GpuLights::resample`] do not use them.
@@ -110,20 +111,20 @@ impl GpuLights {
 
     /// Records passes that build the cuts of all cells that were marked, and forget the marks. Record
     /// them after [`GpuLights::build_top`] and the passes that mark, ahead of those that choose lights.
-    /// Does nothing without a table. `effects` are those of the [`GpuLights::mark_shader`]; they must
-    /// contain [`GpuLights::effects`].
+    /// Does nothing without a table. Cuts suit glossy points if the world's lights are
+    /// sampled for these: see [`LightWorld::set_glossy_sampling`](crate::LightWorld::set_glossy_sampling).
     ///
     /// Cells keep their cuts while nothing is uploaded, unless more points of them are known now. Which
     /// cells are refused, if there are too many, depends on the order in which the GPU works.
     ///
     /// Three dispatches: one for the places of the table, one for a single invocation, and one of a
     /// workgroup for each cell that is built. The first call compiles their pipelines and waits for them, and so
-    /// does the first call with other effects.
-    pub fn build_cuts(&mut self, encoder: &mut wgpu::CommandEncoder, effects: Effects) {
+    /// does the first call after [`GpuLights::effects`] have changed to a set that is new.
+    pub fn build_cuts(&mut self, encoder: &mut wgpu::CommandEncoder) {
         if self.is_dark {
             return;
         }
-        let effects = effects - Effects::MOVING;
+        let effects = self.effects();
         let Some(mut cuts) = self.cuts.take() else { return };
         let buffers = cuts.buffers.clone();
         if let Some(parts) = cuts.build(&self.queue) {

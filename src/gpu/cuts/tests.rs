@@ -71,7 +71,6 @@ const CHOOSE: &str = "
 
 struct Rig {
     lights: GpuLights,
-    effects: Effects,
     own: wgpu::BindGroupLayout,
     mark: wgpu::ComputePipeline,
     choose: wgpu::ComputePipeline,
@@ -106,7 +105,7 @@ impl Rig {
         let mark = pipeline(&lights.mark_shader(1, effects), MARK);
         let choose = pipeline(&lights.cut_shader(1, effects, fallback), CHOOSE);
         lights.share_cuts(Some(options)).expect("memory enough");
-        Self { lights, effects, own, mark, choose }
+        Self { lights, own, mark, choose }
     }
 
     /// Marks points, builds cuts, and chooses lights for other points.
@@ -116,7 +115,7 @@ impl Rig {
         self.lights.build_top(&mut encoder);
         if !marked.is_empty() {
             self.pass(&mut encoder, &self.mark, self.lights.mark_bind_group(), marked);
-            self.lights.build_cuts(&mut encoder, self.effects);
+            self.lights.build_cuts(&mut encoder);
         }
         let output = self.pass(&mut encoder, &self.choose, self.lights.cut_bind_group(), chosen);
         queue.submit([encoder.finish()]);
@@ -218,6 +217,12 @@ fn inputs(count: u32, eye: Vec3, seed: u32) -> Vec<Input> {
     (0..count).map(input).collect()
 }
 
+fn glossy_world() -> LightWorld {
+    let mut world = mixed_world();
+    world.set_glossy_sampling(true);
+    world
+}
+
 fn point(input: &Input) -> ShadingPoint {
     let point = ShadingPoint::surface(input.position.into(), input.normal.into());
     if input.roughness < 0.0 {
@@ -258,7 +263,7 @@ fn options() -> CutOptions {
 
 #[test]
 fn the_gpu_builds_the_cuts_that_the_cpu_builds_and_chooses_the_same_lights() {
-    let world = mixed_world();
+    let world = glossy_world();
     for fallback in [CutFallback::Walk, CutFallback::Split] {
         let mut rig = Rig::new(Effects::all(), fallback, options());
         rig.lights.upload(&world).expect("room enough");
@@ -334,7 +339,7 @@ fn assert_as_without_cuts(world: &LightWorld, chosen: &[Input], outputs: &[Outpu
 
 #[test]
 fn cuts_are_kept_while_nothing_changes_and_void_after_a_change_until_they_are_built_again() {
-    let mut world = mixed_world();
+    let mut world = glossy_world();
     assert!(EFFECTS.contains(world.effects() - Effects::MOVING));
     let mut rig = Rig::new(EFFECTS, CutFallback::Split, options());
     rig.lights.upload(&world).expect("room enough");
@@ -399,7 +404,7 @@ fn cuts_are_kept_while_nothing_changes_and_void_after_a_change_until_they_are_bu
 
 #[test]
 fn what_has_no_room_is_refused_and_rows_come_back() {
-    let world = mixed_world();
+    let world = glossy_world();
     // As many rows as there are cells, one less, and a tenth; in the end one cell, with 16 places for marks.
     let (marked, chosen) = (inputs(3000, EYE, 0), inputs(1000, EYE, 500_000));
     let mut rig = Rig::new(EFFECTS, CutFallback::Walk, options());

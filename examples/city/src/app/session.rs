@@ -4,17 +4,18 @@
 
 use super::denoiser::denoise;
 use super::stage_times::{Laps, StageTimes};
-use girandole::{Effects, FrameBudget, FrameReport, LightWorld, Revision};
+use girandole::{CutBuild, CutTable, Effects, FrameBudget, FrameReport, LightWorld, Revision};
+use rayon::prelude::*;
 use std::time::Duration;
 use testbed::render::backend::{Backend, ChosenBackend};
-use testbed::render::choice::Baselines;
+use testbed::render::choice::{Baselines, Choice};
 use testbed::render::cpu::{self, Lights};
 use testbed::render::geometry::{Geometry, GeometryChange};
 use testbed::render::gpu::{GpuRenderer, GpuUpdate};
 use testbed::render::image::{Image, ShadowRays};
 use testbed::render::metering::meter;
 use testbed::render::sequence::frame_seed;
-use testbed::render::settings::{LightChoice, Settings};
+use testbed::render::settings::{LightChoice, Settings, cut_options, pixel_size};
 use testbed::scene::{Camera, Scene, SceneError, Stage};
 
 /// How time passes from frame to frame.
@@ -110,6 +111,7 @@ pub struct Session {
     geometry: Geometry,
     renderer: Renderer,
     baselines: Baselines,
+    cuts: CutTable,
     settings: Settings,
     pace: Pace,
     /// Number of the next frame.
@@ -140,6 +142,7 @@ impl Session {
             geometry,
             renderer,
             baselines: Baselines::default(),
+            cuts: CutTable::new(cut_options(&settings)),
             settings,
             pace,
             next: 0,
@@ -298,14 +301,23 @@ impl Session {
     ) -> Result<Rendered, SceneError> {
         let mut laps = Laps::start();
         let mut times = StageTimes::default();
-        let Self { stage: Stage { scene, world, .. }, geometry, renderer, baselines, .. } = self;
+        let Self { stage: Stage { scene, world, .. }, geometry, renderer, baselines, cuts, .. } = self;
         let (image, shadow_rays) = match renderer {
-            Renderer::Gpu(renderer) if settings.light_choice == LightChoice::Girandole => {
+            Renderer::Gpu(renderer)
+                if matches!(settings.light_choice, LightChoice::Girandole | LightChoice::SharedCuts) =>
+            {
                 renderer.render(scene, geometry, settings, seed, progress)?
             }
             _ => {
-                let sampler = world.sampler().with_splits(settings.splits);
+                let mut sampler = world.sampler().with_splits(settings.splits);
                 times.top_build = Some(laps.lap());
+                if settings.light_choice == LightChoice::SharedCuts {
+                    cuts.set_view(scene.camera.eye.as_dvec3(), pixel_size(scene, settings));
+                    let lights = Lights { sampler: sampler.with_cuts(cuts), choice: Choice::Trees };
+                    cpu::mark(scene, geometry, lights, settings, seed);
+                    cuts.builds(world).par_bridge().for_each(CutBuild::run);
+                    sampler = sampler.with_cuts(cuts);
+                }
                 let choice = baselines.get(settings.light_choice, world, geometry.occluders.radius());
                 times.baseline_build = laps.lap();
                 let lights = Lights { sampler, choice };

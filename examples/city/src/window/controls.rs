@@ -29,8 +29,9 @@ impl ViewKind {
 }
 
 /// The samplers that the panel offers, with their names.
-pub const SAMPLERS: [(LightChoice, &str); 5] = [
+pub const SAMPLERS: [(LightChoice, &str); 6] = [
     (LightChoice::Girandole, "Girandole"),
+    (LightChoice::SharedCuts, "Girandole, shared cuts"),
     (LightChoice::Pbrt, "pbrt's formula"),
     (LightChoice::SgTree, "Spherical Gaussians"),
     (LightChoice::Flux, "Flux"),

@@ -116,7 +116,7 @@ fn sliders(ui: &mut Ui, controls: &mut Controls) {
             .clamping(SliderClamping::Edits)
             .text("budget"),
     );
-    let is_girandole = controls.sampler == LightChoice::Girandole;
+    let is_girandole = matches!(controls.sampler, LightChoice::Girandole | LightChoice::SharedCuts);
     ui.add_enabled(is_girandole, Slider::new(&mut controls.splits, 0..=MAX_SPLITS).text("splits"));
     ui.add_enabled(is_girandole, Slider::new(&mut controls.candidates, 1..=MAX_CANDIDATES).text("candidates"));
     ui.add(Slider::new(&mut controls.spp, 1..=MAX_SPP).text("samples per pixel"));

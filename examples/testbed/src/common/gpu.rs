@@ -56,12 +56,14 @@ pub fn open_default() -> Result<(wgpu::Device, wgpu::Queue), String> {
     open_device(&adapter, wgpu::Features::empty(), wgpu::Limits::default())
 }
 
-/// WebGPU's default limits, with buffers as large as the adapter offers: large scenes need them.
+/// WebGPU's default limits, with buffers as large as the adapter offers, which large scenes need, and with as
+/// many storage buffers.
 pub fn large_buffers(adapter: &wgpu::Adapter) -> wgpu::Limits {
     let offered = adapter.limits();
     wgpu::Limits {
         max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
         max_buffer_size: offered.max_buffer_size,
+        max_storage_buffers_per_shader_stage: offered.max_storage_buffers_per_shader_stage,
         ..wgpu::Limits::default()
     }
 }

@@ -5,6 +5,7 @@ use super::baseline::Baseline;
 use super::choice::Choice;
 use super::geometry::Geometry;
 use super::image::{Image, ShadowRays, first_half};
+use super::rays::Hit;
 use super::scene::{Material, Scene};
 use super::sequence::{PixelSequence, SampleNumbers};
 use super::settings::Settings;
@@ -65,6 +66,24 @@ pub fn render(
     (Image::from_sums(settings.width, settings.height, settings.spp, sums.into_iter()), rays)
 }
 
+/// Marks the surfaces that the first sample of each pixel shows in the table of the sampler of `lights`.
+pub fn mark(scene: &Scene, geometry: &Geometry, lights: Lights<'_>, settings: &Settings, seed: u32) {
+    let view = View::new(&scene.camera, settings.width, settings.height);
+    let integrator = Integrator { scene, geometry, lights, candidates: settings.candidates };
+    let size = Vec2::new(settings.width as f32, settings.height as f32);
+    (0..settings.height).into_par_iter().for_each(|y| {
+        for x in 0..settings.width {
+            let numbers = PixelSequence::new(x, y, settings.spp, seed).sample(0);
+            let direction = view.direction(Vec2::new(x as f32, y as f32) + Vec2::from(numbers.jitter), size);
+            let opacity_seed = OpacitySeed::new(y * settings.width + x, 0, seed);
+            let met = integrator.met(view.eye, direction, opacity_seed);
+            if let Some(met) = met.filter(|met| !met.material.is_unlit) {
+                lights.sampler.mark(&integrator.shading_point(&met));
+            }
+        }
+    });
+}
+
 /// Computes the radiance of camera rays.
 pub struct Integrator<'a> {
     /// What the rays meet.
@@ -89,6 +108,24 @@ pub struct Seen {
     pub distance: f32,
     /// What it shows follows the exposure.
     pub is_unlit: bool,
+}
+
+/// What a camera ray met.
+struct Met {
+    hit: Hit,
+    material: Material,
+    /// Where on the facet.
+    place: Vec3,
+    /// The unit normal of the facet.
+    front: Vec3,
+    /// The unit direction to the camera.
+    view: Vec3,
+}
+
+impl Met {
+    fn is_front(&self) -> bool {
+        self.front.dot(self.view) >= 0.0
+    }
 }
 
 /// A point that a camera ray met.
@@ -138,33 +175,39 @@ impl Integrator<'_> {
         numbers: &SampleNumbers,
         rays: &mut ShadowRays,
     ) -> Option<Seen> {
-        let hit = self.geometry.nearest_at_random(eye, direction, opacity_seed)?;
+        let met = self.met(eye, direction, opacity_seed)?;
+        let Met { hit, material, view, .. } = &met;
         let object = &self.geometry.objects[hit.object as usize];
-        let material = &self.geometry.material(self.scene, &hit);
-        let front = self.geometry.normal(&hit);
-        let view = -direction;
-        let is_front = front.dot(view) >= 0.0;
-        let facing = |normal: Vec3| if is_front { normal } else { -normal };
-
-        let shines = is_front || material.two_sided_emission;
+        let shines = met.is_front() || material.two_sided_emission;
         let emitted = if shines { material.emission * object.emission_scale } else { Vec3::ZERO };
         let ambient = self.scene.sky.ambient * material.base_color;
         if material.is_unlit {
             return Some(Seen { emitted, reflected: Vec3::ZERO, ambient, distance: hit.distance, is_unlit: true });
         }
-
-        let surface = eye + direction * hit.distance;
-        let offset = facing(front) * shadow_offset(surface, hit.distance);
-        let position = surface + self.geometry.to_smooth_surface(&hit, is_front) + offset;
-        let normal = facing(self.geometry.shading_normal(&hit));
-        let shading_point = ShadingPoint::surface(position, normal).with_gloss(gloss(material, view));
-        let surface = Surface { material, shading_point, view };
+        let surface = Surface { material, shading_point: self.shading_point(&met), view: *view };
         let reflected = match self.lights.choice {
             Choice::Trees => self.by_trees(&surface, numbers, rays),
             Choice::Baseline(baseline) => self.by_baseline(&surface, baseline, numbers, rays),
             Choice::All => self.by_all(&surface, numbers, rays),
         };
         Some(Seen { emitted, reflected, ambient, distance: hit.distance, is_unlit: false })
+    }
+
+    /// What is met along a camera ray; `None` for the sky.
+    fn met(&self, eye: Vec3, direction: Vec3, opacity_seed: OpacitySeed) -> Option<Met> {
+        let hit = self.geometry.nearest_at_random(eye, direction, opacity_seed)?;
+        let material = self.geometry.material(self.scene, &hit);
+        let front = self.geometry.normal(&hit);
+        Some(Met { hit, material, place: eye + direction * hit.distance, front, view: -direction })
+    }
+
+    fn shading_point(&self, met: &Met) -> ShadingPoint {
+        let is_front = met.is_front();
+        let facing = |normal: Vec3| if is_front { normal } else { -normal };
+        let offset = facing(met.front) * shadow_offset(met.place, met.hit.distance);
+        let position = met.place + self.geometry.to_smooth_surface(&met.hit, is_front) + offset;
+        let normal = facing(self.geometry.shading_normal(&met.hit));
+        ShadingPoint::surface(position, normal).with_gloss(gloss(&met.material, met.view))
     }
 
     /// The light of one sample: of several candidates, one is kept in proportion to what it

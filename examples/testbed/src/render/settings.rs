@@ -1,7 +1,8 @@
 //! How to render.
 
+use super::scene::Scene;
 use clap::ValueEnum;
-use girandole::{CandidateCount, SplitCount};
+use girandole::{CandidateCount, CutOptions, SplitCount};
 
 /// Settings of a renderer.
 #[derive(Clone, Debug)]
@@ -19,8 +20,8 @@ pub struct Settings {
     pub candidates: CandidateCount,
     /// Of the random numbers.
     pub seed: u64,
-    /// How lights are sampled. The GPU renders only [`LightChoice::Girandole`]; the CPU renders all
-    /// others, even if the backend is a GPU.
+    /// How lights are sampled. The GPU renders [`LightChoice::Girandole`] and
+    /// [`LightChoice::SharedCuts`]; the CPU renders all others, even if the backend is a GPU.
     pub light_choice: LightChoice,
 }
 
@@ -31,6 +32,8 @@ pub enum LightChoice {
     /// One light per sample, from the light trees
     #[default]
     Girandole,
+    /// One light per sample, from cuts of the light trees that neighbouring points share
+    SharedCuts,
     /// One light per sample; all have the same probability
     Uniform,
     /// One light per sample, in proportion to its flux
@@ -42,4 +45,15 @@ pub enum LightChoice {
     /// All lights in every sample, without a choice. The cost of a sample grows with their number.
     #[value(skip)]
     Exhaustive,
+}
+
+/// The cells of [`LightChoice::SharedCuts`]. Each pixel marks one of its samples.
+pub fn cut_options(settings: &Settings) -> CutOptions {
+    let options = CutOptions::default();
+    options.with_min_marks(options.min_marks().div_ceil(settings.spp.max(1)))
+}
+
+/// The size of a pixel at a distance of one metre, in metres.
+pub fn pixel_size(scene: &Scene, settings: &Settings) -> f32 {
+    2.0 * (0.5 * scene.camera.vertical_fov).tan() / settings.height as f32
 }

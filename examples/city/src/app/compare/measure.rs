@@ -15,8 +15,14 @@ use testbed::render::settings::{LightChoice, Settings};
 use testbed::scene::SceneError;
 
 /// The samplers in the order in which they take turns, are listed and are drawn.
-pub const SAMPLERS: [LightChoice; 5] =
-    [LightChoice::Uniform, LightChoice::Flux, LightChoice::Pbrt, LightChoice::SgTree, LightChoice::Girandole];
+pub const SAMPLERS: [LightChoice; 6] = [
+    LightChoice::Uniform,
+    LightChoice::Flux,
+    LightChoice::Pbrt,
+    LightChoice::SgTree,
+    LightChoice::SharedCuts,
+    LightChoice::Girandole,
+];
 /// Rounds in which the time of one sample is measured.
 const TIMING_ROUNDS: u32 = 8;
 /// A round has a part of the samples of the comparison: one in so many.

@@ -22,7 +22,7 @@ pub const COLUMNS: [&str; 5] = ["sampler", "time_ms", "samples", "rel_mse", "map
 /// The part of the pictures that is shown beside each other, in pixels, at most.
 const CROP: (usize, usize) = (240, 135);
 /// The colours of [`SAMPLERS`].
-const COLORS: [RGBColor; SAMPLERS.len()] = [PALETTE[0], PALETTE[1], PALETTE[7], PALETTE[2], PALETTE[5]];
+const COLORS: [RGBColor; SAMPLERS.len()] = [PALETTE[0], PALETTE[1], PALETTE[7], PALETTE[2], PALETTE[3], PALETTE[5]];
 
 /// Writes `compare.csv`, `compare.svg` (the pictures of equal time beside each other),
 /// `compare_error.svg` (error over time), and `compare_NAME.png` for each sampler and for the
@@ -56,6 +56,7 @@ pub fn name(sampler: LightChoice) -> String {
 fn title(sampler: LightChoice) -> &'static str {
     match sampler {
         LightChoice::Girandole => "Girandole",
+        LightChoice::SharedCuts => "Girandole, shared cuts",
         LightChoice::Uniform => "Uniform",
         LightChoice::Flux => "By flux",
         LightChoice::Pbrt => "pbrt-v4's formula",

@@ -7,8 +7,9 @@
 //! Read in this order:
 //!
 //! 1. `records`, `texels`, `scene_buffers` and `buffers`: what is on the device, and in which layout;
-//! 2. `pipeline`, `sequence.wgsl`, `texels.wgsl`, `textures.wgsl` and `render.wgsl`: the shader;
-//! 3. `renderer`: the frames.
+//! 2. `pipeline`, `sequence.wgsl`, `texels.wgsl`, `textures.wgsl`, `surface.wgsl`, `render.wgsl` and
+//!    `mark.wgsl`: the shaders;
+//! 3. `shared_cuts` and `renderer`: the frames.
 
 #[cfg(feature = "native")]
 use super::{backend, settings};
@@ -20,6 +21,8 @@ pub mod scene_buffers;
 #[cfg(feature = "native")]
 mod buffers;
 pub mod pipeline;
+#[cfg(feature = "native")]
+mod shared_cuts;
 #[cfg(feature = "native")]
 mod renderer;
 

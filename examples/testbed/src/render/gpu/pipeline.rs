@@ -1,4 +1,4 @@
-//! The render shader, joined with the library's text, and its pipeline.
+//! The shaders, joined with the library's text, and their pipelines.
 
 use super::geometry::Geometry;
 use super::scene::Scene;
@@ -51,16 +51,36 @@ impl Needs {
     }
 }
 
-/// The text of the shader. `light` is the library's text.
-pub fn shader_source(light: &str, needs: Needs) -> String {
+/// What a shader does for each pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Work {
+    /// It renders.
+    Render,
+    /// It marks the cell of what the pixel shows.
+    Mark,
+}
+
+impl Work {
+    /// The entry point, and the text that has it.
+    fn text(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Render => ("render", include_str!("render.wgsl")),
+            Self::Mark => ("mark", include_str!("mark.wgsl")),
+        }
+    }
+}
+
+/// The text of a shader. `light` is the library's text.
+pub fn shader_source(light: &str, needs: Needs, work: Work) -> String {
     let stack_size = needs.stack_size;
     format!(
-        "{light}\nconst STACK_SIZE: u32 = {stack_size}u;\nconst TEXEL_ROW: u32 = {TEXEL_ROW}u;\n{}\n{}\n{}\n{}\n{}",
+        "{light}\nconst STACK_SIZE: u32 = {stack_size}u;\nconst TEXEL_ROW: u32 = {TEXEL_ROW}u;\n{}\n{}\n{}\n{}\n{}\n{}",
         sobol_text(),
         include_str!("sequence.wgsl"),
         if needs.textures { include_str!("texels.wgsl") } else { NO_TEXELS },
         include_str!("textures.wgsl"),
-        include_str!("render.wgsl")
+        include_str!("surface.wgsl"),
+        work.text().1
     )
 }
 
@@ -80,21 +100,24 @@ pub fn pipeline(
     layout: &wgpu::BindGroupLayout,
     shader: &LightShader,
     needs: Needs,
+    work: Work,
 ) -> wgpu::ComputePipeline {
+    let (entry, _) = work.text();
+    let label = Some(entry);
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some("city render"),
-        source: wgpu::ShaderSource::Wgsl(shader_source(&shader.wgsl, needs).into()),
+        label,
+        source: wgpu::ShaderSource::Wgsl(shader_source(&shader.wgsl, needs, work).into()),
     });
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some("city render"),
+        label,
         bind_group_layouts: &[Some(layout), Some(&shader.layout)],
         ..Default::default()
     });
     device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some("city render"),
+        label,
         layout: Some(&layout),
         module: &module,
-        entry_point: Some("render"),
+        entry_point: Some(entry),
         compilation_options: Default::default(),
         cache: None,
     })

@@ -185,7 +185,7 @@ impl Record {
 mod tests {
     use super::super::super::nodes::Node;
     use super::super::geometry::PackedTriangle;
-    use super::super::pipeline::{LIGHT_GROUP, Needs, TARGET, TARGET_ARGUMENT, shader_source};
+    use super::super::pipeline::{LIGHT_GROUP, Needs, TARGET, TARGET_ARGUMENT, Work, shader_source};
     use super::*;
     use girandole::Effects;
     use girandole::plan::{TargetHook, wgsl_with_target};
@@ -206,7 +206,7 @@ mod tests {
         let target = TargetHook::new(TARGET, TARGET_ARGUMENT).expect("identifiers");
         let light = wgsl_with_target(LIGHT_GROUP, Effects::all(), &target);
         let parse = |textures| {
-            let source = shader_source(&light, Needs { stack_size: 32, textures });
+            let source = shader_source(&light, Needs { stack_size: 32, textures }, Work::Render);
             naga::front::wgsl::parse_str(&source).unwrap_or_else(|e| panic!("{e:?}"))
         };
         // A scene without textures has a shader of its own.

@@ -4,7 +4,7 @@ use super::backend::Gpu;
 use super::geometry::{Geometry, GeometryChange};
 use super::image::{Image, ShadowRays};
 use super::scene::{Scene, SceneError};
-use super::settings::Settings;
+use super::settings::{LightChoice, Settings, cut_options, pixel_size};
 use crate::common::gpu::{map, wait};
 use girandole::glam::Vec4;
 use girandole::gpu::{GpuLights, LightShader, TargetHook};
@@ -13,8 +13,9 @@ use girandole::{Effects, LightWorld};
 use std::time::Duration;
 
 use super::buffers::{Buffers, PIXEL_BYTES, TIMESTAMP_BYTES};
-use super::pipeline::{LIGHT_GROUP, Needs, TARGET, TARGET_ARGUMENT, WORKGROUP, pipeline};
+use super::pipeline::{LIGHT_GROUP, Needs, TARGET, TARGET_ARGUMENT, WORKGROUP, Work, pipeline};
 use super::records::{FrameUniform, PictureOptions};
+use super::shared_cuts::SharedPipelines;
 
 /// Most pixels of a band.
 const BAND_PIXELS: u32 = 1 << 20;
@@ -44,6 +45,8 @@ pub struct GpuRenderer {
     /// What `pipeline` was compiled for.
     needs: Needs,
     pipeline: wgpu::ComputePipeline,
+    /// The pipelines for [`LightChoice::SharedCuts`], once a frame has asked for them.
+    shared: Option<SharedPipelines>,
     /// Rows of a band.
     band_rows: u32,
 }
@@ -73,8 +76,8 @@ impl GpuRenderer {
         let target = TargetHook::new(TARGET, TARGET_ARGUMENT).map_err(|e| SceneError(e.to_string()))?;
         let shader = lights.shader(LIGHT_GROUP, effects).with_target(target);
         let needs = Needs::new(scene, geometry);
-        let pipeline = pipeline(device, &layout, &shader, needs);
-        Ok(Self { gpu, lights, buffers, layout, bind_group, shader, needs, pipeline, band_rows })
+        let pipeline = pipeline(device, &layout, &shader, needs, Work::Render);
+        Ok(Self { gpu, lights, buffers, layout, bind_group, shader, needs, pipeline, shared: None, band_rows })
     }
 
     /// Destroys the device, as a driver that crashed would.
@@ -107,14 +110,14 @@ impl GpuRenderer {
         let effects = world.effects() - Effects::MOVING;
         if self.needs.grow(geometry) || effects != self.shader.effects {
             self.shader = self.shader.with_effects(effects);
-            self.pipeline = pipeline(&self.gpu.device, &self.layout, &self.shader, self.needs);
+            self.pipeline = pipeline(&self.gpu.device, &self.layout, &self.shader, self.needs, Work::Render);
         }
         Ok(GpuUpdate { light_bytes, geometry_bytes, top_build: self.build_top()? })
     }
 
     /// Renders a frame. `progress` receives the finished share, from 0 to 1.
     pub fn render(
-        &self,
+        &mut self,
         scene: &Scene,
         geometry: &Geometry,
         settings: &Settings,
@@ -129,6 +132,9 @@ impl GpuRenderer {
             seed,
         };
         let mut frame = FrameUniform::new(scene, geometry, self.buffers.scene.first_object(), &options);
+        if settings.light_choice == LightChoice::SharedCuts {
+            self.build_cuts(scene, settings, &frame)?;
+        }
         let mut rays = ShadowRays::default();
         let mut sums: Vec<Vec4> = Vec::with_capacity(settings.width as usize * settings.height as usize);
         while frame.row_end < settings.height {
@@ -140,7 +146,7 @@ impl GpuRenderer {
             while frame.sample_end < settings.spp {
                 frame.sample_begin = frame.sample_end;
                 frame.sample_end = frame.sample_begin.saturating_add(step).min(settings.spp);
-                self.dispatch(&frame)?;
+                self.dispatch(&frame, settings.light_choice)?;
                 let band_share = f64::from(frame.sample_end) / f64::from(settings.spp);
                 let rows = f64::from(frame.row_begin) + band_share * f64::from(frame.row_end - frame.row_begin);
                 progress(rows / f64::from(settings.height));
@@ -175,16 +181,52 @@ impl GpuRenderer {
         Ok(Some(Duration::from_secs_f64(nanoseconds * 1e-9)))
     }
 
-    fn dispatch(&self, frame: &FrameUniform) -> Result<(), SceneError> {
-        self.gpu.queue.write_buffer(&self.buffers.scene.uniform, 0, bytemuck::bytes_of(frame));
+    /// Marks the cells of the surfaces that the first sample of each pixel shows, and builds their cuts.
+    fn build_cuts(&mut self, scene: &Scene, settings: &Settings, frame: &FrameUniform) -> Result<(), SceneError> {
+        let effects = self.shader.effects;
+        if self.lights.cut_report().is_none() || self.shared.is_none() {
+            self.lights.share_cuts(Some(cut_options(settings))).map_err(|e| SceneError(e.to_string()))?;
+        }
+        if !self.shared.as_ref().is_some_and(|shared| shared.serve(effects, self.needs)) {
+            let Self { gpu, layout, lights, needs, .. } = self;
+            self.shared = Some(SharedPipelines::new(&gpu.device, layout, lights, effects, *needs)?);
+        }
+        let Some(shared) = &self.shared else { return Ok(()) };
+        self.lights.set_cut_view(scene.camera.eye.as_dvec3(), pixel_size(scene, settings));
+        let frame = FrameUniform { row_begin: 0, row_end: settings.height, ..*frame };
+        self.gpu.queue.write_buffer(&self.buffers.scene.uniform, 0, bytemuck::bytes_of(&frame));
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        self.pass(&mut encoder, &shared.mark, self.lights.mark_bind_group(), &frame);
+        self.lights.build_cuts(&mut encoder);
+        self.gpu.queue.submit([encoder.finish()]);
+        wait(&self.gpu.device).map_err(SceneError)
+    }
+
+    /// Records the work on the pixels of some rows.
+    fn pass(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        pipeline: &wgpu::ComputePipeline,
+        lights: &wgpu::BindGroup,
+        frame: &FrameUniform,
+    ) {
         let mut pass = encoder.begin_compute_pass(&Default::default());
-        pass.set_pipeline(&self.pipeline);
+        pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &self.bind_group, &[]);
-        pass.set_bind_group(self.shader.group, self.lights.bind_group(), &[]);
+        pass.set_bind_group(LIGHT_GROUP, lights, &[]);
         let rows = frame.row_end - frame.row_begin;
         pass.dispatch_workgroups(frame.width.div_ceil(WORKGROUP), rows.div_ceil(WORKGROUP), 1);
-        drop(pass);
+    }
+
+    fn dispatch(&self, frame: &FrameUniform, choice: LightChoice) -> Result<(), SceneError> {
+        self.gpu.queue.write_buffer(&self.buffers.scene.uniform, 0, bytemuck::bytes_of(frame));
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        match &self.shared {
+            Some(shared) if choice == LightChoice::SharedCuts => {
+                self.pass(&mut encoder, &shared.render, self.lights.cut_bind_group(), frame);
+            }
+            _ => self.pass(&mut encoder, &self.pipeline, self.lights.bind_group(), frame),
+        }
         self.gpu.queue.submit([encoder.finish()]);
         // Waiting keeps the progress bar accurate and the queue short. It costs little beside a
         // dispatch.
