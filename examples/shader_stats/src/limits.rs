@@ -26,7 +26,7 @@ const fn limit(kernel: &'static str, effects: &'static str, most: [u64; 3]) -> L
 /// Registers, bytes of scratch memory for each lane, and instructions. Registers and scratch memory
 /// are those that were measured; instructions are rounded up. Mesa
 /// 22.3.6, 2026-11-26, by `cargo run --release -p shader_stats -- --out FILE.csv`.
-pub const LIMITS: [Limit; 55] = [
+pub const LIMITS: [Limit; 49] = [
     limit("relayout", "", [16, 0, 100]),
     limit("scatter", "", [8, 0, 100]),
     limit("top_leaves", "", [56, 0, 700]),
@@ -63,25 +63,19 @@ pub const LIMITS: [Limit; 55] = [
     limit("shared light_sample", "none", [72, 0, 1700]),
     limit("shared or split light_sample", "none", [96, 0, 2500]),
     limit("shared light_resample", "none", [80, 528, 2100]),
-    limit("shared or split light_resample", "none", [96, 528, 2900]),
     limit("shared light_pmf", "none", [64, 0, 1300]),
-    limit("shared or split light_pmf", "none", [104, 0, 2200]),
     limit("light_mark", "city", [24, 0, 500]),
     limit("cut_build", "city", [64, 0, 2000]),
     limit("shared light_sample", "city", [80, 0, 2800]),
     limit("shared or split light_sample", "city", [96, 0, 3600]),
     limit("shared light_resample", "city", [88, 528, 3200]),
-    limit("shared or split light_resample", "city", [96, 528, 4000]),
     limit("shared light_pmf", "city", [72, 0, 1700]),
-    limit("shared or split light_pmf", "city", [104, 0, 2500]),
     limit("light_mark", "all", [24, 0, 500]),
     limit("cut_build", "all", [104, 0, 3000]),
     limit("shared light_sample", "all", [120, 0, 5200]),
     limit("shared or split light_sample", "all", [136, 0, 7900]),
     limit("shared light_resample", "all", [136, 528, 5600]),
-    limit("shared or split light_resample", "all", [152, 528, 8300]),
     limit("shared light_pmf", "all", [112, 0, 3400]),
-    limit("shared or split light_pmf", "all", [152, 0, 6100]),
 ];
 
 /// What exceeds its limits, one line for each kernel. A kernel without limits exceeds them.

@@ -45,12 +45,13 @@ const FUNCTIONS: [(&str, &str); 7] = [
     ("light_hit", "let s = light_hit(point, q.u.xyz, q.u.w); answers[id.x] = vec4(s.radiance, s.pdf * s.pmf);"),
 ];
 
-/// The functions of shaders that share cuts, of those in [`FUNCTIONS`], and their names with and without
-/// splits where no cut is shared.
-const SHARED: [(&str, &str, &str); 3] = [
-    ("light_sample", "shared light_sample", "shared or split light_sample"),
-    ("light_resample", "shared light_resample", "shared or split light_resample"),
-    ("light_pmf", "shared light_pmf", "shared or split light_pmf"),
+/// The functions of [`FUNCTIONS`] in shaders that share cuts, their names there, and whether a point without a
+/// cut splits for itself.
+const SHARED: [(&str, &str, CutFallback); 4] = [
+    ("light_sample", "shared light_sample", CutFallback::Walk),
+    ("light_sample", "shared or split light_sample", CutFallback::Split),
+    ("light_resample", "shared light_resample", CutFallback::Walk),
+    ("light_pmf", "shared light_pmf", CutFallback::Walk),
 ];
 
 /// A kernel that calls a function for each question. `functions` is the text with the function.
@@ -99,19 +100,14 @@ pub fn all() -> Vec<Subject> {
 fn cuts() -> impl Iterator<Item = Subject> {
     worlds().into_iter().flat_map(|(effects, set)| {
         let call = |name| FUNCTIONS.into_iter().find(|(function, _)| *function == name).map_or("", |(_, call)| call);
-        let [marks, shared, list, build] = measure::cut_texts(set, CutFallback::Walk);
-        let [_, shared_or_split, ..] = measure::cut_texts(set, CutFallback::Split);
+        let [marks, _, list, build] = measure::cut_texts(set, CutFallback::Walk);
         let lists =
             ["cut_list", "cut_dispatch"].map(|entry| Subject { kernel: entry, effects, entry, wgsl: list.clone() });
         let mark = Subject { kernel: "light_mark", effects, entry: "call", wgsl: caller(&marks, "light_mark(point);") };
         let build = Subject { kernel: "cut_build", effects, entry: "cut_build", wgsl: build };
-        let choosing = SHARED.into_iter().flat_map(move |(function, walk, split)| {
-            [(walk, &shared), (split, &shared_or_split)].map(|(kernel, text)| Subject {
-                kernel,
-                effects,
-                entry: "call",
-                wgsl: caller(text, call(function)),
-            })
+        let choosing = SHARED.map(|(function, kernel, fallback)| {
+            let [_, text, ..] = measure::cut_texts(set, fallback);
+            Subject { kernel, effects, entry: "call", wgsl: caller(&text, call(function)) }
         });
         lists.into_iter().filter(|_| set.is_empty()).chain([mark, build]).chain(choosing).collect::<Vec<_>>()
     })
