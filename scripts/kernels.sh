@@ -33,7 +33,7 @@ chromium --headless --no-sandbox --user-data-dir="$profile" --enable-logging=std
 browser=$!
 
 # The page says what it refuses, and ends with "N compiled, M refused".
-for ((second = 0; second < 300; second++)); do
+for ((second = 0; second < 450; second++)); do
     if grep -q 'CONSOLE.*\(compiled, [0-9]* refused\|failed: \|no WebGPU\)' "$log"; then
         grep -o 'CONSOLE.*' "$log" | cut -d'"' -f2
         grep -q 'CONSOLE.*"[1-9][0-9]* compiled, 0 refused"' "$log"
@@ -41,6 +41,6 @@ for ((second = 0; second < 300; second++)); do
     fi
     sleep 1
 done
-echo 'the browser has not finished within 300 s:' >&2
+echo 'the browser has not finished within 450 s:' >&2
 tail -n 20 "$log" >&2
 exit 1

@@ -4,12 +4,8 @@ use crate::sampling::cuts::SHARED_NODES;
 use crate::tree::WIDTH;
 
 /// The words ahead of the first slot. `shaders/cut_list.wgsl` has their meaning; all are 0 at first but
-/// [`END_OF_FREE`] and [`USABLE`].
+/// those with the ends of the free rows.
 pub(crate) const HEAD: u32 = 16;
-/// The word with the end of the free rows in their ring.
-pub(crate) const END_OF_FREE: u32 = 3;
-/// The word with the end of those that were free before the frame.
-pub(crate) const USABLE: u32 = 4;
 /// The word that counts marks for whose cells there was no room.
 pub(crate) const LOST_MARKS: u32 = 13;
 /// The words of a slot: tag, marks, row, points that its cut was made for, corner, kind, mask, points.

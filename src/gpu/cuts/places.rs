@@ -2,8 +2,13 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::plan::cut_layout::{END_OF_FREE, EYE_MOVED, HAS_EYE, HEAD, ROW_QUADS, SLOT_WORDS, USABLE};
+use crate::plan::cut_layout::{EYE_MOVED, HAS_EYE, HEAD, ROW_QUADS, SLOT_WORDS};
 use crate::sampling::cuts::{CutGrid, CutOptions, slots};
+
+/// The word with the end of the free rows in their ring.
+const END_OF_FREE: u32 = 3;
+/// The word with the end of those that were free before the frame.
+const USABLE: u32 = 4;
 
 /// The places of the parts of the storage buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
