@@ -132,6 +132,7 @@ pub(crate) fn wgsl_of_marks(group: u32, effects: Effects) -> String {
         include_str!("../../shaders/gloss.wgsl"),
         include_str!("../../shaders/shading_point.wgsl"),
         include_str!("../../shaders/dice.wgsl"),
+        include_str!("../../shaders/cut_grid.wgsl"),
         include_str!("../../shaders/cells.wgsl"),
         include_str!("../../shaders/mark.wgsl"),
     ]
@@ -143,9 +144,7 @@ pub(crate) fn wgsl_of_marks(group: u32, effects: Effects) -> String {
 /// The stages that list the cells to build.
 #[cfg(feature = "gpu")]
 pub(crate) fn wgsl_of_cut_list() -> String {
-    let cells = include_str!("../../shaders/cells.wgsl");
-    let grid = &cells[..cells.find("// What tells cells apart.").unwrap_or(cells.len())];
-    let body = [grid, include_str!("../../shaders/cut_list.wgsl")].concat();
+    let body = [include_str!("../../shaders/cut_grid.wgsl"), include_str!("../../shaders/cut_list.wgsl")].concat();
     with_constants(&at_group(&without_lights(&body), 0))
 }
 
@@ -230,6 +229,7 @@ fn functions(group: u32, effects: Effects, extras: Extras, target: Option<&Targe
         include_str!("../../shaders/resample.wgsl"),
         &resampling(target),
         optional(extras.learns, include_str!("../../shaders/visibility.wgsl")),
+        optional(extras.cells.is_some(), include_str!("../../shaders/cut_grid.wgsl")),
         optional(extras.cells.is_some(), include_str!("../../shaders/cells.wgsl")),
         optional(extras.cells.is_some(), include_str!("../../shaders/shared.wgsl")),
     ]

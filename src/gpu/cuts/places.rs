@@ -45,7 +45,7 @@ impl CutPlaces {
     }
 }
 
-/// The uniform buffer of shaders that mark, build or sample. Twin of `LightCutGrid` in `shaders/cells.wgsl`,
+/// The uniform buffer of shaders that mark, build or sample. Twin of `LightCutGrid` in `shaders/cut_grid.wgsl`,
 /// which explains the fields.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -57,7 +57,7 @@ pub(crate) struct GridRecord {
     offset: [f32; 3],
     last_slot: u32,
     first: [u32; 3],
-    rows: u32,
+    padding: u32,
     eye: [f32; 3],
     flags: u32,
     min_marks: u32,
@@ -79,7 +79,7 @@ impl GridRecord {
             offset: grid.offset.to_array(),
             last_slot: places.slots - 1,
             first: grid.first,
-            rows: places.rows,
+            padding: 0,
             eye: grid.eye.unwrap_or_default().to_array(),
             flags,
             min_marks: options.min_marks(),

@@ -184,7 +184,7 @@ impl GpuRenderer {
     /// Marks the cells of the surfaces that the first sample of each pixel shows, and builds their cuts.
     fn build_cuts(&mut self, scene: &Scene, settings: &Settings, frame: &FrameUniform) -> Result<(), SceneError> {
         let effects = self.shader.effects;
-        if self.lights.cut_report().is_none() || self.shared.is_none() {
+        if self.lights.cut_report().is_none() {
             self.lights.share_cuts(Some(cut_options(settings))).map_err(|e| SceneError(e.to_string()))?;
         }
         if !self.shared.as_ref().is_some_and(|shared| shared.serve(effects, self.needs)) {

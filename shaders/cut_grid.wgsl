@@ -1,0 +1,26 @@
+// The grid of cells and the sizes of the table. Twin of `GridRecord`.
+struct LightCutGrid {
+    // The edge of the smallest place in a cell, in metres, and its inverse.
+    unit: f32,
+    units_per_metre: f32,
+    // What squares of distances to the eye are multiplied by: see `CutGrid`. 0 without an eye.
+    edges_sq: f32,
+    levels: u32,
+    offset: vec3<f32>,
+    // The slots of the table less one.
+    last_slot: u32,
+    first: vec3<u32>,
+    padding: u32,
+    eye: vec3<f32>,
+    // LIGHT_HAS_EYE, LIGHT_EYE_MOVED.
+    flags: u32,
+    // The marks that a cell needs to get a cut.
+    min_marks: u32,
+    // The quad at which the first row begins.
+    first_row: u32,
+    // The numbers of free rows and the slots of cells to build: the words at which they begin.
+    free_rows: u32,
+    listed: u32,
+}
+
+@group(LIGHT_GROUP) @binding(5) var<uniform> light_cut_grid: LightCutGrid;
