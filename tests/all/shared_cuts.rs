@@ -2,8 +2,8 @@
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::{
-    CandidateCount, CutError, CutOptions, CutTable, DirectionalLight, FrameBudget, Gloss, LightSampler, LightWorld,
-    Placement, ShadingPoint,
+    CandidateCount, CutError, CutOptions, CutReport, CutTable, DirectionalLight, FrameBudget, Gloss, LightSampler,
+    LightWorld, Placement, ShadingPoint,
 };
 use rayon::prelude::*;
 
@@ -253,6 +253,29 @@ fn cells_keep_their_cuts_while_neither_the_world_nor_the_view_changes() {
     let instance = world.instances().next().expect("an instance");
     world.move_instance(instance, Placement::at(DVec3::ONE)).expect("valid");
     assert_eq!(built_and_kept(&world, eyes[1], &both[1]), [2, 0]);
+}
+
+#[test]
+fn a_cleared_table_has_no_cuts_and_no_marks_and_the_same_memory() {
+    let mut rng = Rng(179);
+    let world = rng.world(4, 30, 5, 20.0);
+    let at = points(&mut rng, 200, 20.0);
+    let mut cuts = table();
+    let places = cuts.memory_bytes();
+    assert!((256 * 4096..257 * 4096).contains(&places), "{places}");
+    build(&mut cuts, &world, &at);
+    let (built, memory) = (cuts.report(), cuts.memory_bytes());
+    let of_cell = (memory - places) as f64 / built.built as f64;
+    assert!((1290.0..1400.0).contains(&of_cell), "{of_cell}");
+    at.iter().for_each(|at| world.sampler().with_cuts(&cuts).mark(at));
+    cuts.clear();
+    assert_eq!((cuts.report(), cuts.memory_bytes()), (CutReport::default(), memory));
+    let pick = |sampler: LightSampler<'_>| at.iter().map(|at| sampler.pick(at, [0.3, 0.6])).collect::<Vec<_>>();
+    assert_eq!(pick(world.sampler().with_cuts(&cuts)), pick(world.sampler()));
+    build(&mut cuts, &world, &[]);
+    assert_eq!(cuts.report(), CutReport::default(), "the marks are forgotten");
+    build(&mut cuts, &world, &at);
+    assert_eq!((cuts.report(), cuts.memory_bytes()), (built, memory), "nothing is kept");
 }
 
 #[test]

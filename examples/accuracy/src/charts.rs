@@ -1,7 +1,7 @@
 //! The plots of the page.
 
 use super::answers::{Answers, BUDGETS, is_plain};
-use super::settings::{Change, DEFAULT, Sampler, resampled_default};
+use super::settings::{Change, DEFAULT, SHARED, Sampler, resampled_default};
 use super::table::Row;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -109,6 +109,7 @@ pub fn alternatives(rows: &[Row], others: &[Sampler], answers: &Answers, is_quic
     };
     let mut curves: Vec<Curve> = others.iter().copied().zip(COLORS).map(curve).collect();
     curves.push(Curve { is_dashed: true, ..curve((resampled_default(is_quick), PALETTE[5])) });
+    curves.push(Curve { is_dashed: true, ..curve((SHARED, PALETTE[1])) });
     curves.push(curve((DEFAULT, PALETTE[5])));
     let all = || curves.iter().flat_map(|curve| &curve.points);
     let ranges = (around(all().map(|at| at.0)), around(all().map(|at| at.1)));
@@ -136,7 +137,8 @@ pub fn stages(rows: &[Row], others: &[Sampler], shaded_pixels: f64, is_quick: bo
         rows.iter().find(|row| row.setting.sampler == sampler && row.setting.change == Change::Nothing)
     };
     let splits = |splits| Sampler::TwoLevels { splits, candidates: 1 };
-    let own = [splits(0), DEFAULT, resampled_default(is_quick), Sampler::OneLevel { splits: 6, candidates: 1 }];
+    let one_tree = Sampler::OneLevel { splits: 6, candidates: 1 };
+    let own = [splits(0), DEFAULT, resampled_default(is_quick), SHARED, one_tree];
     let bars: Vec<(String, [f64; 3])> = own
         .into_iter()
         .chain(others.iter().copied())

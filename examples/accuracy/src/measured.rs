@@ -73,7 +73,7 @@ pub fn measure(options: &Options) -> Result<Measured, SceneError> {
     if prepared.ids.is_empty() {
         return Err(SceneError("the scene has no lights".into()));
     }
-    let samplers = Samplers::new(&stage.world, &prepared, &view.view)?;
+    let samplers = Samplers::new(&stage.world, &prepared, &view)?;
     let reference = reference(options, &plan, &view, &stage.world, &prepared)?;
     let picture = reference.picture();
     if picture.iter().all(|pixel| luminance(*pixel) <= 0.0) {
@@ -319,7 +319,7 @@ impl Bench<'_> {
         let mut panels: Vec<Panel> = settings::others().map(panel).collect::<Result<_, _>>()?;
         panels.sort_by(|a, b| b.row.errors.rel_mse.mean.total_cmp(&a.row.errors.rel_mse.mean));
         panels.drain(..panels.len() - BEST_OTHERS);
-        for own in [DEFAULT, settings::resampled_default(self.plan.is_quick)] {
+        for own in settings::own_in_equal_time(self.plan.is_quick) {
             panels.push(panel(own)?);
         }
         Ok(panels)

@@ -243,7 +243,7 @@ fn alternatives(measured: &Measured) -> String {
     let Some(own) = own else { return String::new() };
     let mut parts = Vec::new();
     for panel in &measured.equal_time {
-        if matches!(panel.row.setting.sampler, Sampler::TwoLevels { .. }) {
+        if matches!(panel.row.setting.sampler, Sampler::TwoLevels { .. } | Sampler::SharedCuts { .. }) {
             continue;
         }
         let ratio = Ratio::of(&panel.row.errors.rel_mse, &own.row.errors.rel_mse);

@@ -169,7 +169,7 @@ fn measure(contest: Contest, closeness: &Closeness) -> Result<Vec<Entry>, SceneE
     let Stage { scene, world, .. } = prepare(contest.stage, 0.0)?;
     let view = SceneView::new(&scene, contest.is_matte, closeness.size)?;
     let prepared = Prepared::new(&world)?;
-    let samplers = Samplers::new(&world, &prepared, &view.view)?;
+    let samplers = Samplers::new(&world, &prepared, &view)?;
     let renderer = Renderer { numbers: sobol, ..view.renderer() };
     let reference = converged::picture(&renderer, &world.sampler(), &prepared.ids, REFERENCE_SEED);
 

@@ -1,16 +1,17 @@
 //! Makes what the settings name: ways to draw a light, their probabilities, and their memory.
 
+use super::scene_view::SceneView;
 use super::settings::{STREAMED, Sampler};
 use girandole::tree::Node;
 use girandole::{
     CandidateCount, FrameBudget, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy, ShadingPoint,
     SplitCount,
 };
+use testbed::direct_light::cells::SharedCells;
 use testbed::direct_light::draw::{
-    Draw, Resampled, ResampledByBrdf, ResampledWithGloss, Single, SingleWithGloss, Streaming,
+    Draw, Frame, Resampled, ResampledByBrdf, ResampledWithGloss, Single, SingleWithGloss, Streaming,
 };
 use testbed::direct_light::rivals;
-use testbed::direct_light::view::View;
 use testbed::measuring::lights::carried;
 use testbed::measuring::samplers::{self, Chooser};
 use testbed::scene::SceneError;
@@ -52,12 +53,12 @@ pub struct Samplers<'a> {
     world: &'a LightWorld,
     prepared: &'a Prepared,
     published: Vec<Box<dyn Chooser + 'a>>,
-    view: &'a View,
+    view: &'a SceneView,
 }
 
 impl<'a> Samplers<'a> {
     /// Builds the trees of the samplers to compare with, for pictures of a view.
-    pub fn new(world: &'a LightWorld, prepared: &'a Prepared, view: &'a View) -> Result<Self, SceneError> {
+    pub fn new(world: &'a LightWorld, prepared: &'a Prepared, view: &'a SceneView) -> Result<Self, SceneError> {
         Ok(Self { world, prepared, published: samplers::published(&prepared.lights, &prepared.ids)?, view })
     }
 
@@ -74,6 +75,10 @@ impl<'a> Samplers<'a> {
                 let lights = self.world.sampler().with_splits(SplitCount::new(splits).ok()?);
                 Box::new(ResampledWithGloss { lights, candidates: CandidateCount::new(candidates).ok()? })
             }
+            Sampler::SharedCuts { candidates, has_gloss } => {
+                let how = (has_gloss, CandidateCount::new(candidates).ok()?);
+                Box::new(SharedCells::new(self.world, (&self.view.view, &self.view.scene), how))
+            }
             Sampler::OneLevel { splits, candidates } => resampled(&self.prepared.one_level, splits, candidates)?,
             Sampler::Published(name) => {
                 Box::new(Single { chooser: self.published(name)?, lights: self.world.sampler() })
@@ -83,7 +88,7 @@ impl<'a> Samplers<'a> {
             }
             Sampler::Rival(name) => {
                 let lights = (self.world.sampler(), &self.prepared.ids[..], &self.prepared.lights[..]);
-                rivals::by_name(name, lights, self.view)?
+                rivals::by_name(name, lights, &self.view.view)?
             }
             Sampler::AllLights => return None,
         })
@@ -117,16 +122,22 @@ impl<'a> Samplers<'a> {
         };
         match sampler {
             Sampler::TwoLevels { .. } | Sampler::ByBrdf { .. } | Sampler::WithGloss { .. } => of_world(self.world),
+            Sampler::SharedCuts { .. } => of_world(self.world) + self.prepared_bytes(sampler),
             Sampler::OneLevel { .. } => of_world(&self.prepared.one_level),
             Sampler::Published(name) => {
                 self.published(name).map_or(0, Chooser::bytes) + self.prepared.lights.len() * LIGHT_BYTES
             }
-            Sampler::Rival(_) => {
-                let prepared = self.draw(sampler).map_or(0, |draw| draw.prepared_bytes());
-                prepared + self.prepared.lights.len() * LIGHT_BYTES
-            }
+            Sampler::Rival(_) => self.prepared_bytes(sampler) + self.prepared.lights.len() * LIGHT_BYTES,
             Sampler::Streaming | Sampler::AllLights => self.prepared.lights.len() * LIGHT_BYTES,
         }
+    }
+
+    /// The bytes of what a sampler prepares for a frame.
+    fn prepared_bytes(&self, sampler: Sampler) -> usize {
+        self.draw(sampler).map_or(0, |mut draw| {
+            draw.prepare(&Frame { seed: 0, number: 0, found: &[] });
+            draw.prepared_bytes()
+        })
     }
 
     /// The world's own sampler, which knows every light's point and radiance.

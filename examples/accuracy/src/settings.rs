@@ -15,6 +15,8 @@ pub enum Sampler {
     ByBrdf { splits: usize, candidates: u32 },
     /// The library with its two levels, which are told how surfaces reflect.
     WithGloss { splits: usize, candidates: u32 },
+    /// The library with its two levels and cuts that the pixels of a cell share.
+    SharedCuts { candidates: u32, has_gloss: bool },
     /// The library with one tree over all lights.
     OneLevel { splits: usize, candidates: u32 },
     /// One of the samplers to compare with, by its name in `measuring/samplers.rs`.
@@ -37,6 +39,10 @@ impl Sampler {
             Self::TwoLevels { splits, candidates } => tree("Girandole", splits, candidates),
             Self::ByBrdf { splits, candidates } => tree("Girandole", splits, candidates) + " by BRDF",
             Self::WithGloss { splits, candidates } => tree("Girandole", splits, candidates) + " with gloss",
+            Self::SharedCuts { candidates, has_gloss } => {
+                let gloss = if has_gloss { " with gloss" } else { "" };
+                format!("Girandole, shared cuts / {}{gloss}", counted(candidates as usize, "candidate"))
+            }
             Self::OneLevel { splits, candidates } => tree("Girandole, one tree", splits, candidates),
             Self::Published("pbrt") => "pbrt-v4's formula".into(),
             Self::Published("pbrt opaque") => "pbrt-v4's formula, opaque".into(),
@@ -125,6 +131,14 @@ pub fn resampled_default(is_quick: bool) -> Sampler {
     Sampler::TwoLevels { splits: 6, candidates: resampled_candidates(is_quick) }
 }
 
+/// The default with cuts that the pixels of a cell share.
+pub const SHARED: Sampler = Sampler::SharedCuts { candidates: 1, has_gloss: false };
+
+/// The library's samplers that are shown in equal time.
+pub fn own_in_equal_time(is_quick: bool) -> [Sampler; 3] {
+    [DEFAULT, resampled_default(is_quick), SHARED]
+}
+
 /// The candidates of [`resampled_default`], which are also weighed by BRDF.
 fn resampled_candidates(is_quick: bool) -> u32 {
     if is_quick { 4 } else { 8 }
@@ -168,6 +182,7 @@ fn of_library(is_quick: bool) -> Vec<Setting> {
             }
             if candidates == 1 || candidates == resampled_candidates(is_quick) {
                 add(Sampler::WithGloss { splits: 6, candidates });
+                [false, true].into_iter().for_each(|has_gloss| add(Sampler::SharedCuts { candidates, has_gloss }));
             }
             if matches!(candidates, 1 | 8) {
                 add(Sampler::OneLevel { splits: 6, candidates });

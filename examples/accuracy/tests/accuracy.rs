@@ -83,6 +83,11 @@ fn a_quick_run_writes_a_table_plots_and_a_page_that_needs_nothing_else() {
     assert_ne!(number(&off, "rel_mse"), number(&solid_angles, "rel_mse"));
     assert!(number(&learnt, "memory_bytes") > number(&off, "memory_bytes"));
 
+    // Shared cuts have less noise, and take memory for their cells.
+    let shared = "Girandole, shared cuts / 1 candidate / 1 spp";
+    assert!(number(shared, "sigma") < number(default, "sigma"));
+    assert!(number(shared, "memory_bytes") > two);
+
     let front: Vec<_> = measured.rows.iter().filter(|row| row.on_front).collect();
     assert!(!front.is_empty());
     for row in &front {
@@ -101,7 +106,7 @@ fn a_quick_run_writes_a_table_plots_and_a_page_that_needs_nothing_else() {
     assert!(has(Sampler::Rival("regir")) && has(accuracy::settings::DEFAULT));
     // The panels are those of the best other samplers, worst first.
     let errors: Vec<f64> = measured.equal_time.iter().map(|panel| panel.row.errors.rel_mse.mean).collect();
-    assert!(errors.len() == 8 && errors[..6].is_sorted_by(|a, b| a >= b), "{errors:?}");
+    assert!(errors.len() == 9 && errors[..6].is_sorted_by(|a, b| a >= b), "{errors:?}");
 
     let page = without_pictures(&fs::read_to_string(out.join("accuracy.html")).expect("a page"));
     assert!(!page.contains("{{") && !page.contains("NaN"), "something is not filled in");
@@ -136,7 +141,7 @@ fn a_quick_run_writes_a_table_plots_and_a_page_that_needs_nothing_else() {
     let all_lights = front.iter().any(|row| row.setting.sampler == Sampler::AllLights);
     let plot = fs::read_to_string(out.join("error_over_time.svg")).expect("a plot");
     assert!(all_lights && plot.contains("all lights: relMSE") && !plot.contains("\n100\n"));
-    assert_eq!(fs::read_to_string(out.join("equal_time.svg")).expect("a figure").matches("<image").count(), 9);
+    assert_eq!(fs::read_to_string(out.join("equal_time.svg")).expect("a figure").matches("<image").count(), 10);
     fs::remove_dir_all(&out).expect("the test made it");
 }
 

@@ -85,6 +85,10 @@ impl Marks {
         })
     }
 
+    pub fn memory_bytes(&self) -> usize {
+        size_of::<MarkSlot>() * self.slots.capacity()
+    }
+
     /// Removes all cells.
     pub fn clear(&mut self) {
         self.slots.iter_mut().for_each(|slot| *slot = MarkSlot::default());

@@ -93,6 +93,10 @@ impl Built {
         slots.find(|(found, _)| *found == tag).map(|(_, number)| number)
     }
 
+    fn memory_bytes(&self) -> usize {
+        size_of::<(u32, u32)>() * self.tags.capacity() + size_of::<SharedCut>() * self.cuts.capacity()
+    }
+
     /// The number of the cut of a cell that keeps it: the world is the same, the cut was made for at least
     /// as many points as are known now, and glossy points have the same view.
     pub fn kept(&self, marked: &Marked, grid: &CutGrid, world: u64) -> Option<u32> {
@@ -135,6 +139,22 @@ impl CutTable {
     /// What the last build did.
     pub fn report(&self) -> CutReport {
         self.built.report
+    }
+
+    /// Forgets all marks and all cuts, as after a jump of the camera, and keeps its memory. O(cells of the
+    /// table).
+    pub fn clear(&mut self) {
+        self.marks.clear();
+        *self.lost_marks.get_mut() = 0;
+        let Built { mut tags, cuts, .. } = std::mem::take(&mut self.built);
+        tags.fill((0, 0));
+        self.built = Built { tags, cuts, ..Built::default() };
+    }
+
+    /// The memory of the table: 1.3 kB for each cell that ever had a cut, and 256 bytes or more for each that
+    /// may have one. O(1).
+    pub fn memory_bytes(&self) -> usize {
+        size_of_val(self) + self.marks.memory_bytes() + self.built.memory_bytes()
     }
 }
 

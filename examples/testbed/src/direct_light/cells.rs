@@ -49,6 +49,8 @@ impl Draw for SharedCells<'_> {
         if !frame.number.is_multiple_of(FRAMES) {
             return;
         }
+        // Nothing moves, so the table would keep the cuts of the picture before.
+        self.cuts.clear();
         let sampler = self.world.sampler().with_cuts(&self.cuts);
         self.view.pixels.par_iter().flat_map_iter(|pixel| pixel.surfaces.iter().flatten()).for_each(|surface| {
             sampler.mark(&self.shading_point(surface, &self.scene.materials[surface.material as usize]));
@@ -66,5 +68,9 @@ impl Draw for SharedCells<'_> {
 
     fn samples_per_preparation(&self, pixels: f64) -> f64 {
         pixels * f64::from(FRAMES)
+    }
+
+    fn prepared_bytes(&self) -> usize {
+        self.cuts.memory_bytes()
     }
 }
