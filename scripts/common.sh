@@ -11,6 +11,12 @@ step() {
     printf '== took %d s\n' "$((SECONDS - start))"
 }
 
+# Builds the programs and the tests of the workspace. All scripts build by this command alone: others choose
+# other features of dependencies, and compile nearly everything again.
+build_workspace() {
+    step cargo test --locked --workspace --no-run
+}
+
 # Installs Debian packages.
 install_packages() {
     command -v apt-get >/dev/null || { echo "install these packages, or what your system calls them: $*" >&2 && exit 1; }

@@ -11,8 +11,7 @@ need chromium chromium
 
 # The limits hold for one version of Mesa.
 mkdir -p target
-# As the tests build it, so that nothing is compiled again.
-step cargo test --locked --workspace --no-run
+build_workspace
 stats=target/debug/shader_stats
 step $stats --out target/shader_stats.csv --chip navi21 --check
 rm -rf target/spirv

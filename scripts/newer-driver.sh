@@ -41,21 +41,22 @@ in_chroot() {
     chroot "$root" env -C "$PWD" XDG_RUNTIME_DIR=/run LD_LIBRARY_PATH= "$@"
 }
 
-# The path of a program that Cargo has built: built PACKAGE-FOLDER TARGET IS-TEST CARGO-ARGUMENT...
-built() {
-    cargo "${@:4}" --locked --workspace --quiet --message-format=json |
-        grep -F "\"manifest_path\":\"$1/Cargo.toml\"" | grep -F "\"name\":\"$2\"" | grep -F "\"test\":$3}" |
+# The path of a test program: test_program PACKAGE-FOLDER TARGET
+test_program() {
+    cargo test --no-run --locked --workspace --quiet --message-format=json |
+        grep -F "\"manifest_path\":\"$1/Cargo.toml\"" | grep -F "\"name\":\"$2\"" | grep -F '"test":true}' |
         sed -n 's/.*"executable":"\([^"]*\)".*/\1/p' | head -1
 }
 
-library=$(built "$PWD" girandole true test --no-run)
-all=$(built "$PWD" all true test --no-run)
-city=$(built "$PWD/examples/city" city false build)
+build_workspace
+library=$(test_program "$PWD" girandole)
+all=$(test_program "$PWD" all)
+city=target/debug/city
 for program in "$library" "$all" "$city"; do
     [ -x "$program" ] || { echo "a program was not built" >&2 && exit 1; }
 done
 step in_chroot "$library" gpu::
 step in_chroot "$all" gpu
 rm -rf target/newer-driver-frame
-step in_chroot "$city" --backend gpu --frames 1 --size 64x36 --spp 1 --out "$PWD/target/newer-driver-frame"
+step in_chroot "$PWD/$city" --backend gpu --frames 1 --size 64x36 --spp 1 --out "$PWD/target/newer-driver-frame"
 [ -s target/newer-driver-frame/frame_0000.png ]

@@ -11,9 +11,7 @@ need_vulkan
 need Xvfb xvfb
 need xdotool xdotool libx11-xcb1 libxcursor1 libxi6 libxkbcommon-x11-0
 
-step cargo clippy --locked -p city --all-targets --features window -- -D warnings
-step cargo test --locked -p city --lib --features window
-step cargo build --locked -p city --features window
+build_workspace
 
 work=$(mktemp -d)
 out=${1:-$work/out}

@@ -23,11 +23,11 @@ need spirv-val spirv-tools
 need /usr/include/vulkan/vulkan.h libvulkan-dev
 need /usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json vulkan-validationlayers
 
-part "lints, unit tests, and whether the header is up to date"
-cargo clippy --locked -p girandole-c --all-targets -- -D warnings
-cargo test --locked -p girandole-c
-# With the tests, so that dependencies are built once.
-cargo build --locked -p girandole-c --lib --tests
+part "unit tests, and whether the header is up to date"
+build_workspace
+cargo test --locked --workspace --test header
+# Where tests have the library.
+built="$target/debug/deps"
 
 c=(gcc -std=c99 -Wall -Wextra -Wpedantic -Werror -Iinclude)
 cpp=(g++ -std=c++17 -Wall -Wextra -Wpedantic -Werror -Iinclude)
@@ -42,9 +42,9 @@ echo '#include "girandole.h"' > "$out/header.c"
 
 for link in static shared; do
     if [ "$link" = static ]; then
-        library=("$target/debug/libgirandole_c.a" "${libraries[@]}")
+        library=("$built/libgirandole_c.a" "${libraries[@]}")
     else
-        library=(-L"$target/debug" -lgirandole_c "-Wl,-rpath,$(realpath "$target/debug")" "${libraries[@]}")
+        library=(-L"$built" -lgirandole_c "-Wl,-rpath,$(realpath "$built")" "${libraries[@]}")
     fi
     for checks in plain sanitized; do
         part "programs, $link, $checks"
@@ -106,9 +106,9 @@ fi
 
 part "plans on Vulkan"
 for link in static shared; do
-    library=("$target/debug/libgirandole_c.a")
+    library=("$built/libgirandole_c.a")
     [ "$link" = static ] ||
-        library=(-L"$target/debug" -lgirandole_c "-Wl,-rpath,$(realpath "$target/debug")")
+        library=(-L"$built" -lgirandole_c "-Wl,-rpath,$(realpath "$built")")
     "${cpp[@]}" -O1 programs/vulkan.cpp programs/vulkan_device.cpp -o "$out/vulkan-$link" "${library[@]}" \
         -lvulkan "${libraries[@]}"
 done

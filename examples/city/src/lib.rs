@@ -3,5 +3,4 @@
 //! Scenes and the renderer are in the package `testbed`.
 
 pub mod app;
-#[cfg(feature = "window")]
 pub mod window;

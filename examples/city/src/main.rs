@@ -17,23 +17,13 @@
 
 use city::app::options::{Options, Parsed};
 use std::process::ExitCode;
-use testbed::scene::SceneError;
-
-#[cfg(feature = "window")]
-fn open_window(options: &Options) -> Result<(), SceneError> {
-    city::window::shell::run(options, &mut |line| testbed::say!("{line}"))
-}
-
-#[cfg(not(feature = "window"))]
-fn open_window(_: &Options) -> Result<(), SceneError> {
-    let command = "cargo run --release -p city --features window -- --window";
-    Err(SceneError(format!("this build has no window; run `{command}`")))
-}
 
 fn main() -> ExitCode {
     let options = city::app::files::clean_up_on_interrupt().and_then(|()| Options::read(std::env::args_os()));
     let result = match options {
-        Ok(Parsed::Run(options)) if options.window => open_window(&options),
+        Ok(Parsed::Run(options)) if options.window => {
+            city::window::shell::run(&options, &mut |line| testbed::say!("{line}"))
+        }
         Ok(Parsed::Run(options)) if options.compare => {
             city::app::compare::run::compare(&options, &mut |line| testbed::say!("{line}")).map(drop)
         }

@@ -1,14 +1,14 @@
 //! The city on the page: what JavaScript calls.
 
 use girandole::gpu::GpuLights;
-use girandole::{CandidateCount, FrameBudget, FrameReport, SplitCount, wgpu};
+use girandole::{CandidateCount, CutOptions, FrameBudget, FrameReport, SplitCount, wgpu};
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::future_to_promise;
 use web_sys::HtmlCanvasElement;
 
 use crate::device::{self, Gpu};
 use crate::light_list::LightList;
-use crate::pipelines::{Listed, Pipelines};
+use crate::pipelines::{Listed, Pipelines, Variant};
 use crate::present::Presenter;
 use crate::resolve::{Resolver, Since};
 use crate::tour;
@@ -116,10 +116,13 @@ impl City {
         stage.world.set_glossy_sampling(true);
         let geometry = Geometry::new(&stage.scene).map_err(text)?;
         let buffers = SceneBuffers::new(&gpu.device, &gpu.queue, &stage.scene, &geometry).map_err(text)?;
-        let lights = GpuLights::new(&gpu.device, &gpu.queue).map_err(text)?;
+        let mut lights = GpuLights::new(&gpu.device, &gpu.queue).map_err(text)?;
+        if gpu.device.limits().max_storage_buffers_per_shader_stage >= device::SHARING_BUFFERS {
+            lights.share_cuts(Some(CutOptions::default())).map_err(text)?;
+        }
         let picture = Picture::new(&gpu, &buffers, [1, 1]);
         let (layout, _) = buffers.bind(&gpu.device, &picture.sums);
-        let pipelines = Pipelines::new(&gpu.device, &layout, &lights, &stage.scene, &geometry)?;
+        let pipelines = Pipelines::new(&gpu.device, &layout, &lights, (&stage.scene, &geometry))?;
         let start = stage.scene.camera;
         Ok(Self {
             gpu,
@@ -347,26 +350,47 @@ impl City {
         frame
     }
 
-    /// Records a pass that renders, or that shades by a list of lights. The uniform is written ahead of
-    /// the next submission.
+    /// Records the passes that render, or one that shades by a list of lights. The uniform is written ahead
+    /// of the next submission.
     pub(crate) fn record(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
         frame: &FrameUniform,
         listed: Option<(Listed, &LightList)>,
     ) {
-        self.gpu.queue.write_buffer(&self.buffers.uniform, 0, bytemuck::bytes_of(frame));
-        let effects = self.lights.effects();
-        let mut pass = encoder.begin_compute_pass(&Default::default());
-        match listed {
-            Some((listed, list)) => {
-                pass.set_pipeline(self.pipelines.get_listed(listed, effects, list));
+        let Self { gpu, stage, lights, buffers, picture, pipelines, .. } = self;
+        gpu.queue.write_buffer(&buffers.uniform, 0, bytemuck::bytes_of(frame));
+        let groups = [frame.width.div_ceil(WORKGROUP), frame.height.div_ceil(WORKGROUP)];
+        let dispatch = |encoder: &mut wgpu::CommandEncoder,
+                        pipeline: &wgpu::ComputePipeline,
+                        lights: &wgpu::BindGroup,
+                        list: Option<&LightList>| {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &picture.group, &[]);
+            pass.set_bind_group(LIGHT_GROUP, lights, &[]);
+            if let Some(list) = list {
                 pass.set_bind_group(LIGHT_GROUP + 1, &list.group, &[]);
             }
-            None => pass.set_pipeline(self.pipelines.get(effects)),
+            pass.dispatch_workgroups(groups[0], groups[1], 1);
+        };
+        let effects = lights.effects();
+        if let Some((listed, list)) = listed {
+            let pipeline = pipelines.get_listed(listed, effects, list);
+            dispatch(encoder, pipeline, lights.bind_group(), Some(list));
+            return;
         }
-        pass.set_bind_group(0, &self.picture.group, &[]);
-        pass.set_bind_group(LIGHT_GROUP, self.lights.bind_group(), &[]);
-        pass.dispatch_workgroups(frame.width.div_ceil(WORKGROUP), frame.height.div_ceil(WORKGROUP), 1);
+        let Variant { mark, render } = pipelines.get(effects);
+        let group = if let Some(mark) = mark {
+            let camera = &stage.scene.camera;
+            let pixel = 2.0 * (0.5 * camera.vertical_fov).tan() / frame.height as f32;
+            lights.set_cut_view(camera.eye.as_dvec3(), pixel);
+            dispatch(encoder, mark, lights.mark_bind_group(), None);
+            lights.build_cuts(encoder);
+            lights.cut_bind_group()
+        } else {
+            lights.bind_group()
+        };
+        dispatch(encoder, render, group, None);
     }
 }

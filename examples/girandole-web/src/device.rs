@@ -40,7 +40,12 @@ pub struct Gpu {
     pub trouble: Trouble,
 }
 
-/// Opens the best adapter. The limits are WebGPU's defaults, except for larger buffers.
+/// The storage buffers of a pipeline that renders with shared cuts: four of the scene and five of the lights.
+/// WebGPU promises eight.
+pub const SHARING_BUFFERS: u32 = 9;
+
+/// Opens the best adapter. The limits are WebGPU's defaults, except for larger buffers, and for one more of
+/// them where there is one.
 pub async fn open(canvas: HtmlCanvasElement) -> Result<Gpu, String> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends: wgpu::Backends::BROWSER_WEBGPU,
@@ -63,6 +68,7 @@ pub async fn open(canvas: HtmlCanvasElement) -> Result<Gpu, String> {
     let required_limits = wgpu::Limits {
         max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
         max_buffer_size: offered.max_buffer_size,
+        max_storage_buffers_per_shader_stage: offered.max_storage_buffers_per_shader_stage.min(SHARING_BUFFERS),
         ..default
     };
     let (device, queue) = adapter

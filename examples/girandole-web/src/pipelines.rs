@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use girandole::gpu::{GpuLights, LightShader, TargetHook};
+use girandole::gpu::{CutFallback, GpuLights, LightShader, TargetHook};
 use girandole::{Effects, wgpu};
 
 use crate::light_list::LightList;
@@ -32,36 +32,51 @@ impl Listed {
     }
 }
 
+/// The pipelines that serve lights with some effects.
+pub struct Variant {
+    /// Marks the cells of the surfaces in view; `None` if pixels do not share cuts.
+    pub mark: Option<wgpu::ComputePipeline>,
+    pub render: wgpu::ComputePipeline,
+}
+
 /// The pipelines of a scene.
 pub struct Pipelines {
     device: wgpu::Device,
     /// Of group 0.
     layout: wgpu::BindGroupLayout,
-    /// With the text for all effects.
-    shader: LightShader,
+    /// Without trees. This text and the others are for all effects.
+    plain: LightShader,
+    mark: Option<LightShader>,
+    render: LightShader,
     /// What the pipelines are compiled for.
     needs: Needs,
     /// By the effects that they serve. Each is compiled when a frame asks for it: on a page, another
     /// thread would gain nothing.
-    variants: HashMap<Effects, wgpu::ComputePipeline>,
+    variants: HashMap<Effects, Variant>,
     listed: Option<(Listed, Effects, wgpu::ComputePipeline)>,
 }
 
 impl Pipelines {
-    /// Compiles nothing yet. `layout` is that of group 0.
+    /// Compiles nothing yet. `layout` is that of group 0. Pixels share cuts if `lights` does.
     pub fn new(
         device: &wgpu::Device,
         layout: &wgpu::BindGroupLayout,
         lights: &GpuLights,
-        scene: &Scene,
-        geometry: &Geometry,
+        (scene, geometry): (&Scene, &Geometry),
     ) -> Result<Self, String> {
         let target = TargetHook::new(TARGET, TARGET_ARGUMENT).map_err(|error| error.to_string())?;
-        let shader = lights.shader(LIGHT_GROUP, Effects::all()).with_target(target);
+        let plain = lights.shader(LIGHT_GROUP, Effects::all());
+        let shares = lights.cut_report().is_some();
+        let mark = shares.then(|| lights.mark_shader(LIGHT_GROUP, Effects::all()));
+        let render = match shares {
+            true => lights.cut_shader(LIGHT_GROUP, Effects::all(), CutFallback::Split),
+            false => plain.clone(),
+        };
+        let render = render.with_target(target);
         let mut needs = Needs::new(scene, geometry);
         needs.stack_size += SPARE_STACK;
-        let variants = HashMap::new();
-        Ok(Self { device: device.clone(), layout: layout.clone(), shader, needs, variants, listed: None })
+        let (device, layout, variants) = (device.clone(), layout.clone(), HashMap::new());
+        Ok(Self { device, layout, plain, mark, render, needs, variants, listed: None })
     }
 
     /// Drops all pipelines if the hierarchies have become too deep for them.
@@ -72,20 +87,23 @@ impl Pipelines {
         }
     }
 
-    /// The pipeline for lights with these effects.
-    pub fn get(&mut self, effects: Effects) -> &wgpu::ComputePipeline {
-        let Self { device, layout, shader, needs, variants, .. } = self;
-        variants
-            .entry(effects)
-            .or_insert_with(|| pipeline(device, layout, &shader.with_effects(effects), *needs, Work::Render))
+    /// The pipelines for lights with these effects.
+    pub fn get(&mut self, effects: Effects) -> &Variant {
+        let Self { device, layout, mark, render, needs, variants, .. } = self;
+        let compile =
+            |shader: &LightShader, work| pipeline(device, layout, &shader.with_effects(effects), *needs, work);
+        variants.entry(effects).or_insert_with(|| Variant {
+            mark: mark.as_ref().map(|shader| compile(shader, Work::Mark)),
+            render: compile(render, Work::Render),
+        })
     }
 
-    /// The number of pipelines that were compiled.
+    /// The number of variants that were compiled.
     pub fn variant_count(&self) -> usize {
         self.variants.len()
     }
 
-    /// Whether a pipeline for just these effects is ready.
+    /// Whether a variant for just these effects is ready.
     pub fn has(&self, effects: Effects) -> bool {
         self.variants.contains_key(&effects)
     }
@@ -101,7 +119,7 @@ impl Pipelines {
     }
 
     fn make_listed(&self, listed: Listed, effects: Effects, list: &LightList) -> wgpu::ComputePipeline {
-        let shader = self.shader.with_effects(effects);
+        let shader = self.plain.with_effects(effects);
         let text = shader_source(&shader.wgsl, self.needs, Work::Render);
         let text = format!("{text}\n{}", include_str!("light_list.wgsl"));
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {

@@ -10,13 +10,15 @@ use std::time::Instant;
 use testbed::common::pcg::Rng;
 use testbed::common::table::{Table, markdown_head};
 use testbed::measuring::lights::{carried, reflections};
-use testbed::measuring::samplers::{self, Chooser};
+use testbed::measuring::samplers;
+use testbed::measuring::shared_cuts;
+use testbed::measuring::sigma::{Noise, Summary};
 use testbed::measuring::torture::{self, gloss};
 use testbed::scene::SceneError;
 use testbed::scene::procedural::Size;
 
 const COLUMNS: [&str; 8] = ["scene", "surface", "roughness", "sampler", "sigma_mean", "sigma_p95", "sigma_rms", "ns"];
-const SUMMARY: [&str; 9] = [
+const SUMMARY: [&str; 11] = [
     "scene",
     "surface",
     "roughness",
@@ -25,6 +27,8 @@ const SUMMARY: [&str; 9] = [
     "pbrt",
     "sg tree",
     "sg tree, wide",
+    "shared cuts, 0.25 m",
+    "shared cuts, 1 m",
     "ratio to cosine",
 ];
 
@@ -37,23 +41,47 @@ const ROUGHNESS: [f32; 6] = [0.05, 0.1, 0.2, 0.3, 0.4, 0.5];
 const TIMED: usize = 20_000;
 const ROUNDS: usize = 5;
 
+/// The edges of cells that share cuts, in metres.
+const CELLS: [(&str, f32); 2] =
+    [("girandole with gloss, shared cuts, 0.25 m", 0.25), ("girandole with gloss, shared cuts, 1 m", 1.0)];
+/// The length of views in metres: the distance of the camera that sees a point.
+const VIEW: f32 = 10.0;
+
 fn matte(at: &ShadingPoint) -> ShadingPoint {
     ShadingPoint::surface(at.position, at.normal)
 }
 
-/// Nanoseconds per choice.
-fn nanoseconds(chooser: &dyn Chooser, points: &[ShadingPoint], effort: Effort) -> f64 {
+/// Nanoseconds per choice. `choose` gets the index of a point.
+fn nanoseconds<T>(choose: impl Fn(usize, [f32; 2]) -> T, points: usize, effort: Effort) -> f64 {
     let (rounds, timed) = effort.select((ROUNDS, TIMED), (1, 50));
     let mut rng = Rng::new(5, 5);
-    let inputs: Vec<_> = (0..timed).map(|i| (points[i % points.len()], [rng.unit(), rng.unit()])).collect();
+    let inputs: Vec<_> = (0..timed).map(|i| (i % points, [rng.unit(), rng.unit()])).collect();
     let round = |_| {
         let start = Instant::now();
         for (at, u) in &inputs {
-            std::hint::black_box(chooser.choose(at, *u));
+            std::hint::black_box(choose(*at, *u));
         }
         start.elapsed().as_secs_f64() * 1.0e9 / timed as f64
     };
     (0..rounds).map(round).fold(f64::INFINITY, f64::min)
+}
+
+/// The noise and the time of a choice from the cuts of cells with an edge. Each point has a camera of its own,
+/// and so a table of its own.
+fn shared(
+    world: &LightWorld,
+    edge: f32,
+    (points, light): (&[ShadingPoint], &[Vec<f32>]),
+    effort: Effort,
+) -> Result<(Summary, f64), SceneError> {
+    let table = |at| shared_cuts::table(world, std::slice::from_ref(at), edge);
+    let tables = points.par_iter().map(table).collect::<Result<Vec<_>, _>>();
+    let tables = tables.map_err(|error| SceneError(error.to_string()))?;
+    let choosers: Vec<_> = tables.iter().map(|table| samplers::shared("shared", world, table)).collect();
+    let cases = choosers.par_iter().zip(points).zip(light);
+    let noises: Vec<Noise> = cases.filter_map(|((chooser, at), light)| Noise::of(light, &chooser.pmfs(at))).collect();
+    let ns = nanoseconds(|point, u| choosers[point].choose(&points[point], u), points.len(), effort);
+    Ok((Summary::of(&noises), ns))
 }
 
 /// Measures one scene. `points` returns the shading points for a surface.
@@ -74,7 +102,6 @@ fn measure(
             let glossy = points(make(roughness));
             let flat: Vec<ShadingPoint> = glossy.iter().map(matte).collect();
             let light: Vec<Vec<f32>> = glossy.par_iter().map(|at| reflections(&lights, at)).collect();
-            let mut means = Vec::new();
             let cases = [
                 ("girandole with gloss", Some(&ours), &glossy),
                 ("girandole", Some(&ours), &flat),
@@ -82,30 +109,28 @@ fn measure(
                 ("sg tree", named("sg tree"), &glossy),
                 ("sg tree, wide", named("sg tree, wide"), &glossy),
             ];
+            let mut measured = Vec::new();
             for (sampler, chooser, points) in cases {
                 let Some(chooser) = chooser else { continue };
                 let (sigma, _) = samplers::noise(chooser.as_ref(), points, &light);
-                let ns = nanoseconds(chooser.as_ref(), points, effort);
-                let numbers = [sigma.mean, sigma.p95, sigma.rms].map(|sigma| format!("{sigma:.3}"));
-                let [mean, p95, rms] = numbers;
-                let row = [
-                    name.into(),
-                    surface.into(),
-                    roughness.to_string(),
-                    sampler.into(),
-                    mean,
-                    p95,
-                    rms,
-                    format!("{ns:.0}"),
-                ];
-                table.add(row).map_err(SceneError)?;
-                means.push((sigma.mean, ns));
+                let ns = nanoseconds(|point, u| chooser.choose(&points[point], u), points.len(), effort);
+                measured.push((sampler, sigma, ns));
             }
-            let cells: Vec<String> = means.iter().map(|(mean, ns)| format!("{mean:.2} ({ns:.0} ns)")).collect();
+            for (sampler, edge) in CELLS {
+                let (sigma, ns) = shared(world, edge, (&glossy, &light), effort)?;
+                measured.push((sampler, sigma, ns));
+            }
+            for (sampler, sigma, ns) in &measured {
+                let numbers = [sigma.mean, sigma.p95, sigma.rms].map(|sigma| format!("{sigma:.3}"));
+                let head = [name.into(), surface.into(), roughness.to_string(), (*sampler).to_owned()];
+                table.add(head.into_iter().chain(numbers).chain([format!("{ns:.0}")])).map_err(SceneError)?;
+            }
+            let cells: Vec<String> =
+                measured.iter().map(|(_, sigma, ns)| format!("{:.2} ({ns:.0} ns)", sigma.mean)).collect();
             testbed::say!(
                 "| {name} | {surface} | {roughness} | {} | {:.2} |",
                 cells.join(" | "),
-                means[0].0 / means[1].0
+                measured[0].1.mean / measured[1].1.mean
             );
         }
     }
@@ -122,7 +147,7 @@ fn seen(points: &[ShadingPoint], gloss: Gloss) -> Vec<ShadingPoint> {
         let cosine = rng.range(0.05, 1.0);
         let across = (tangent * s + at.normal.cross(tangent) * c) * (1.0 - cosine * cosine).sqrt();
         let view: Vec3 = at.normal * cosine + across;
-        at.with_gloss(Gloss { view, ..gloss })
+        at.with_gloss(Gloss { view: view * VIEW, ..gloss })
     };
     points.iter().map(seen).collect()
 }

@@ -10,9 +10,21 @@ use testbed::scene::SceneError;
 
 const COLUMNS: [&str; 8] =
     ["scene", "sampler", "sigma_mean", "sigma_median", "sigma_p95", "sigma_p999", "sigma_rms", "dead"];
-/// The columns of the summary in the terminal: sigma of the library in two levels and in one, the
-/// least sigma of the others, and the ratios of the first to both.
-const SUMMARY: [&str; 9] = ["scene", "two levels", "rms", "p999", "dead", "flat", "others", "of others", "of flat"];
+/// The columns of the summary in the terminal: sigma of the library in two levels, in one, and
+/// with shared cuts, the least sigma of the others, and the ratios of the first to those and to one tree.
+const SUMMARY: [&str; 11] = [
+    "scene",
+    "two levels",
+    "rms",
+    "p999",
+    "dead",
+    "flat",
+    "shared cuts",
+    "their p999",
+    "others",
+    "of others",
+    "of flat",
+];
 
 fn fields(row: &TortureRow) -> [String; 8] {
     let sigma = &row.sigma;
@@ -23,10 +35,11 @@ fn fields(row: &TortureRow) -> [String; 8] {
 
 /// One line of the summary. The rows are those of [`rows`].
 fn summary(rows: &[TortureRow]) -> Option<String> {
-    let [others @ .., two, flat] = rows else { return None };
+    let [others @ .., two, flat, shared] = rows else { return None };
     let other = others.iter().map(|row| row.sigma.mean).fold(f64::INFINITY, f64::min);
     let sigma = two.sigma;
-    let numbers = [sigma.mean, sigma.rms, sigma.p999, two.dead, flat.sigma.mean, other];
+    let numbers =
+        [sigma.mean, sigma.rms, sigma.p999, two.dead, flat.sigma.mean, shared.sigma.mean, shared.sigma.p999, other];
     let ratios = [sigma.mean / other, sigma.mean / flat.sigma.mean];
     let cells = numbers.map(|x| format!("{x:.3}")).into_iter().chain(ratios.map(|x| format!("{x:.2}")));
     Some(format!("| {} | {} |", two.scene, cells.collect::<Vec<_>>().join(" | ")))
@@ -45,7 +58,7 @@ pub fn run(effort: Effort, out: &Path) -> Result<(), SceneError> {
 }
 
 /// The columns of [`run_cliffs`] in the terminal.
-const CLIFF_SUMMARY: [&str; 4] = ["scene", "two levels", "flat", "of flat"];
+const CLIFF_SUMMARY: [&str; 5] = ["scene", "two levels", "flat", "shared cuts", "of flat"];
 
 /// As [`run`], for the scenes in which two levels were far worse than one tree.
 pub fn run_cliffs(effort: Effort, out: &Path) -> Result<(), SceneError> {
@@ -54,8 +67,8 @@ pub fn run_cliffs(effort: Effort, out: &Path) -> Result<(), SceneError> {
     for scene in cliffs::scenes()?.iter().take(effort.select(usize::MAX, 1)) {
         let measured = own_rows(scene)?;
         measured.iter().try_for_each(|row| table.add(fields(row))).map_err(SceneError)?;
-        let [two, flat] = measured.map(|row| row.sigma.mean);
-        testbed::say!("| {} | {two:.3} | {flat:.3} | {:.2} |", scene.name, two / flat);
+        let [two, flat, shared] = measured.map(|row| row.sigma.mean);
+        testbed::say!("| {} | {two:.3} | {flat:.3} | {shared:.3} | {:.2} |", scene.name, two / flat);
     }
     Ok(())
 }

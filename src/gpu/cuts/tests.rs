@@ -14,6 +14,7 @@ use super::*;
 use crate::instance::placement::Placement;
 use crate::keys::LightId;
 use crate::plan::cut_layout::{HEAD, ROW_NODES, ROW_QUADS, ROW_SUMS, SLOT_WORDS};
+use crate::plan::text::{Extras, wgsl_of_shader};
 use crate::sampling::counts::SplitCount;
 use crate::sampling::cuts::shared::NodeId;
 use crate::sampling::cuts::table::CutTable;
@@ -69,6 +70,35 @@ const CHOOSE: &str = "
         if pick.pmf > 0.0 { pmf = light_pmf(at, pick.instance, pick.light); }
         outputs[id.x] = vec4(pick.instance, pick.light, bitcast<u32>(pick.pmf), bitcast<u32>(pmf));";
 
+const COUNT: &str = "
+        light_nodes_read = 0u;
+        let pick = light_pick(at, inputs[id.x].u.xy);
+        let one = light_nodes_read;
+        light_nodes_read = 0u;
+        let kept = light_resample(at, inputs[id.x].u, 0.5, 8u);
+        outputs[id.x] = vec4(one, light_nodes_read, u32(pick.pmf > 0.0), u32(kept.weight > 0.0));";
+
+/// A pipeline of the entry point `engine`.
+fn pipeline(text: String, layouts: [&wgpu::BindGroupLayout; 2]) -> wgpu::ComputePipeline {
+    let (device, _) = gpu();
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl(text.into()),
+    });
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        bind_group_layouts: &layouts.map(Some),
+        ..Default::default()
+    });
+    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: None,
+        layout: Some(&layout),
+        module: &module,
+        entry_point: Some("engine"),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    })
+}
+
 struct Rig {
     lights: GpuLights,
     own: wgpu::BindGroupLayout,
@@ -85,22 +115,7 @@ impl Rig {
             entries: &[storage_entry(0, true), storage_entry(1, false)],
         });
         let pipeline = |shader: &LightShader, work: &str| {
-            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: None,
-                source: wgpu::ShaderSource::Wgsl(shader.join(&ENGINE.replace("WORK", work)).into()),
-            });
-            let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-                bind_group_layouts: &[Some(&own), Some(&shader.layout)],
-                ..Default::default()
-            });
-            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: None,
-                layout: Some(&layout),
-                module: &module,
-                entry_point: Some("engine"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: None,
-            })
+            pipeline(shader.join(&ENGINE.replace("WORK", work)), [&own, &shader.layout])
         };
         let mark = pipeline(&lights.mark_shader(1, effects), MARK);
         let choose = pipeline(&lights.cut_shader(1, effects, fallback), CHOOSE);
@@ -321,6 +336,47 @@ fn the_gpu_builds_the_cuts_that_the_cpu_builds_and_chooses_the_same_lights() {
         let without = others(&world.sampler(), &chosen, &outputs);
         assert!(without > chosen.len() / 3, "cuts matter: {without}");
     }
+}
+
+/// The nodes that a sample weighs, and one of eight candidates: 9.5 and 27 without cells, and 0.45 and 3.7 where a
+/// cell has a cut. A candidate of the cut itself takes no node, but four bytes of one. The build of a cell
+/// weighs up to 256 nodes.
+#[test]
+fn choices_from_a_cell_read_few_nodes() {
+    let world = glossy_world();
+    let mut rig = Rig::new(EFFECTS, CutFallback::Walk, options());
+    let layouts = [&rig.lights.layout, &rig.lights.cut_shader(1, EFFECTS, CutFallback::Walk).layout].map(Clone::clone);
+    let count = |cells, layout| {
+        let extras = Extras { counts: true, cells, ..Extras::default() };
+        let text = wgsl_of_shader(1, EFFECTS, extras, None) + &ENGINE.replace("WORK", COUNT);
+        pipeline(text, [&rig.own, layout])
+    };
+    let [alone, shared] = [count(None, &layouts[0]), count(Some(CutFallback::Walk), &layouts[1])];
+    rig.lights.upload(&world).expect("room enough");
+    rig.lights.set_cut_view(EYE.as_dvec3(), 0.01);
+    let mut table = CutTable::new(options());
+    table.set_view(EYE.as_dvec3(), 0.01);
+    let at = inputs(3000, EYE, 0);
+    mark(&world, &table, &at);
+    table.build(&world);
+    rig.run(&at, &at[..1]);
+
+    let (device, queue) = gpu();
+    let sampler = world.sampler().with_cuts(&table);
+    let means = |pipeline, group: &wgpu::BindGroup| {
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let output = rig.pass(&mut encoder, pipeline, group, &at);
+        queue.submit([encoder.finish()]);
+        let found: Vec<[u32; 4]> = read(&device, &queue, &output);
+        let has_cut = |input: &Input| sampler.shared_cut(&point(input), 0.0).is_some();
+        let known: Vec<[u32; 4]> =
+            at.iter().zip(found).filter(|(input, _)| has_cut(input)).map(|(_, found)| found).collect();
+        let mean = |i: usize| known.iter().map(|found| f64::from(found[i])).sum::<f64>() / known.len() as f64;
+        assert!(known.len() > 1500 && mean(2) > 0.5 && mean(3) > 0.5);
+        [mean(0), mean(1)]
+    };
+    let (alone, shared) = (means(&alone, &rig.lights.bind_group), means(&shared, rig.lights.cut_bind_group()));
+    assert!(shared[0] < 0.5 && shared[1] < 4.0 && alone[0] > 9.0 && alone[1] > 25.0, "{alone:?} {shared:?}");
 }
 
 /// The effects of the world of these tests, and glossy points.

@@ -10,14 +10,22 @@ const NEIGHBOURS: u64 = 256;
 const SEED: u64 = 2_024;
 
 /// A table with the cells of all shading points, each with an edge of `edge` metres and built for
-/// neighbours that lie in the plane of the point's surface, or around a point in a volume. `None` as
-/// `edge` if a cell would not be built.
+/// neighbours that lie in the plane of the point's surface, or around a point in a volume. Glossy points
+/// are seen by one camera, which stands where the view of the first of them ends.
 pub fn table(world: &LightWorld, shading_points: &[ShadingPoint], edge: f32) -> Result<CutTable, CutError> {
     let mut table = CutTable::new(CutOptions::new(edge, (16 * shading_points.len()).clamp(1, 1 << 16))?);
+    let eye = shading_points.iter().find_map(|at| Some(at.position + at.gloss?.view));
+    if let Some(eye) = eye {
+        // So small that all cells have the edge of the options.
+        table.set_view(eye.as_dvec3() + world.origin(), 1.0e-9);
+    }
     let sampler = world.sampler().with_cuts(&table);
     for (index, at) in (0..).zip(shading_points) {
         let mut rng = Rng::new(SEED, index);
-        for neighbour in neighbours(at, edge, &mut rng) {
+        for mut neighbour in neighbours(at, edge, &mut rng) {
+            if let (Some(gloss), Some(eye)) = (&mut neighbour.gloss, eye) {
+                gloss.view = eye - neighbour.position;
+            }
             sampler.mark(&neighbour);
         }
     }
