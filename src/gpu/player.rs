@@ -17,6 +17,9 @@ pub(super) struct Player {
     pipelines: HashMap<Kernel, wgpu::ComputePipeline>,
     /// A handful: each kernel binds the same buffers in every frame.
     groups: Vec<BoundGroup>,
+    /// Whether the device is that of [`gpu`](super::testing::gpu), and pipelines come from other tests.
+    #[cfg(test)]
+    pub is_shared: bool,
     #[cfg(test)]
     pub submissions: usize,
     /// The most workgroups along the first dimension of a dispatch.
@@ -64,6 +67,8 @@ impl Player {
             pipelines: HashMap::new(),
             groups: Vec::new(),
             #[cfg(test)]
+            is_shared: false,
+            #[cfg(test)]
             submissions: 0,
             #[cfg(test)]
             widest: u32::MAX,
@@ -72,24 +77,33 @@ impl Player {
 
     /// Compiles a kernel, if it is not compiled yet.
     pub fn compile(&mut self, kernel: Kernel) {
-        if self.pipelines.contains_key(&kernel) {
-            return;
+        if !self.pipelines.contains_key(&kernel) {
+            #[cfg(not(test))]
+            let pipeline = self.compiled(kernel);
+            #[cfg(test)]
+            let pipeline = match self.is_shared {
+                true => super::testing::compiled_once((kernel.entry(), None), || self.compiled(kernel)),
+                false => self.compiled(kernel),
+            };
+            self.pipelines.insert(kernel, pipeline);
         }
+    }
+
+    fn compiled(&mut self, kernel: Kernel) -> wgpu::ComputePipeline {
         let layout = self.layout(kernel.bindings());
         let label = Some(kernel.entry());
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label,
             source: wgpu::ShaderSource::Wgsl(text_of(kernel).into()),
         });
-        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label,
             layout: Some(&self.layouts[layout].pipeline),
             module: &module,
             entry_point: label,
             compilation_options: UNCLEARED,
             cache: None,
-        });
-        self.pipelines.insert(kernel, pipeline);
+        })
     }
 
     /// Whether a kernel was compiled.

@@ -50,7 +50,7 @@ mod tests {
 
     use super::*;
     use crate::effects::Effects;
-    use crate::gpu::testing::{gpu, read};
+    use crate::gpu::testing::{gpu, gpu_lights, read};
     use crate::instance::placement::Placement;
     use crate::light::Light;
     use crate::policy::Policy;
@@ -73,7 +73,7 @@ mod tests {
         let lamp = |i: u32| Light::point(Vec3::new(i as f32, 3.0, (i * i % 17) as f32), Vec3::splat(1.0 + i as f32));
         let tree = world.add_tree(LightTree::new((0..100).map(lamp).collect()).expect("valid"));
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
-        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+        let mut lights = gpu_lights();
         let request = |i: u32| SampleRequest {
             position: [(i % 10) as f32, 0.0, (i / 10) as f32],
             normal: [0.0, 1.0, 0.0],

@@ -281,13 +281,11 @@ impl LightShader {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::GpuLights;
-    use crate::gpu::testing::gpu;
+    use crate::gpu::testing::gpu_lights;
 
     #[test]
     fn the_directives_of_an_engine_stay_first() {
-        let (device, queue) = gpu();
-        let shader = GpuLights::new(&device, &queue).expect("default limits are enough").shader(2, Effects::all());
+        let shader = gpu_lights().shader(2, Effects::all());
         let body = "@compute @workgroup_size(1) fn main() { let p = light_pmf(LightShadingPoint(), 0u, 0u); }\n";
         for head in [
             "",

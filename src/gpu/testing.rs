@@ -1,11 +1,14 @@
 //! Devices for the library's own GPU tests: one that they share, with WebGPU's default limits and
 //! no features, and others for tests that need more or less.
 
-use std::sync::OnceLock;
+use std::collections::HashMap;
+use std::sync::{Arc, LazyLock, Mutex, OnceLock, PoisonError};
 
 use glam::{DVec3, Mat3, Vec3};
 use testbed::common::gpu as shared;
 
+use super::GpuLights;
+use crate::effects::Effects;
 use crate::instance::placement::Placement;
 use crate::light::{DirectionalLight, Light};
 use crate::math::dice::hash;
@@ -19,6 +22,26 @@ use crate::world::LightWorld;
 pub(crate) fn gpu() -> (wgpu::Device, wgpu::Queue) {
     static GPU: OnceLock<(wgpu::Device, wgpu::Queue)> = OnceLock::new();
     GPU.get_or_init(|| limited_gpu(&wgpu::Limits::default(), wgpu::Features::empty())).clone()
+}
+
+/// Lights on the shared device, whose kernels are compiled once for all tests.
+pub(crate) fn gpu_lights() -> GpuLights {
+    let (device, queue) = gpu();
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    lights.player.is_shared = true;
+    lights
+}
+
+/// A pipeline of the shared device by its entry point, and by its effects if it depends on them. Each is
+/// compiled once for all tests: compilers take most of their time.
+pub(crate) fn compiled_once(
+    name: (&'static str, Option<Effects>),
+    compile: impl FnOnce() -> wgpu::ComputePipeline,
+) -> wgpu::ComputePipeline {
+    type Compiled = HashMap<(&'static str, Option<Effects>), Arc<OnceLock<wgpu::ComputePipeline>>>;
+    static COMPILED: LazyLock<Mutex<Compiled>> = LazyLock::new(Mutex::default);
+    let place = COMPILED.lock().unwrap_or_else(PoisonError::into_inner).entry(name).or_default().clone();
+    place.get_or_init(compile).clone()
 }
 
 /// A new device with these limits and features.

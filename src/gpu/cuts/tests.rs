@@ -8,7 +8,7 @@ use wgpu::util::DeviceExt;
 
 use super::super::bindings::{bind, storage_entry};
 use super::super::memory::refusals::Refusals;
-use super::super::testing::{gpu, mixed_world, noop, read, unit};
+use super::super::testing::{gpu, gpu_lights, mixed_world, noop, read, unit};
 use super::places::CutPlaces;
 use super::*;
 use crate::instance::placement::Placement;
@@ -108,8 +108,8 @@ struct Rig {
 
 impl Rig {
     fn new(effects: Effects, fallback: CutFallback, options: CutOptions) -> Self {
-        let (device, queue) = gpu();
-        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+        let (device, _) = gpu();
+        let mut lights = gpu_lights();
         let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: None,
             entries: &[storage_entry(0, true), storage_entry(1, false)],

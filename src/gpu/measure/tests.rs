@@ -3,7 +3,7 @@ use wgpu::util::DeviceExt;
 
 use super::*;
 use crate::gpu::SampleRequest;
-use crate::gpu::testing::{gpu, limited_gpu, read};
+use crate::gpu::testing::{gpu, gpu_lights, limited_gpu, read};
 use crate::instance::placement::Placement;
 use crate::light::Light;
 use crate::policy::Policy;
@@ -58,8 +58,8 @@ fn a_build_in_separate_passes_makes_the_same_top_level_as_a_build_in_one_pass() 
 
 #[test]
 fn a_build_before_the_first_upload_has_no_stages() {
-    let (device, queue) = gpu();
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let (device, _) = gpu();
+    let mut lights = gpu_lights();
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     assert_eq!(build_top_timed(&mut lights, &mut encoder, None), []);
 }

@@ -5,7 +5,7 @@ use std::fmt;
 use glam::{DVec3, Vec3};
 
 use crate::gpu::memory::refusals::Refusals;
-use crate::gpu::testing::{gpu, noop, read};
+use crate::gpu::testing::{gpu, gpu_lights, noop, read};
 use crate::gpu::*;
 use crate::instance::placement::Placement;
 use crate::light::Light;
@@ -25,8 +25,7 @@ fn every_public_type_has_a_debug_form_and_may_be_shared_by_threads() {
     check::<TargetHook>();
     check::<ShaderNameError>();
     check::<UploadReport>();
-    let (device, queue) = gpu();
-    let lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let lights = gpu_lights();
     let text = format!("{lights:?}");
     assert!(text.contains("instance_slots: 0") && text.contains("needs_build: true"), "{text}");
 }
@@ -40,7 +39,7 @@ fn two_builds_of_one_upload_give_the_same_top_level() {
         let place = DVec3::new(f64::from(i * i % 97), 0.0, f64::from(i % 31));
         world.add_instance(tree, Placement::at(place), Policy::Static).expect("valid");
     }
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut lights = gpu_lights();
     lights.upload(&world).expect("room enough");
     let mut record = || {
         lights.top_status.invalidate();
@@ -65,7 +64,7 @@ fn a_frame_without_changes_writes_nothing_into_the_top_level() {
     for i in 0..300_u32 {
         world.add_instance(tree, Placement::at(DVec3::X * f64::from(i)), Policy::Static).expect("valid");
     }
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut lights = gpu_lights();
     let frame = |lights: &mut GpuLights, world: &mut LightWorld| {
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         lights.sync(world, FrameBudget::NONE, &mut encoder).expect("room enough");

@@ -23,7 +23,9 @@ pub(super) struct Rig {
 impl Rig {
     pub fn new() -> Self {
         let (device, queue) = gpu();
-        Self { player: Player::new(&device, &queue), ids: Ids::default() }
+        let mut player = Player::new(&device, &queue);
+        player.is_shared = true;
+        Self { player, ids: Ids::default() }
     }
 
     /// Makes buffers and plays what `plan` adds.

@@ -3,7 +3,7 @@
 use glam::{DVec3, Mat3, Vec3};
 
 use crate::gpu::memory::refusals::Refusals;
-use crate::gpu::testing::{gpu, noop, read};
+use crate::gpu::testing::{gpu, gpu_lights, noop, read};
 use crate::gpu::*;
 use crate::instance::placement::Placement;
 use crate::light::{DirectionalLight, Light};
@@ -119,9 +119,8 @@ fn count_lit(records: &[SampleRecord]) -> usize {
 
 #[test]
 fn a_refused_buffer_leaves_the_lights_and_a_due_build_in_place() {
-    let (device, queue) = gpu();
     let mut world = small_world();
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut lights = gpu_lights();
     lights.upload(&world).expect("room enough");
     let before = sample(&mut lights);
     assert_eq!(count_lit(&before), 64);
@@ -141,9 +140,8 @@ fn a_refused_buffer_leaves_the_lights_and_a_due_build_in_place() {
 
 #[test]
 fn refused_records_leave_no_light_until_the_next_upload_sends_all() {
-    let (device, queue) = gpu();
     let mut world = small_world();
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut lights = gpu_lights();
     lights.upload(&world).expect("room enough");
     grow(&mut world);
     let seen = lights.revision();
@@ -159,7 +157,7 @@ fn refused_records_leave_no_light_until_the_next_upload_sends_all() {
     let report = lights.upload(&world).expect("there is memory again");
     // Slot 0, which no instance has, is sent too.
     assert_eq!((report.trees, report.instances), (41, 402));
-    let mut fresh = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut fresh = gpu_lights();
     fresh.upload(&world).expect("room enough");
     let expected = sample(&mut fresh);
     assert!(count_lit(&expected) > 32);

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use wgpu::util::DeviceExt;
 
 use super::super::memory::refusals::Refusals;
-use super::super::testing::{gpu, mixed_world, noop, read, unit};
+use super::super::testing::{gpu, gpu_lights, mixed_world, noop, read, unit};
 use super::*;
 use crate::keys::LightId;
 use crate::math::dice::hash;
@@ -160,7 +160,7 @@ fn others(sampler: &LightSampler<'_>, inputs: &[Input], outputs: &[Output]) -> u
 fn the_gpu_learns_and_chooses_as_the_cpu_does() {
     let (device, queue) = gpu();
     let mut world = mixed_world();
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut lights = gpu_lights();
     let pipeline = pipeline(&lights);
     let options = VisibilityOptions::new(4.0, 256).expect("valid");
     let mut table = VisibilityTable::new(options);
@@ -219,9 +219,8 @@ fn the_gpu_learns_and_chooses_as_the_cpu_does() {
 
 #[test]
 fn without_a_table_the_shader_chooses_as_without_learning() {
-    let (device, queue) = gpu();
     let world = mixed_world();
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut lights = gpu_lights();
     let pipeline = pipeline(&lights);
     lights.upload(&world).expect("room enough");
     let inputs = inputs(&world.sampler(), 3);

@@ -124,6 +124,7 @@ pub const LOSSES: Figure = selection(
         },
         View {
             from: &["torture/torture.csv"],
+            drop: &[("sampler", "shared cuts")],
             cells: &[cell("σ", "sigma_mean", Digits(3))],
             above: Some(("quotient", 0.6)),
             ..LOSS
@@ -161,14 +162,19 @@ pub const TORTURE: Figure = selection(
     PAGE,
     &[View {
         from: &["torture/torture.csv"],
+        drop: &[("sampler", "uniform"), ("sampler", "flux")],
         keys: &[("scene", "scene")],
         across: Some("sampler"),
         cells: &[
             cell("", "sigma_mean", Digits(2)),
             cell("99.9 %", "sigma_p999", Digits(2)).only("girandole"),
-            cell("dead", "dead", Percent(0)).only("girandole"),
+            cell("99.9 %, shared", "sigma_p999", Digits(2)).only("shared cuts"),
         ],
-        derived: &[Derived::OfBest("quotient", "two levels", &["two levels", "one tree", "99.9 %", "dead"])],
+        derived: &[Derived::OfBest(
+            "quotient",
+            "two levels",
+            &["two levels", "one tree", "shared cuts", "99.9 %", "99.9 %, shared"],
+        )],
         above: Some(("quotient", 0.25)),
         ..VIEW
     }],
@@ -200,7 +206,12 @@ pub const GLOSS: Figure = table(
         cells: &[cell("", "sigma_mean", Digits(3))],
         derived: &[Derived::Ratio("of cosine only", "with gloss", "cosine only")],
         is_least_bold: true,
-        labels: &[("girandole with gloss", "with gloss"), ("girandole", "cosine only")],
+        labels: &[
+            ("girandole with gloss, shared cuts, 0.25 m", "shared, 0.25 m"),
+            ("girandole with gloss, shared cuts, 1 m", "shared, 1 m"),
+            ("girandole with gloss", "with gloss"),
+            ("girandole", "cosine only"),
+        ],
         ..VIEW
     }],
 );
