@@ -18,6 +18,8 @@ pub const HOW_TO_GET_AN_ADAPTER: &str =
 pub fn find_adapter(name: Option<&str>) -> Result<wgpu::Adapter, String> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends: BACKENDS,
+        // Positions in the text, for debuggers of shaders, take a tenth of the time of software drivers.
+        flags: wgpu::InstanceFlags::default() - wgpu::InstanceFlags::DEBUG,
         ..wgpu::InstanceDescriptor::new_without_display_handle()
     });
     let adapters = pollster::block_on(instance.enumerate_adapters(BACKENDS));
