@@ -65,14 +65,13 @@ impl Pipelines {
         (scene, geometry): (&Scene, &Geometry),
     ) -> Result<Self, String> {
         let target = TargetHook::new(TARGET, TARGET_ARGUMENT).map_err(|error| error.to_string())?;
-        let plain = lights.shader(LIGHT_GROUP, Effects::all());
+        let plain = lights.shader(LIGHT_GROUP, Effects::all()).with_target(target.clone());
         let shares = lights.cut_report().is_some();
         let mark = shares.then(|| lights.mark_shader(LIGHT_GROUP, Effects::all()));
         let render = match shares {
-            true => lights.cut_shader(LIGHT_GROUP, Effects::all(), CutFallback::Split),
+            true => lights.cut_shader(LIGHT_GROUP, Effects::all(), CutFallback::Split).with_target(target),
             false => plain.clone(),
         };
-        let render = render.with_target(target);
         let mut needs = Needs::new(scene, geometry);
         needs.stack_size += SPARE_STACK;
         let (device, layout, variants) = (device.clone(), layout.clone(), HashMap::new());
