@@ -2,7 +2,7 @@
 # Builds the page and checks it in headless Chromium, on its software adapter. Needs no GPU.
 # Installs Chromium on Debian if there is none.
 #
-# - The picture agrees with the sum over all lights, and trees were rebuilt.
+# - The picture agrees with the sum over all lights, pixels share cuts, and trees were rebuilt.
 # - A browser that lacks WebGPU, has no adapter, or takes the device away gets a sentence.
 set -euo pipefail
 cd "$(dirname "$0")"
@@ -54,6 +54,7 @@ expect() {
 visit check "file://$PWD/target/page/index.html?test" 330 "${software[@]}"
 cat "$work/check"
 expect check 'test: verdict: agree'
+expect check '"sharesCuts":true'
 if ! grep -q '^test: rebuilds: [1-9]' "$work/check" || ! grep -q '^test: variants: [1-9]' "$work/check"; then
     echo 'examples/girandole-web/test.sh: no tree was rebuilt, or no pipeline was compiled for the effects of the lights' >&2
     exit 1

@@ -264,7 +264,7 @@ impl City {
             self.report;
         let millis = |time: std::time::Duration| time.as_secs_f64() * 1e3;
         format!(
-            r#"{{"lights": {}, "instances": {}, "moved": {moved_instances}, "refitted": {refit_trees}, "rebuilt": {rebuilt_trees}, "waiting": {waiting_trees}, "spent": {:.3}, "refit": {:.3}, "frames": {}, "rebuiltSoFar": {}, "refittedSoFar": {}, "variants": {}, "hasVariant": {}, "software": {}, "stillFrames": {}, "adapter": "{}"}}"#,
+            r#"{{"lights": {}, "instances": {}, "moved": {moved_instances}, "refitted": {refit_trees}, "rebuilt": {rebuilt_trees}, "waiting": {waiting_trees}, "spent": {:.3}, "refit": {:.3}, "frames": {}, "rebuiltSoFar": {}, "refittedSoFar": {}, "variants": {}, "hasVariant": {}, "software": {}, "sharesCuts": {}, "stillFrames": {}, "adapter": "{}"}}"#,
             world.light_count(),
             world.instance_count(),
             millis(spent),
@@ -275,6 +275,7 @@ impl City {
             self.pipelines.variant_count(),
             self.pipelines.has(self.lights.effects()),
             self.gpu.is_software,
+            self.lights.cut_report().is_some(),
             self.still_frames,
             self.gpu.name.replace(['"', '\\'], "'"),
         )
