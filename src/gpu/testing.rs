@@ -44,6 +44,31 @@ pub(crate) fn compiled_once(
     place.get_or_init(compile).clone()
 }
 
+/// A pipeline of the shared device, for the entry point of a text that binds two groups.
+pub(crate) fn compute_pipeline(
+    text: String,
+    entry: &str,
+    groups: [&wgpu::BindGroupLayout; 2],
+) -> wgpu::ComputePipeline {
+    let (device, _) = gpu();
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl(text.into()),
+    });
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        bind_group_layouts: &groups.map(Some),
+        ..Default::default()
+    });
+    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: None,
+        layout: Some(&layout),
+        module: &module,
+        entry_point: Some(entry),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    })
+}
+
 /// A new device with these limits and features.
 pub(crate) fn limited_gpu(limits: &wgpu::Limits, features: wgpu::Features) -> (wgpu::Device, wgpu::Queue) {
     let opened = shared::find_adapter(None)

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use glam::{DVec3, Mat3, Quat, Vec3};
 
-use super::testing::{compiled_once, gpu, gpu_lights, random, random_vec, read};
+use super::testing::{compiled_once, compute_pipeline, gpu, gpu_lights, random, random_vec, read};
 use super::*;
 use crate::effects::EFFECT_HOLD_UPDATES;
 use crate::instance::placement::Placement;
@@ -211,7 +211,7 @@ fn any_variant_reads_any_layout() {
     let ends = [Effects::empty(), Effects::all()];
     let sets = EFFECTS.into_iter().chain(ends).chain([Effects::CONES | Effects::RANGES]);
     let mut layouts: Vec<_> = sets.map(|stored| (stored, upload(&world, stored))).collect();
-    // Those of the test above: compilers take most of the time.
+    // The variants of the test above, so that each is compiled once.
     for variant in EFFECTS.into_iter().map(|effect| Effects::all() - effect).chain(ends) {
         for (stored, lights) in &mut layouts {
             assert_alike(&sample(lights, variant), &twin, &format!("{variant:?} of {stored:?}"));
@@ -358,27 +358,11 @@ fn the_variant_that_counts_nodes_counts_those_that_a_sample_reads() {
                 counts[i] = select(0u, light_nodes_read, s.pmf > 0.0);
             }
         }";
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: None,
-        source: wgpu::ShaderSource::Wgsl(text.into()),
-    });
     let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
         label: None,
         entries: &[bindings::storage_entry(0, false)],
     });
-    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: None,
-        bind_group_layouts: &[Some(lights.bind_group_layout()), Some(&own)],
-        ..Default::default()
-    });
-    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: None,
-        layout: Some(&layout),
-        module: &module,
-        entry_point: Some("count"),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
-    });
+    let pipeline = compute_pipeline(text, "count", [lights.bind_group_layout(), &own]);
     let output = device.create_buffer(&wgpu::BufferDescriptor {
         label: None,
         size: 8,

@@ -8,7 +8,7 @@ use wgpu::util::DeviceExt;
 
 use super::super::bindings::{bind, storage_entry};
 use super::super::memory::refusals::Refusals;
-use super::super::testing::{gpu, gpu_lights, mixed_world, noop, read, unit};
+use super::super::testing::{compute_pipeline, gpu, gpu_lights, mixed_world, noop, read, unit};
 use super::places::CutPlaces;
 use super::*;
 use crate::instance::placement::Placement;
@@ -78,27 +78,6 @@ const COUNT: &str = "
         let kept = light_resample(at, inputs[id.x].u, 0.5, 8u);
         outputs[id.x] = vec4(one, light_nodes_read, u32(pick.pmf > 0.0), u32(kept.weight > 0.0));";
 
-/// A pipeline of the entry point `engine`.
-fn pipeline(text: String, layouts: [&wgpu::BindGroupLayout; 2]) -> wgpu::ComputePipeline {
-    let (device, _) = gpu();
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: None,
-        source: wgpu::ShaderSource::Wgsl(text.into()),
-    });
-    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        bind_group_layouts: &layouts.map(Some),
-        ..Default::default()
-    });
-    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: None,
-        layout: Some(&layout),
-        module: &module,
-        entry_point: Some("engine"),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
-    })
-}
-
 struct Rig {
     lights: GpuLights,
     own: wgpu::BindGroupLayout,
@@ -115,7 +94,7 @@ impl Rig {
             entries: &[storage_entry(0, true), storage_entry(1, false)],
         });
         let pipeline = |shader: &LightShader, work: &str| {
-            pipeline(shader.join(&ENGINE.replace("WORK", work)), [&own, &shader.layout])
+            compute_pipeline(shader.join(&ENGINE.replace("WORK", work)), "engine", [&own, &shader.layout])
         };
         let mark = pipeline(&lights.mark_shader(1, effects), MARK);
         let choose = pipeline(&lights.cut_shader(1, effects, fallback), CHOOSE);
@@ -349,7 +328,7 @@ fn choices_from_a_cell_read_few_nodes() {
     let count = |cells, layout| {
         let extras = Extras { counts: true, cells, ..Extras::default() };
         let text = wgsl_of_shader(1, EFFECTS, extras, None) + &ENGINE.replace("WORK", COUNT);
-        pipeline(text, [&rig.own, layout])
+        compute_pipeline(text, "engine", [&rig.own, layout])
     };
     let [alone, shared] = [count(None, &layouts[0]), count(Some(CutFallback::Walk), &layouts[1])];
     rig.lights.upload(&world).expect("room enough");

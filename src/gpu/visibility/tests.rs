@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use wgpu::util::DeviceExt;
 
 use super::super::memory::refusals::Refusals;
-use super::super::testing::{gpu, gpu_lights, mixed_world, noop, read, unit};
+use super::super::testing::{compute_pipeline, gpu, gpu_lights, mixed_world, noop, read, unit};
 use super::*;
 use crate::keys::LightId;
 use crate::math::dice::hash;
@@ -124,22 +124,7 @@ fn pipeline(lights: &GpuLights) -> (wgpu::BindGroupLayout, wgpu::ComputePipeline
         entries: &[storage_entry(0, true), storage_entry(1, false)],
     });
     let shader = lights.visibility_shader(1, Effects::all());
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: None,
-        source: wgpu::ShaderSource::Wgsl(shader.join(ENGINE).into()),
-    });
-    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        bind_group_layouts: &[Some(&own), Some(&shader.layout)],
-        ..Default::default()
-    });
-    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: None,
-        layout: Some(&layout),
-        module: &module,
-        entry_point: Some("engine"),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
-    });
+    let pipeline = compute_pipeline(shader.join(ENGINE), "engine", [&own, &shader.layout]);
     (own, pipeline)
 }
 

@@ -141,8 +141,7 @@ impl CutTable {
         self.built.report
     }
 
-    /// Forgets all marks and all cuts, as after a jump of the camera, and keeps its memory. O(cells of the
-    /// table).
+    /// Forgets all marks and all cuts, and keeps the memory for new ones. O(cells of the table).
     pub fn clear(&mut self) {
         self.marks.clear();
         *self.lost_marks.get_mut() = 0;
