@@ -1,5 +1,5 @@
 // The cell of a shading point, whose points share a cut. Twin of src/sampling/cuts/cell.rs, which explains
-// it and owns the constants. src/gpu/cuts owns the buffers.
+// it and owns the constants. src/plan/cuts owns the buffers.
 
 // What tells cells apart. Twin of `CutCell`.
 struct LightCutCell {
@@ -19,12 +19,12 @@ fn light_cut_cell(shading_point: LightShadingPoint) -> LightCutCell {
     let position = bitcast<vec3<u32>>(shading_point.position);
     let random = light_hash(position.x ^ light_hash(position.y ^ light_hash(position.z)));
     let normal = light_cell_normal(shading_point.normal, random);
-    let toward = light_cut_grid.eye - shading_point.position;
-    let exponent = bitcast<u32>(dot(toward, toward) * light_cut_grid.edges_sq) >> 23u;
-    let level = min((max(exponent, 127u) - 127u) / 2u, light_cut_grid.levels);
-    let units = floor((shading_point.position + light_cut_grid.offset) * light_cut_grid.units_per_metre);
+    let toward = light_cuts.grid.eye - shading_point.position;
+    let exponent = bitcast<u32>(dot(toward, toward) * light_cuts.grid.edges_sq) >> 23u;
+    let level = min((max(exponent, 127u) - 127u) / 2u, light_cuts.grid.levels);
+    let units = floor((shading_point.position + light_cuts.grid.offset) * light_cuts.grid.units_per_metre);
     let limited = clamp(units, vec3(-LIGHT_MAX_COORDINATE), vec3(LIGHT_MAX_COORDINATE));
-    let place = bitcast<vec3<i32>>(bitcast<vec3<u32>>(vec3<i32>(limited)) + light_cut_grid.first);
+    let place = bitcast<vec3<i32>>(bitcast<vec3<u32>>(vec3<i32>(limited)) + light_cuts.grid.first);
     var cell: LightCutCell;
     cell.corner = bitcast<vec3<u32>>(place >> vec3(LIGHT_PLACE_BITS + level));
     cell.kind = level | (normal.x << 4u);
@@ -80,9 +80,9 @@ fn light_cell_gloss(
     if all(shading_point.normal == vec3(0.0)) {
         return 0u;
     }
-    let toward = light_cut_grid.eye - shading_point.position;
+    let toward = light_cuts.grid.eye - shading_point.position;
     let is_seen = dot(toward, view) >= LIGHT_VIEW_COSINE * (length(toward) * length(view));
-    if (light_cut_grid.flags & LIGHT_HAS_EYE) == 0u || !is_seen {
+    if light_cuts.grid.has_eye == 0u || !is_seen {
         return LIGHT_NO_CELL;
     }
     let steps = u32(round(clamp(roughness, 0.0, 1.0) * LIGHT_ROUGHNESS_STEPS));

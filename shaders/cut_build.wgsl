@@ -47,9 +47,9 @@ fn cell_point(cell: LightCutCell, word: u32, is_center: bool) -> LightShadingPoi
     let within = vec3<f32>((vec3(word) >> shifts) & vec3((1u << LIGHT_PLACE_BITS) - 1u)) + 0.5;
     let middle = f32(1u << (LIGHT_PLACE_BITS - 1u));
     let place = select(within, vec3(middle), is_center);
-    let corner = (cell.corner << vec3(LIGHT_PLACE_BITS + level)) - light_cut_grid.first;
+    let corner = (cell.corner << vec3(LIGHT_PLACE_BITS + level)) - light_cuts.grid.first;
     let units = vec3<f32>(bitcast<vec3<i32>>(corner)) + place * f32(1u << level);
-    let position = units * light_cut_grid.unit - light_cut_grid.offset;
+    let position = units * light_cuts.grid.unit - light_cuts.grid.offset;
     var point: LightShadingPoint;
     if is_center {
         point = light_volume_point(position);
@@ -62,7 +62,7 @@ fn cell_point(cell: LightCutCell, word: u32, is_center: bool) -> LightShadingPoi
             let ratio = exp2(f32(gloss >> 8u) + LIGHT_LEAST_RATIO);
             let roughness = f32((gloss & 255u) - 1u) / LIGHT_ROUGHNESS_STEPS;
             point = light_glossy_point(
-                position, normal, light_cut_grid.eye - position, roughness, ratio / (1.0 + ratio), 1.0 / (1.0 + ratio),
+                position, normal, light_cuts.grid.eye - position, roughness, ratio / (1.0 + ratio), 1.0 / (1.0 + ratio),
             );
         }
         // #endif
@@ -112,17 +112,17 @@ fn cut_build(
 ) {
     let number = group.x + group.y * groups.x;
     if lane == 0u {
-        let word = light_cut_grid.listed + number;
-        let is_listed = number < light_cuts[1].y;
-        job = select(0u, (LIGHT_CUT_HEAD + LIGHT_SLOT_WORDS * light_cuts[word / 4u][word % 4u]) / 4u, is_listed);
+        let word = light_cuts.grid.listed + number;
+        let is_listed = number < light_cuts.quads[1].y;
+        job = select(0u, (LIGHT_CUT_HEAD + LIGHT_SLOT_WORDS * light_cuts.quads[word / 4u][word % 4u]) / 4u, is_listed);
     }
     let slot_at = workgroupUniformLoad(&job);
     if slot_at == 0u {
         return;
     }
-    let cell_words = light_cuts[slot_at + 1u];
-    let mask_and_words = light_cuts[slot_at + 2u];
-    let last_words = light_cuts[slot_at + 3u];
+    let cell_words = light_cuts.quads[slot_at + 1u];
+    let mask_and_words = light_cuts.quads[slot_at + 2u];
+    let last_words = light_cuts.quads[slot_at + 3u];
     var cell: LightCutCell;
     cell.corner = cell_words.xyz;
     cell.kind = cell_words.w;
@@ -305,13 +305,13 @@ fn cut_build(
     for (var i = 0u; i < lane; i++) {
         before += keys[i];
     }
-    let row = light_row(light_cuts[slot_at].z);
+    let row = light_row(light_cuts.quads[slot_at].z);
     let running = vec4(units.x, units.x + units.y, units.x + units.y + units.z, 0u);
     let sum_at_end = before + running.z + units.w;
-    light_cuts[row + LIGHT_ROW_SUMS + lane] = vec4(before + running.xyz, sum_at_end);
+    light_cuts.quads[row + LIGHT_ROW_SUMS + lane] = vec4(before + running.xyz, sum_at_end);
     if lane % 4u == 3u {
         let block = lane / 4u;
-        light_cuts[row + 1u + block / 4u][block % 4u] = sum_at_end;
+        light_cuts.quads[row + 1u + block / 4u][block % 4u] = sum_at_end;
     }
     if lane < LIGHT_SHARED_NODES / 2u {
         var pair = vec4(0xffffffffu);
@@ -321,12 +321,12 @@ fn cut_build(
         if 2u * lane + 1u < count {
             pair = vec4(pair.xy, nodes[2u * lane + 1u].instance, nodes[2u * lane + 1u].index);
         }
-        light_cuts[row + LIGHT_ROW_NODES + lane] = pair;
+        light_cuts.quads[row + LIGHT_ROW_NODES + lane] = pair;
     }
     if lane == 63u {
-        light_cuts[row] = vec4(count, point_count, bitcast<u32>(shared_parts.w), sum_at_end);
-        light_cuts[slot_at].w = select(0u, point_count, shared_parts.z > 0.0);
-        light_cuts[slot_at + 2u] = vec4(cell.mask, 0u, 0u, 0u);
-        light_cuts[slot_at + 3u] = vec4(0u);
+        light_cuts.quads[row] = vec4(count, point_count, bitcast<u32>(shared_parts.w), sum_at_end);
+        light_cuts.quads[slot_at].w = select(0u, point_count, shared_parts.z > 0.0);
+        light_cuts.quads[slot_at + 2u] = vec4(cell.mask, 0u, 0u, 0u);
+        light_cuts.quads[slot_at + 3u] = vec4(0u);
     }
 }

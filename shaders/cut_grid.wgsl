@@ -1,4 +1,4 @@
-// The grid of cells and the sizes of the table. Twin of `GridRecord`.
+// The grid of cells and the sizes of the table, which lie ahead of its words. Twin of `GridRecord`.
 struct LightCutGrid {
     // The edge of the smallest place in a cell, in metres, and its inverse.
     unit: f32,
@@ -12,8 +12,8 @@ struct LightCutGrid {
     first: vec3<u32>,
     padding: u32,
     eye: vec3<f32>,
-    // LIGHT_HAS_EYE, LIGHT_EYE_MOVED.
-    flags: u32,
+    // 1 if there is an eye.
+    has_eye: u32,
     // The marks that a cell needs to get a cut.
     min_marks: u32,
     // The quad at which the first row begins.
@@ -22,5 +22,3 @@ struct LightCutGrid {
     free_rows: u32,
     listed: u32,
 }
-
-@group(LIGHT_GROUP) @binding(5) var<uniform> light_cut_grid: LightCutGrid;

@@ -3,11 +3,13 @@
 //
 // The head of the table: whether cuts are valid; the number of listed cells; the first and the end of
 // the free rows in their ring, and where those end that were free before this frame; the number of cells
-// to build; and counters.
+// to build; counters, of which LIGHT_LOST_MARKS is the last; and the eye of the last build.
 
-@group(LIGHT_GROUP) @binding(6) var<storage, read_write> table: array<atomic<u32>>;
+struct LightCutTable { grid: LightCutGrid, words: array<atomic<u32>> }
+
+@group(0) @binding(1) var<storage, read_write> light_cuts: LightCutTable;
 // What the build is dispatched with, and counters of the last build in words 4 to 9.
-@group(LIGHT_GROUP) @binding(7) var<storage, read_write> report: array<u32>;
+@group(0) @binding(2) var<storage, read_write> report: array<u32>;
 
 const LISTED: u32 = 1u;
 const FIRST_FREE: u32 = 2u;
@@ -19,32 +21,43 @@ const BUILT: u32 = 9u;
 const KEPT: u32 = 10u;
 const RARE: u32 = 11u;
 const REFUSED: u32 = 12u;
+const BUILT_EYE: u32 = 14u;
+
+// Whether the eye is elsewhere than in the last build.
+fn has_eye_moved() -> bool {
+    let eye = bitcast<vec3<u32>>(light_cuts.grid.eye);
+    let built_eye = vec3(
+        atomicLoad(&light_cuts.words[BUILT_EYE]), atomicLoad(&light_cuts.words[BUILT_EYE + 1u]),
+        atomicLoad(&light_cuts.words[BUILT_EYE + 2u]),
+    );
+    return any(eye != built_eye);
+}
 
 fn last_row() -> u32 {
-    return light_cut_grid.listed - light_cut_grid.free_rows - 1u;
+    return light_cuts.grid.listed - light_cuts.grid.free_rows - 1u;
 }
 
 // Takes the cut of a slot away.
 fn give_back(at: u32) {
-    atomicStore(&table[at + 3u], 0u);
-    let row = atomicExchange(&table[at + 2u], 0u);
+    atomicStore(&light_cuts.words[at + 3u], 0u);
+    let row = atomicExchange(&light_cuts.words[at + 2u], 0u);
     if row != 0u {
-        let end = atomicAdd(&table[END_OF_FREE], 1u);
-        atomicStore(&table[light_cut_grid.free_rows + (end & last_row())], row);
+        let end = atomicAdd(&light_cuts.words[END_OF_FREE], 1u);
+        atomicStore(&light_cuts.words[light_cuts.grid.free_rows + (end & last_row())], row);
     }
 }
 
 // Returns the number of points, and forgets them.
 fn forget_points(at: u32) {
     for (var i = 0u; i < LIGHT_CELL_POINTS; i++) {
-        atomicStore(&table[at + 9u + i], 0u);
+        atomicStore(&light_cuts.words[at + 9u + i], 0u);
     }
 }
 
 fn points(at: u32) -> u32 {
     var count = 0u;
     for (var i = 0u; i < LIGHT_CELL_POINTS; i++) {
-        count += select(0u, 1u, atomicLoad(&table[at + 9u + i]) != 0u);
+        count += select(0u, 1u, atomicLoad(&light_cuts.words[at + 9u + i]) != 0u);
     }
     return count;
 }
@@ -52,68 +65,73 @@ fn points(at: u32) -> u32 {
 @compute @workgroup_size(64)
 fn cut_list(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let slot = id.x + id.y * groups.x * 64u;
-    if slot > light_cut_grid.last_slot {
+    if slot > light_cuts.grid.last_slot {
         return;
     }
     let at = LIGHT_CUT_HEAD + LIGHT_SLOT_WORDS * slot;
-    if atomicLoad(&table[at]) == 0u {
+    if atomicLoad(&light_cuts.words[at]) == 0u {
         return;
     }
-    let count = atomicExchange(&table[at + 1u], 0u);
+    let count = atomicExchange(&light_cuts.words[at + 1u], 0u);
     if count == 0u {
         give_back(at);
-        atomicStore(&table[at], 0u);
+        atomicStore(&light_cuts.words[at], 0u);
         return;
     }
-    atomicAdd(&table[MARKED], 1u);
-    if count < light_cut_grid.min_marks {
-        atomicAdd(&table[RARE], 1u);
+    atomicAdd(&light_cuts.words[MARKED], 1u);
+    if count < light_cuts.grid.min_marks {
+        atomicAdd(&light_cuts.words[RARE], 1u);
         give_back(at);
         forget_points(at);
         return;
     }
-    let is_glossy = (atomicLoad(&table[at + 7u]) >> LIGHT_GLOSS_SHIFT) != 0u;
-    let is_same = atomicLoad(&table[0]) != 0u && !(is_glossy && (light_cut_grid.flags & LIGHT_EYE_MOVED) != 0u);
-    let built_points = atomicLoad(&table[at + 3u]);
+    let is_glossy = (atomicLoad(&light_cuts.words[at + 7u]) >> LIGHT_GLOSS_SHIFT) != 0u;
+    let is_same = atomicLoad(&light_cuts.words[0]) != 0u && !(is_glossy && has_eye_moved());
+    let built_points = atomicLoad(&light_cuts.words[at + 3u]);
     if is_same && built_points != 0u && points(at) <= built_points {
-        atomicAdd(&table[KEPT], 1u);
+        atomicAdd(&light_cuts.words[KEPT], 1u);
         forget_points(at);
         return;
     }
     // It has no cut until it is built.
-    atomicStore(&table[at + 3u], 0u);
-    if atomicLoad(&table[at + 2u]) == 0u {
-        let first = atomicAdd(&table[FIRST_FREE], 1u);
-        if bitcast<i32>(first - atomicLoad(&table[USABLE])) >= 0 {
-            atomicAdd(&table[REFUSED], 1u);
+    atomicStore(&light_cuts.words[at + 3u], 0u);
+    if atomicLoad(&light_cuts.words[at + 2u]) == 0u {
+        let first = atomicAdd(&light_cuts.words[FIRST_FREE], 1u);
+        if bitcast<i32>(first - atomicLoad(&light_cuts.words[USABLE])) >= 0 {
+            atomicAdd(&light_cuts.words[REFUSED], 1u);
             forget_points(at);
             return;
         }
-        atomicStore(&table[at + 2u], atomicLoad(&table[light_cut_grid.free_rows + (first & last_row())]));
+        let row = atomicLoad(&light_cuts.words[light_cuts.grid.free_rows + (first & last_row())]);
+        atomicStore(&light_cuts.words[at + 2u], row);
     }
-    let number = atomicAdd(&table[LISTED], 1u);
-    atomicStore(&table[light_cut_grid.listed + number], slot);
+    let number = atomicAdd(&light_cuts.words[LISTED], 1u);
+    atomicStore(&light_cuts.words[light_cuts.grid.listed + number], slot);
 }
 
 // Ends the list: one invocation.
 @compute @workgroup_size(1)
 fn cut_dispatch() {
-    let listed = atomicExchange(&table[LISTED], 0u);
+    let listed = atomicExchange(&light_cuts.words[LISTED], 0u);
     report[0] = min(listed, 65535u);
     report[1] = (listed + 65534u) / 65535u;
     report[2] = 1u;
     report[3] = 0u;
-    atomicStore(&table[TO_BUILD], listed);
-    atomicStore(&table[BUILT], listed);
+    atomicStore(&light_cuts.words[TO_BUILD], listed);
+    atomicStore(&light_cuts.words[BUILT], listed);
     for (var i = 0u; i < 6u; i++) {
-        report[4u + i] = atomicExchange(&table[MARKED + i], 0u);
+        report[4u + i] = atomicExchange(&light_cuts.words[MARKED + i], 0u);
     }
     // Requests that found no row have passed the end.
-    let usable = atomicLoad(&table[USABLE]);
-    if bitcast<i32>(atomicLoad(&table[FIRST_FREE]) - usable) > 0 {
-        atomicStore(&table[FIRST_FREE], usable);
+    let usable = atomicLoad(&light_cuts.words[USABLE]);
+    if bitcast<i32>(atomicLoad(&light_cuts.words[FIRST_FREE]) - usable) > 0 {
+        atomicStore(&light_cuts.words[FIRST_FREE], usable);
     }
-    atomicStore(&table[USABLE], atomicLoad(&table[END_OF_FREE]));
+    atomicStore(&light_cuts.words[USABLE], atomicLoad(&light_cuts.words[END_OF_FREE]));
+    let eye = bitcast<vec3<u32>>(light_cuts.grid.eye);
+    for (var i = 0u; i < 3u; i++) {
+        atomicStore(&light_cuts.words[BUILT_EYE + i], eye[i]);
+    }
     // From here on shaders may use the cuts.
-    atomicStore(&table[0], 1u);
+    atomicStore(&light_cuts.words[0], 1u);
 }

@@ -4,19 +4,22 @@
 // bring over what trees do, and the sum of all units; the running sum at the end of each sixteenth
 // child; the nodes as instance and index; the running sums of all children.
 
-@group(LIGHT_GROUP) @binding(6) var<storage, read> light_cuts: array<vec4<u32>>;
+// mark.wgsl has the order.
+struct LightCutTable { grid: LightCutGrid, quads: array<vec4<u32>> }
+
+@group(LIGHT_GROUP) @binding(5) var<storage, read> light_cuts: LightCutTable;
 
 // The row of the cut of a shading point's cell, as its first quad; 0 if there is none.
 fn light_shared_cut(shading_point: LightShadingPoint) -> u32 {
     let cell = light_cut_cell(shading_point);
     // Cuts are void after a change of the world.
-    if light_cuts[0].x == 0u || cell.kind == LIGHT_NO_CELL {
+    if light_cuts.quads[0].x == 0u || cell.kind == LIGHT_NO_CELL {
         return 0u;
     }
     let keys = light_cell_keys(cell);
     for (var step = 0u; step < LIGHT_PROBES; step++) {
-        let slot = (keys.x + step) & light_cut_grid.last_slot;
-        let words = light_cuts[(LIGHT_CUT_HEAD + LIGHT_SLOT_WORDS * slot) / 4u];
+        let slot = (keys.x + step) & light_cuts.grid.last_slot;
+        let words = light_cuts.quads[(LIGHT_CUT_HEAD + LIGHT_SLOT_WORDS * slot) / 4u];
         if words.x == keys.y {
             return select(0u, light_row(words.z), words.w != 0u);
         }
@@ -26,12 +29,12 @@ fn light_shared_cut(shading_point: LightShadingPoint) -> u32 {
 
 // The first quad of a row; rows are counted from 1.
 fn light_row(number: u32) -> u32 {
-    return light_cut_grid.first_row + (number - 1u) * LIGHT_ROW_QUADS;
+    return light_cuts.grid.first_row + (number - 1u) * LIGHT_ROW_QUADS;
 }
 
 // Twin of `PlacedCut::total`.
 fn light_shared_total(row: u32, directional_lux: f32) -> f32 {
-    let directional = max(bitcast<f32>(light_cuts[row].z), LIGHT_MIN_SIDE);
+    let directional = max(bitcast<f32>(light_cuts.quads[row].z), LIGHT_MIN_SIDE);
     return select(1.0, directional_lux / directional, directional_lux > 0.0);
 }
 
@@ -43,13 +46,13 @@ fn light_sums_passed(sums: vec4<u32>, unit: u32) -> u32 {
 
 // How many of sixteen running sums are at most `unit`.
 fn light_sixteen_passed(at: u32, unit: u32) -> u32 {
-    return light_sums_passed(light_cuts[at], unit) + light_sums_passed(light_cuts[at + 1u], unit)
-        + light_sums_passed(light_cuts[at + 2u], unit) + light_sums_passed(light_cuts[at + 3u], unit);
+    return light_sums_passed(light_cuts.quads[at], unit) + light_sums_passed(light_cuts.quads[at + 1u], unit)
+        + light_sums_passed(light_cuts.quads[at + 2u], unit) + light_sums_passed(light_cuts.quads[at + 3u], unit);
 }
 
 // The running sum of units up to a child.
 fn light_shared_sum(row: u32, child: u32) -> u32 {
-    return light_cuts[row + LIGHT_ROW_SUMS + child / 4u][child % 4u];
+    return light_cuts.quads[row + LIGHT_ROW_SUMS + child / 4u][child % 4u];
 }
 
 // The first unit of a child, and the number of its units.
@@ -71,14 +74,14 @@ struct LightShared {
 
 // Twin of `PlacedCut::choose`.
 fn light_choose_shared(row: u32, u: f32) -> LightShared {
-    let total = light_cuts[row].w;
+    let total = light_cuts.quads[row].w;
     let point = u * f32(total);
     let unit = min(u32(point), total - 1u);
     let block = min(light_sixteen_passed(row + 1u, unit), 15u);
     let child = 16u * block + light_sixteen_passed(row + LIGHT_ROW_SUMS + 4u * block, unit);
     let units = light_units(row, child);
     let node = child / LIGHT_WIDTH;
-    let pair = light_cuts[row + LIGHT_ROW_NODES + node / 2u];
+    let pair = light_cuts.quads[row + LIGHT_ROW_NODES + node / 2u];
     let parent = select(pair.xy, pair.zw, (node & 1u) != 0u);
     let place = light_child_place(LightPlace(parent.x, parent.y), child % LIGHT_WIDTH);
     let inverse = 1.0 / f32(total);
@@ -90,10 +93,10 @@ fn light_choose_shared(row: u32, u: f32) -> LightShared {
 fn light_shared_pmf(row: u32, place: LightPlace, slot: u32) -> f32 {
     let node = vec4(place.instance, place.index, place.instance, place.index);
     for (var i = 0u; i < LIGHT_SHARED_NODES / 2u; i++) {
-        let is_same = light_cuts[row + LIGHT_ROW_NODES + i] == node;
+        let is_same = light_cuts.quads[row + LIGHT_ROW_NODES + i] == node;
         if (is_same.x && is_same.y) || (is_same.z && is_same.w) {
             let index = 2u * i + select(1u, 0u, is_same.x && is_same.y);
-            return f32(light_units(row, index * LIGHT_WIDTH + slot).y) / f32(light_cuts[row].w);
+            return f32(light_units(row, index * LIGHT_WIDTH + slot).y) / f32(light_cuts.quads[row].w);
         }
     }
     return -1.0;

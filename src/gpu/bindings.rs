@@ -23,21 +23,21 @@ pub(super) fn visibility_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout 
     })
 }
 
-/// The layout of the lights with the grid of cells and their cuts. `read_only` is whether the cuts are only read.
-pub(super) fn cut_layout(device: &wgpu::Device, read_only: bool) -> wgpu::BindGroupLayout {
-    let entries: Vec<_> = light_entries().into_iter().chain([uniform_entry(5), storage_entry(6, read_only)]).collect();
+/// The layout of the lights with the cuts of cells.
+pub(super) fn cut_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    let entries: Vec<_> = light_entries().into_iter().chain([storage_entry(5, true)]).collect();
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
         label: Some("girandole lights and cuts"),
         entries: &entries,
     })
 }
 
-/// The layout of shaders that mark cells: the grid, and the table that they write.
+/// The layout of shaders that mark cells: the table, which they write.
 pub(super) fn mark_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
-    let table = wgpu::BindGroupLayoutEntry { visibility: VISIBILITY, ..storage_entry(1, false) };
+    let table = wgpu::BindGroupLayoutEntry { visibility: VISIBILITY, ..storage_entry(0, false) };
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
         label: Some("girandole marks"),
-        entries: &[uniform_entry(0), table],
+        entries: &[table],
     })
 }
 

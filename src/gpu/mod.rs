@@ -63,7 +63,7 @@ use glam::DVec3;
 
 use bindings::{bind_lights, light_layout};
 use candidates::CandidateTable;
-use cuts::{CutKernels, SharedCuts};
+use cuts::CutBindings;
 pub use error::GpuError;
 use error::{check_limits, largest_storage_buffer};
 use kernel::RequestKernel;
@@ -76,10 +76,9 @@ use top_status::TopStatus;
 use visibility::LearntTable;
 
 use crate::effects::Effects;
-pub use crate::plan::cut_fallback::CutFallback;
 use crate::plan::pool::Growth;
 use crate::plan::{Commands, KERNELS, LightPlanner, PlanLimits, ShaderBuffers};
-pub use crate::plan::{GpuMemory, ShaderNameError, TargetHook, UploadReport, wgsl, with_prefix};
+pub use crate::plan::{CutFallback, GpuMemory, ShaderNameError, TargetHook, UploadReport, wgsl, with_prefix};
 use crate::world::{LightWorld, Revision};
 
 /// The lights of one [`LightWorld`] on a GPU: the buffers and the bind group that shaders read, and
@@ -129,9 +128,7 @@ pub struct GpuLights {
     /// Made at first use.
     learnt: OnceLock<LearntTable>,
     /// Made at first use.
-    cuts: OnceLock<SharedCuts>,
-    /// Compiled when cuts are first built.
-    cut_kernels: Option<CutKernels>,
+    cuts: OnceLock<CutBindings>,
     /// The world's origin at the last upload.
     origin: DVec3,
     /// An upload was refused memory, so the buffers are incomplete: `dark` is bound in their place.
@@ -197,7 +194,6 @@ impl GpuLights {
             candidates,
             learnt: OnceLock::new(),
             cuts: OnceLock::new(),
-            cut_kernels: None,
             origin: DVec3::ZERO,
             is_dark: true,
             dark,

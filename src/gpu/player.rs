@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use super::error::GpuError;
 use super::memory;
-use super::recorder::Recorder;
+use super::recorder::{Recorder, Workgroups};
 use crate::plan::{Binding, BufferId, BufferKind, Command, Commands, Kernel, NewBuffer};
 
 /// The buffers of plans, and the pipelines and bind groups of their kernels.
@@ -82,7 +82,7 @@ impl Player {
             let pipeline = self.compiled(kernel);
             #[cfg(test)]
             let pipeline = match self.is_shared {
-                true => super::testing::compiled_once((kernel.entry(), None), || self.compiled(kernel)),
+                true => super::testing::compiled_once((kernel.entry(), kernel.effects()), || self.compiled(kernel)),
                 false => self.compiled(kernel),
             };
             self.pipelines.insert(kernel, pipeline);
@@ -120,6 +120,9 @@ impl Player {
                 | match kind {
                     BufferKind::Uniform => wgpu::BufferUsages::UNIFORM,
                     BufferKind::Storage => wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+                    BufferKind::Indirect => {
+                        wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::INDIRECT
+                    }
                 };
             let buffer = memory::create_buffer(&self.device, what, *bytes, usage)?;
             #[cfg(test)]
@@ -160,6 +163,9 @@ impl Player {
                 Command::Copy { from, to, .. } => used.extend([from, to]),
                 Command::Clear { buffer, .. } => used.push(buffer),
                 Command::Dispatch { buffers, .. } => used.extend(buffers),
+                Command::DispatchIndirect { buffers, workgroups, .. } => {
+                    used.extend(buffers.iter().chain([&workgroups]));
+                }
                 Command::Write { .. } => {}
             }
             let device = &self.device;
@@ -195,17 +201,25 @@ impl Player {
             Command::Dispatch { kernel, buffers, uniform_offset, workgroups } => {
                 #[cfg(test)]
                 let workgroups = self.narrowed(kernel, workgroups);
-                self.compile(kernel);
-                let group = self.group(kernel, buffers);
-                recorder.dispatch(
-                    kernel.stage(),
-                    &self.pipelines[&kernel],
-                    &self.groups[group].group,
-                    uniform_offset,
-                    workgroups,
-                );
+                let group = self.prepare(kernel, buffers);
+                recorder.dispatch(kernel, self.bound(kernel, group), uniform_offset, Workgroups::Count(workgroups));
+            }
+            Command::DispatchIndirect { kernel, buffers, uniform_offset, workgroups } => {
+                let group = self.prepare(kernel, buffers);
+                let workgroups = Workgroups::In(self.buffer(workgroups));
+                recorder.dispatch(kernel, self.bound(kernel, group), uniform_offset, workgroups);
             }
         }
+    }
+
+    /// Makes the pipeline and the bind group of a dispatch at first use. Returns the index of the group.
+    fn prepare(&mut self, kernel: Kernel, buffers: &[BufferId]) -> usize {
+        self.compile(kernel);
+        self.group(kernel, buffers)
+    }
+
+    fn bound(&self, kernel: Kernel, group: usize) -> (&wgpu::ComputePipeline, &wgpu::BindGroup) {
+        (&self.pipelines[&kernel], &self.groups[group].group)
     }
 
     /// The index of a layout, which is made at first use.

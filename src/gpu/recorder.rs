@@ -1,6 +1,8 @@
 //! Records commands of plans, all dispatches in one compute pass or each stage in a pass of its own.
 //! Separate passes can be timed.
 
+use crate::plan::Kernel;
+
 /// One stage of a build of the top level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -9,6 +11,14 @@ pub struct TopStage {
     pub name: &'static str,
     /// The number of its dispatches.
     pub dispatches: u32,
+}
+
+/// How many workgroups a dispatch has in each dimension.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Workgroups<'a> {
+    Count([u32; 3]),
+    /// The first three words of a buffer.
+    In(&'a wgpu::Buffer),
 }
 
 /// How stages are divided into compute passes.
@@ -58,23 +68,25 @@ impl<'a> Recorder<'a> {
         self.encoder.clear_buffer(buffer, offset, Some(bytes));
     }
 
-    /// Dispatches workgroups, which belong to the stage of this name.
+    /// Dispatches workgroups of a kernel.
     pub(crate) fn dispatch(
         &mut self,
-        stage: &'static str,
-        pipeline: &wgpu::ComputePipeline,
-        group: &wgpu::BindGroup,
+        kernel: Kernel,
+        (pipeline, group): (&wgpu::ComputePipeline, &wgpu::BindGroup),
         uniform_offset: u32,
-        [x, y, z]: [u32; 3],
+        workgroups: Workgroups<'_>,
     ) {
-        self.begin(stage);
+        self.begin(kernel.stage());
         if let Some(stage) = self.stages.last_mut() {
             stage.dispatches += 1;
         }
         let pass = self.pass.as_mut().expect("a stage has begun");
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, group, &[uniform_offset]);
-        pass.dispatch_workgroups(x, y, z);
+        match workgroups {
+            Workgroups::Count([x, y, z]) => pass.dispatch_workgroups(x, y, z),
+            Workgroups::In(buffer) => pass.dispatch_workgroups_indirect(buffer, 0),
+        }
     }
 
     /// Returns the stages in order; none if they share a pass.

@@ -1,9 +1,8 @@
 //! What an engine needs to call our functions from a shader of its own.
 
 use crate::effects::Effects;
-use crate::plan::TargetHook;
-use crate::plan::cut_fallback::CutFallback;
 use crate::plan::text::{self, Extras};
+use crate::plan::{CutFallback, TargetHook};
 
 /// The WGSL text and the bind group layout that an engine's shader needs to choose lights.
 ///

@@ -63,10 +63,7 @@ impl GpuLights {
         player.create(reservation.new_buffers())?;
         let plan = reservation.plan();
         player.play(&plan.upload);
-        let mut bytes = self.follow_origin(world.origin());
-        if plan.report.bytes > 0 || !plan.top.is_empty() {
-            bytes += self.make_cuts_void();
-        }
+        let bytes = self.follow_origin(world.origin());
         self.is_dark = false;
         self.rebind();
         // Bind groups that are still in use keep the former buffers.

@@ -22,6 +22,9 @@ pub enum BufferKind {
     Uniform,
     /// A storage buffer that plans also write, copy from, copy to and clear.
     Storage,
+    /// A storage buffer from which [`Command::DispatchIndirect`](super::Command::DispatchIndirect) takes its
+    /// workgroups. Plans do not write it otherwise. Engines may copy from it.
+    Indirect,
 }
 
 /// A buffer that the engine has to make.
@@ -59,6 +62,11 @@ impl Ids {
     /// A storage buffer with a number of its own.
     pub fn storage(&mut self, what: &'static str, bytes: u64) -> NewBuffer {
         NewBuffer { id: self.next(), what, bytes, kind: BufferKind::Storage }
+    }
+
+    /// A storage buffer for indirect dispatches with a number of its own.
+    pub fn indirect(&mut self, what: &'static str, bytes: u64) -> NewBuffer {
+        NewBuffer { kind: BufferKind::Indirect, ..self.storage(what, bytes) }
     }
 
     /// A uniform buffer with a number of its own.

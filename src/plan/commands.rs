@@ -48,6 +48,17 @@ pub enum Command<'a> {
         /// The number of workgroups in each dimension, at least one.
         workgroups: [u32; 3],
     },
+    /// Runs a kernel with as many workgroups as a buffer says.
+    DispatchIndirect {
+        /// Its text and bindings.
+        kernel: Kernel,
+        /// The buffers of its bindings, in their order.
+        buffers: &'a [BufferId],
+        /// As for [`Command::Dispatch`].
+        uniform_offset: u32,
+        /// Begins with the number of workgroups in each dimension, as three 32-bit words. It is none of `buffers`.
+        workgroups: BufferId,
+    },
 }
 
 /// A list of commands, in the order in which they have to run.
@@ -67,6 +78,7 @@ enum StoredCommand {
     Copy { from: BufferId, to: BufferId, bytes: u64 },
     Clear { buffer: BufferId, offset: u64, bytes: u64 },
     Dispatch { kernel: Kernel, buffers: Range<usize>, uniform_offset: u32, workgroups: [u32; 3] },
+    DispatchIndirect { kernel: Kernel, buffers: Range<usize>, uniform_offset: u32, workgroups: BufferId },
 }
 
 /// The lengths of the lists of commands.
@@ -106,6 +118,14 @@ impl Commands {
                 uniform_offset: *uniform_offset,
                 workgroups: *workgroups,
             },
+            StoredCommand::DispatchIndirect { kernel, buffers, uniform_offset, workgroups } => {
+                Command::DispatchIndirect {
+                    kernel: *kernel,
+                    buffers: &self.buffers[buffers.clone()],
+                    uniform_offset: *uniform_offset,
+                    workgroups: *workgroups,
+                }
+            }
         })
     }
 
@@ -161,10 +181,27 @@ impl Commands {
 
     /// Adds a dispatch of at least `groups` workgroups.
     pub(crate) fn dispatch(&mut self, kernel: Kernel, buffers: &[BufferId], uniform_offset: u32, groups: u32) {
+        let buffers = self.bind(kernel, buffers);
+        self.entries.push(StoredCommand::Dispatch { kernel, buffers, uniform_offset, workgroups: workgroups(groups) });
+    }
+
+    /// Adds a dispatch of as many workgroups as a buffer says.
+    pub(crate) fn dispatch_indirect(
+        &mut self,
+        kernel: Kernel,
+        buffers: &[BufferId],
+        uniform_offset: u32,
+        workgroups: BufferId,
+    ) {
+        let buffers = self.bind(kernel, buffers);
+        self.entries.push(StoredCommand::DispatchIndirect { kernel, buffers, uniform_offset, workgroups });
+    }
+
+    /// Keeps the buffers of a dispatch.
+    fn bind(&mut self, kernel: Kernel, buffers: &[BufferId]) -> Range<usize> {
         debug_assert_eq!(buffers.len(), kernel.bindings().len(), "{kernel:?}");
         let start = self.buffers.len();
         self.buffers.extend_from_slice(buffers);
-        let buffers = start..self.buffers.len();
-        self.entries.push(StoredCommand::Dispatch { kernel, buffers, uniform_offset, workgroups: workgroups(groups) });
+        start..self.buffers.len()
     }
 }

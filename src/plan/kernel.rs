@@ -3,6 +3,8 @@
 use std::fmt;
 use std::hash::{Hash, Hasher};
 
+use crate::effects::Effects;
+
 /// Bytes from one record of a uniform to the next: WebGPU's default alignment of dynamic offsets.
 /// No device of Vulkan, D3D12 or Metal requires more.
 pub const UNIFORM_ALIGNMENT: u32 = 256;
@@ -26,13 +28,20 @@ pub enum Binding {
     ReadWrite,
 }
 
-/// A compute shader of the library. Two kernels are equal if they have the same entry point.
+/// A compute shader of the library. Two kernels are equal if they have the same entry point and the same effects.
 #[derive(Clone, Copy)]
 pub struct Kernel {
     entry: &'static str,
     bindings: &'static [Binding],
     stage: &'static str,
-    text: fn() -> String,
+    text: Text,
+}
+
+/// What makes the text of a kernel.
+#[derive(Clone, Copy)]
+enum Text {
+    Same(fn() -> String),
+    OfEffects(fn(Effects) -> String, Effects),
 }
 
 impl Kernel {
@@ -43,7 +52,25 @@ impl Kernel {
         bindings: &'static [Binding],
         text: fn() -> String,
     ) -> Self {
-        Self { entry, bindings, stage, text }
+        Self { entry, bindings, stage, text: Text::Same(text) }
+    }
+
+    /// A kernel whose text depends on effects.
+    pub(crate) const fn with_effects(
+        entry: &'static str,
+        stage: &'static str,
+        bindings: &'static [Binding],
+        (text, effects): (fn(Effects) -> String, Effects),
+    ) -> Self {
+        Self { entry, bindings, stage, text: Text::OfEffects(text, effects) }
+    }
+
+    /// The effects of worlds for which the text is made; `None` if it serves all.
+    pub fn effects(&self) -> Option<Effects> {
+        match self.text {
+            Text::Same(_) => None,
+            Text::OfEffects(_, effects) => Some(effects),
+        }
     }
 
     /// The name of the entry point, and of the kernel.
@@ -58,14 +85,17 @@ impl Kernel {
     }
 
     /// What it is a part of: `"leaves"`, `"keys"`, `"sort"`, `"groups"` and `"nodes"` of the top level,
-    /// `"relayout"` or `"scatter"`.
+    /// `"relayout"`, `"scatter"` or `"cuts"`.
     pub fn stage(&self) -> &'static str {
         self.stage
     }
 
     /// The WGSL text. Joins texts, so keep the result.
     pub fn wgsl(&self) -> String {
-        (self.text)()
+        match self.text {
+            Text::Same(text) => text(),
+            Text::OfEffects(text, effects) => text(effects),
+        }
     }
 }
 
@@ -77,7 +107,7 @@ impl fmt::Debug for Kernel {
 
 impl PartialEq for Kernel {
     fn eq(&self, other: &Self) -> bool {
-        self.entry == other.entry
+        self.entry == other.entry && self.effects() == other.effects()
     }
 }
 
@@ -86,6 +116,7 @@ impl Eq for Kernel {}
 impl Hash for Kernel {
     fn hash<H: Hasher>(&self, state: &mut H) {
         self.entry.hash(state);
+        self.effects().hash(state);
     }
 }
 

@@ -35,6 +35,8 @@
 //!         Command::Copy { from, to, bytes } => { /* ... */ }
 //!         Command::Clear { buffer, offset, bytes } => { /* ... */ }
 //!         Command::Dispatch { kernel, buffers, uniform_offset, workgroups } => { /* ... */ }
+//!         // In builds of shared cuts only.
+//!         Command::DispatchIndirect { kernel, buffers, uniform_offset, workgroups } => { /* ... */ }
 //!         _ => unreachable!("this version has no other commands"),
 //!     }
 //! }
@@ -61,8 +63,7 @@ pub(crate) mod buffers;
 mod changes;
 pub(crate) mod commands;
 mod cursor;
-pub(crate) mod cut_fallback;
-pub(crate) mod cut_layout;
+pub(crate) mod cuts;
 mod error;
 mod frame;
 mod instance_store;
@@ -101,6 +102,7 @@ pub use buffers::{BufferId, BufferKind, NewBuffer, ShaderBuffers};
 pub use changes::UploadReport;
 pub use commands::{Command, Commands};
 pub use cursor::PlanCursor;
+pub use cuts::{CutFallback, CutReservation, cut_kernels};
 pub use error::{PlanError, ShaderNameError};
 pub use frame::FramePlan;
 pub use items::with_prefix;
@@ -114,12 +116,13 @@ pub use memory::GpuMemory;
 pub use module::naga_oil_module;
 pub use reserve::Reservation;
 pub use target_hook::TargetHook;
-pub use text::{wgsl, wgsl_previous, wgsl_with_target};
+pub use text::{wgsl, wgsl_of_marks, wgsl_previous, wgsl_with_cuts, wgsl_with_target};
 
 use crate::effects::Effects;
 use crate::instance::sector;
 use crate::world::{LightWorld, Revision};
 use buffers::Buffers;
+use cuts::CutStore;
 use instance_store::InstanceStore;
 use layout::{ParamsRecord, Strides};
 use previous::{BUFFERS, Previous};
@@ -128,7 +131,8 @@ use top::TopBuild;
 use tree_store::TreeStore;
 use uniforms::Uniforms;
 
-/// All kernels that plans dispatch. A kernel need not use all of its bindings.
+/// All kernels that plans dispatch. A kernel need not use all of its bindings. [`cut_kernels`] has those that build
+/// shared cuts.
 pub const KERNELS: &[Kernel] = &[
     relayout::RELAYOUT,
     scatter::SCATTER,
@@ -150,6 +154,7 @@ pub struct LightPlanner {
     uniforms: Uniforms,
     top: TopBuild,
     previous: Previous,
+    cuts: CutStore,
     buffers: Buffers,
     /// How far the plans have followed the world.
     revision: Revision,
@@ -172,6 +177,7 @@ impl LightPlanner {
             uniforms: Uniforms::new(),
             top: TopBuild::new(limits.largest_buffer),
             previous: Previous::new(),
+            cuts: CutStore::default(),
             buffers: Buffers::default(),
             revision: Revision::default(),
             is_lost: false,

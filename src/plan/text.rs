@@ -4,10 +4,10 @@
 use std::collections::HashSet;
 use std::fmt::Write;
 
-use super::cut_fallback::CutFallback;
+use super::cuts::{CutFallback, layout as cut_layout};
 use super::items::renamed;
 use super::target_hook::TargetHook;
-use super::{cut_layout, layout, stored};
+use super::{layout, stored};
 use crate::cluster;
 use crate::effects::Effects;
 use crate::instance::part;
@@ -54,6 +54,47 @@ pub fn wgsl_with_target(group: u32, effects: Effects, target: &TargetHook) -> St
     joined(group, effects, Extras::default(), Some(target))
 }
 
+/// As [`wgsl`], for lights that are chosen from the cuts that cells share, with one more read-only storage
+/// buffer at binding 5: [`LightPlanner::cut_table`](super::LightPlanner::cut_table). `fallback` is what happens
+/// where a cell has no cut: because the table has no room for it, because it was marked too rarely or not at all,
+/// or because the world changed after the last build of the cuts. All probabilities stay exact.
+///
+/// With a target, the text has `light_resample_by`, as that of [`wgsl_with_target`].
+#[must_use]
+pub fn wgsl_with_cuts(group: u32, effects: Effects, fallback: CutFallback, target: Option<&TargetHook>) -> String {
+    joined(group, effects, Extras { cells: Some(fallback), ..Extras::default() }, target)
+}
+
+/// Returns the text for a shader that marks the cells of shading points. It has the functions that make
+/// shading points, and
+///
+/// ```wgsl
+/// // Marks the cell of a shading point: it will have a cut from the next build on.
+/// fn light_mark(shading_point: LightShadingPoint)
+/// ```
+///
+/// Call it for all points, or for a random part of them if
+/// [`CutOptions::with_min_marks`](crate::CutOptions::with_min_marks) is lower by the same factor. Segments, and
+/// glossy points that the camera does not see, are not marked. The cost is two atomic operations.
+///
+/// The text binds one storage buffer at 0, which it writes:
+/// [`LightPlanner::cut_table`](super::LightPlanner::cut_table).
+#[must_use]
+pub fn wgsl_of_marks(group: u32, effects: Effects) -> String {
+    let body = [
+        include_str!("../../shaders/gloss.wgsl"),
+        include_str!("../../shaders/shading_point.wgsl"),
+        include_str!("../../shaders/dice.wgsl"),
+        include_str!("../../shaders/cut_grid.wgsl"),
+        include_str!("../../shaders/cells.wgsl"),
+        include_str!("../../shaders/mark.wgsl"),
+    ]
+    .concat();
+    let extras = Extras { cells: Some(CutFallback::Walk), ..Extras::default() };
+    // There are no lights ahead of the table.
+    with_constants(&variant(&at_group(&body, group).replace("@binding(5)", "@binding(0)"), effects, extras))
+}
+
 /// Returns the text that adds `light_pmf_previous` to the text of [`wgsl`]. `group` is the group of the
 /// buffers of the last frame: [`LightPlanner::previous_bindings`](super::LightPlanner::previous_bindings).
 ///
@@ -65,7 +106,7 @@ pub fn wgsl_with_target(group: u32, effects: Effects, target: &TargetHook) -> St
 ///
 /// The shading point is in the space of the last frame's [`LightWorld::origin`]. Lights
 /// and placements are those of the last frame, and the number of splits is that of the variable
-/// `light_splits_previous`. Learnt visibility is left out.
+/// `light_splits_previous`. Learnt visibility and shared cuts are left out.
 ///
 /// [`LightWorld::origin`]: crate::LightWorld::origin
 #[must_use]
@@ -125,31 +166,13 @@ pub(crate) fn wgsl_of_shader(group: u32, effects: Effects, extras: Extras, targe
     joined(group, effects, extras, target)
 }
 
-/// What marks the cells of shading points: `light_mark` and the functions that make shading points.
-#[cfg(feature = "gpu")]
-pub(crate) fn wgsl_of_marks(group: u32, effects: Effects) -> String {
-    let body = [
-        include_str!("../../shaders/gloss.wgsl"),
-        include_str!("../../shaders/shading_point.wgsl"),
-        include_str!("../../shaders/dice.wgsl"),
-        include_str!("../../shaders/cut_grid.wgsl"),
-        include_str!("../../shaders/cells.wgsl"),
-        include_str!("../../shaders/mark.wgsl"),
-    ]
-    .concat();
-    let extras = Extras { cells: Some(CutFallback::Walk), ..Extras::default() };
-    with_constants(&variant(&at_group(&without_lights(&body), group), effects, extras))
-}
-
 /// The stages that list the cells to build.
-#[cfg(feature = "gpu")]
 pub(crate) fn wgsl_of_cut_list() -> String {
     let body = [include_str!("../../shaders/cut_grid.wgsl"), include_str!("../../shaders/cut_list.wgsl")].concat();
-    with_constants(&at_group(&without_lights(&body), 0))
+    with_constants(&body)
 }
 
 /// The stage that builds the cuts of cells, behind the functions that it shares with shaders.
-#[cfg(feature = "gpu")]
 pub(crate) fn wgsl_of_cut_build(effects: Effects) -> String {
     let extras = Extras { cells: Some(CutFallback::Walk), ..Extras::default() };
     let functions = functions(0, effects, extras, None)
@@ -193,14 +216,6 @@ fn with_constants(body: &str) -> String {
 /// Puts a text's bindings in a group.
 fn at_group(text: &str, group: u32) -> String {
     text.replace("LIGHT_GROUP", &group.to_string())
-}
-
-/// Gives what binds the table of cuts without the lights bindings from 0 on.
-#[cfg(feature = "gpu")]
-fn without_lights(text: &str) -> String {
-    text.replace("@binding(5)", "@binding(0)")
-        .replace("@binding(6)", "@binding(1)")
-        .replace("@binding(7)", "@binding(2)")
 }
 
 /// All functions, without the constants.
@@ -313,8 +328,6 @@ pub(crate) fn constants() -> String {
         ("ROW_QUADS", cut_layout::ROW_QUADS),
         ("ROW_NODES", cut_layout::ROW_NODES),
         ("ROW_SUMS", cut_layout::ROW_SUMS),
-        ("HAS_EYE", cut_layout::HAS_EYE),
-        ("EYE_MOVED", cut_layout::EYE_MOVED),
         ("WAYS", visibility::WAYS as u32),
         ("MIN_IDLE", visibility::MIN_IDLE),
         ("BINS", visibility::BINS as u32),
@@ -584,7 +597,7 @@ mod tests {
         assert_eq!(fold.entry_points[0].workgroup_size, [visibility::BINS as u32 / 4, 1, 1]);
     }
 
-    const CELL_NAMES: &str = "light_cut_grid light_cuts light_cut_cell light_cell_normal light_cell_keys light_shared_cut \
+    const CELL_NAMES: &str = "light_cuts light_cut_cell light_cell_normal light_cell_keys light_shared_cut \
         light_row light_shared_total light_sums_passed light_sixteen_passed light_shared_sum light_units \
         light_choose_shared light_shared_pmf light_side";
 
@@ -607,7 +620,7 @@ mod tests {
                 assert_eq!(added, expected, "{effects:?}");
                 assert_eq!(names.contains("light_split_next"), !lacks_splits);
                 let bindings = module(&text).global_variables.iter().filter(|(_, v)| v.binding.is_some()).count();
-                assert_eq!(bindings, 7, "{effects:?}");
+                assert_eq!(bindings, 6, "{effects:?}");
             }
             let marks = module(&wgsl_of_marks(2, effects));
             assert!(marks.functions.iter().any(|(_, f)| f.name.as_deref() == Some("light_mark")));

@@ -53,7 +53,8 @@ impl Reservation<'_> {
             if planner.top.is_due {
                 planner.finish_top(&mut plan.top);
             }
-            plan.report = UploadReport { bytes: plan.upload.bytes_written(), ..planner.waiting_report() };
+            planner.cuts.follow(&mut plan.upload, world.origin(), (!plan.top.is_empty(), false));
+            plan.report = planner.report_of(&plan.upload);
             planner.previous.changed([!plan.top.is_empty(), false, false, false]);
             planner.buffers.change(&plan.new_buffers, &plan.freed);
             return plan;
@@ -96,12 +97,14 @@ impl Reservation<'_> {
         planner.write_params(commands, world, effects);
         let ParamsRecord { strides, masks, home, .. } = planner.uniforms.params;
         planner.top.prepare(commands, planner.instances.parts.count(), strides, (masks, home));
-        report.bytes = commands.bytes_written();
-        plan.report = report;
-        planner.is_lost = false;
         if changes.concern_lights || is_new_top || former != (strides, masks, home) || planner.top.is_due {
             planner.finish_top(&mut plan.top);
         }
+        let is_void = commands.bytes_written() > 0 || !plan.top.is_empty();
+        planner.cuts.follow(commands, world.origin(), (is_void, planner.is_lost));
+        report.bytes = commands.bytes_written();
+        plan.report = report;
+        planner.is_lost = false;
         planner.previous.changed([
             !plan.top.is_empty(),
             replaced[0] || report.nodes > 0,
@@ -157,6 +160,11 @@ impl LightPlanner {
         commands.reserve(writes, bytes);
         let [nodes, lights, trees, instances] = lists;
         Staged { nodes, lights, trees, instances }
+    }
+
+    /// The report of an upload of nothing but these commands.
+    pub(super) fn report_of(&self, upload: &Commands) -> UploadReport {
+        UploadReport { bytes: upload.bytes_written(), ..self.waiting_report() }
     }
 
     /// What waits now.

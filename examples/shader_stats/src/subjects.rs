@@ -1,8 +1,7 @@
 //! The kernels that are compiled.
 
 use girandole::Effects;
-use girandole::gpu::{CutFallback, measure};
-use girandole::plan::{self, KERNELS};
+use girandole::plan::{self, CutFallback, KERNELS, cut_kernels};
 
 /// A kernel of the library, or one that only calls a function of it.
 pub struct Subject {
@@ -100,15 +99,15 @@ pub fn all() -> Vec<Subject> {
 fn cuts() -> impl Iterator<Item = Subject> {
     worlds().into_iter().flat_map(|(effects, set)| {
         let call = |name| FUNCTIONS.into_iter().find(|(function, _)| *function == name).map_or("", |(_, call)| call);
-        let [marks, _, list, build] = measure::cut_texts(set, CutFallback::Walk);
-        let lists =
-            ["cut_list", "cut_dispatch"].map(|entry| Subject { kernel: entry, effects, entry, wgsl: list.clone() });
-        let mark = Subject { kernel: "light_mark", effects, entry: "call", wgsl: caller(&marks, "light_mark(point);") };
-        let build = Subject { kernel: "cut_build", effects, entry: "cut_build", wgsl: build };
+        let own = cut_kernels(set).into_iter().filter(|kernel| kernel.effects().is_some() || set.is_empty());
+        let own =
+            own.map(|kernel| Subject { kernel: kernel.entry(), effects, entry: kernel.entry(), wgsl: kernel.wgsl() });
+        let marks = caller(&plan::wgsl_of_marks(0, set), "light_mark(point);");
+        let mark = Subject { kernel: "light_mark", effects, entry: "call", wgsl: marks };
         let choosing = SHARED.map(|(function, kernel, fallback)| {
-            let [_, text, ..] = measure::cut_texts(set, fallback);
+            let text = plan::wgsl_with_cuts(0, set, fallback, None);
             Subject { kernel, effects, entry: "call", wgsl: caller(&text, call(function)) }
         });
-        lists.into_iter().filter(|_| set.is_empty()).chain([mark, build]).chain(choosing).collect::<Vec<_>>()
+        own.chain([mark]).chain(choosing).collect::<Vec<_>>()
     })
 }

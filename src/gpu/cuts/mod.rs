@@ -1,26 +1,27 @@
-//! Cuts that neighbours share, on the GPU: shaders mark the cells of their shading points, kernels build a cut
-//! for each cell, and other shaders of the same frame choose lights from these.
-//!
-//! docs/cuts.md says when to use them.
-
-mod kernels;
-mod places;
-mod table;
+//! Cuts that neighbours share, on wgpu: plans fill and build the table, and this binds it.
 
 use std::sync::OnceLock;
 
 use glam::DVec3;
 
-pub(super) use kernels::CutKernels;
-use table::CutBuffers;
-pub(super) use table::SharedCuts;
-
 use super::GpuLights;
+use super::bindings::{bind, bind_lights, cut_layout, mark_layout};
 use super::error::GpuError;
+use super::recorder::Recorder;
 use super::shader::LightShader;
 use crate::effects::Effects;
-use crate::plan::cut_fallback::CutFallback;
-use crate::sampling::cuts::{CutOptions, camera};
+use crate::plan::{BufferId, CutFallback, ShaderBuffers};
+use crate::sampling::cuts::CutOptions;
+
+/// What shaders bind that mark cells and that choose from their cuts.
+pub(super) struct CutBindings {
+    layout: wgpu::BindGroupLayout,
+    bind_group: wgpu::BindGroup,
+    mark_layout: wgpu::BindGroupLayout,
+    mark_bind_group: wgpu::BindGroup,
+    /// The buffers that the bind groups were made for; `None` in place of buffers of zeros.
+    bound: (Option<ShaderBuffers>, Option<BufferId>),
+}
 
 impl GpuLights {
     /// Makes a table of cuts that neighbours share, or drops the present one for `None`. Before the first
@@ -37,131 +38,110 @@ impl GpuLights {
     /// 4. The engine's other shaders choose lights: see [`GpuLights::cut_shader`].
     ///
     /// # Errors
-    /// [`GpuError::OutOfMemory`]; the present table stays.
+    /// [`GpuError::OutOfMemory`], and [`GpuError::Full`] if the device cannot bind so many cells. The present table
+    /// stays.
     pub fn share_cuts(&mut self, options: Option<CutOptions>) -> Result<(), GpuError> {
-        if options.is_none() && self.cuts.get().is_none() {
+        if options.is_none() && self.planner.cut_table().is_none() {
             return Ok(());
         }
-        self.shared_cuts();
-        let (device, queue, origin, zeros) = (self.device.clone(), self.queue.clone(), self.origin, self.no_cuts());
-        let Some(cuts) = self.cuts.get_mut() else { return Ok(()) };
-        let result = match options {
-            Some(options) => cuts.start((&device, &queue), options, origin),
-            None => {
-                cuts.stop(&device, zeros);
-                Ok(())
-            }
-        };
+        let reservation = self.planner.reserve_cuts(options)?;
+        self.player.create(reservation.new_buffers())?;
+        let plan = reservation.plan();
+        self.player.play(&plan.upload);
         self.rebind_cuts();
-        result
+        self.player.free(&plan.freed);
+        Ok(())
     }
 
     /// Makes cells follow the pixels of a camera for all marks to come, as
     /// [`CutTable::set_view`](crate::CutTable::set_view) does. Does nothing without a table. Written ahead of
     /// the next submission.
     pub fn set_cut_view(&mut self, eye: DVec3, pixel: f32) {
-        if let Some(cuts) = self.cuts.get_mut() {
-            cuts.set_camera(&self.queue, camera(eye, pixel));
-        }
+        let commands = self.planner.set_cut_view(eye, pixel);
+        self.player.play(&commands);
     }
 
-    /// Returns the text and the layout for a shader that marks the cells of shading points. It has the
-    /// functions that make shading points, as [`LightShader`] lists them, and
+    /// Returns the text and the layout for a shader that marks the cells of shading points: the functions that make
+    /// these, as [`LightShader`] lists them, and `light_mark` ([`wgsl_of_marks`](crate::plan::wgsl_of_marks)).
     ///
-    /// ```wgsl
-    /// // Marks the cell of a shading point: it will have a cut from the next build on.
-    /// fn light_mark(shading_point: LightShadingPoint)
-    /// ```
-    ///
-    /// Call it for all points, or for a random part of them if
-    /// [`CutOptions::with_min_marks`](crate::CutOptions::with_min_marks) is lower by the same factor. Segments, and
-    /// glossy points that the camera does not see, are not marked. The cost is two atomic operations.
-    ///
-    /// The text binds one uniform and one storage buffer, which it writes:
-    /// [`GpuLights::mark_bind_group`]. In fragment shaders it needs
-    /// `wgpu::DownlevelFlags::FRAGMENT_WRITABLE_STORAGE`.
+    /// The text binds one storage buffer, which it writes: [`GpuLights::mark_bind_group`]. In fragment shaders it
+    /// needs `wgpu::DownlevelFlags::FRAGMENT_WRITABLE_STORAGE`.
     pub fn mark_shader(&self, group: u32, effects: Effects) -> LightShader {
-        LightShader::marking(group, effects, self.shared_cuts().mark_layout.clone())
+        LightShader::marking(group, effects, self.cut_bindings().mark_layout.clone())
     }
 
     /// The bind group for a [`GpuLights::mark_shader`]. [`GpuLights::share_cuts`] replaces it.
     pub fn mark_bind_group(&self) -> &wgpu::BindGroup {
-        &self.shared_cuts().mark_bind_group
+        &self.cut_bindings().mark_bind_group
     }
 
-    /// As [`GpuLights::shader`], for lights that are chosen from the cuts of cells. `fallback` is what
-    /// happens where a cell has no cut: because the table has no room for it, because it was marked too
-    /// rarely or not at all, or because the world changed after the last build of the cuts. All
-    /// probabilities stay exact.
+    /// As [`GpuLights::shader`], for lights that are chosen from the cuts of cells
+    /// ([`wgsl_with_cuts`](crate::plan::wgsl_with_cuts)). `fallback` is what happens where a cell has no cut.
     ///
-    /// The layout has one more uniform buffer and one more storage buffer, which is only read: five of the
-    /// eight storage buffers that WebGPU grants a stage. It takes
-    /// [`GpuLights::cut_bind_group`] in place of [`GpuLights::bind_group`]. `light_pmf_previous`
-    /// ([`LightShader::with_previous`]) leaves shared cuts out. [`GpuLights::sample`] and
-    /// [`GpuLights::resample`] do not use them.
+    /// The layout has one more storage buffer, which is only read: five of the eight that WebGPU grants a
+    /// stage. It takes [`GpuLights::cut_bind_group`] in place of [`GpuLights::bind_group`].
+    /// `light_pmf_previous` ([`LightShader::with_previous`]) leaves shared cuts out. [`GpuLights::sample`]
+    /// and [`GpuLights::resample`] do not use them.
     pub fn cut_shader(&self, group: u32, effects: Effects, fallback: CutFallback) -> LightShader {
-        LightShader::choosing(group, effects, false, Some(fallback), self.shared_cuts().layout.clone())
+        LightShader::choosing(group, effects, false, Some(fallback), self.cut_bindings().layout.clone())
     }
 
     /// The bind group for a [`GpuLights::cut_shader`]. Call this in each frame after
     /// [`GpuLights::upload`], as for [`GpuLights::bind_group`], and after [`GpuLights::share_cuts`].
     pub fn cut_bind_group(&self) -> &wgpu::BindGroup {
-        &self.shared_cuts().bind_group
+        &self.cut_bindings().bind_group
     }
 
-    /// Records passes that build the cuts of all cells that were marked, and forget the marks. Record
-    /// them after [`GpuLights::build_top`] and the passes that mark, ahead of those that choose lights.
-    /// Does nothing without a table. Cuts suit glossy points if the world's lights are
-    /// sampled for these: see [`LightWorld::set_glossy_sampling`](crate::LightWorld::set_glossy_sampling).
+    /// Records the commands of [`LightPlanner::build_cuts`](crate::plan::LightPlanner::build_cuts) in one pass: the
+    /// build of the cuts of all cells that were marked. Record it after
+    /// [`GpuLights::build_top`] and the passes that mark, ahead of those that choose lights. Does nothing
+    /// without a table.
     ///
-    /// Cells keep their cuts while nothing is uploaded, unless more points of them are known now. Which
-    /// cells are refused, if there are too many, depends on the order in which the GPU works.
-    ///
-    /// Three dispatches: one for the places of the table, one for a single invocation, and one of a
-    /// workgroup for each cell that is built. The first call compiles their pipelines and waits for them, and so
-    /// does the first call after [`GpuLights::effects`] have changed to a set that is new.
+    /// The first call compiles three pipelines and waits for them, and the first one after [`GpuLights::effects`]
+    /// have changed to a set that is new compiles one.
     pub fn build_cuts(&mut self, encoder: &mut wgpu::CommandEncoder) {
         if self.is_dark {
             return;
         }
-        let effects = self.effects();
-        let Some(mut cuts) = self.cuts.take() else { return };
-        let buffers = cuts.buffers.clone();
-        if let Some(parts) = cuts.build(&self.queue) {
-            let mut kernels = self.cut_kernels.take().unwrap_or_else(|| CutKernels::new(&self.device));
-            kernels.record(&self.device, encoder, effects, (&self.buffers(), &buffers), &parts);
-            self.cut_kernels = Some(kernels);
-        }
-        self.cuts = OnceLock::from(cuts);
+        let commands = self.planner.build_cuts();
+        self.player.record(&mut Recorder::together(encoder, "girandole cuts"), &commands);
     }
 
-    /// A buffer of the counters of the last build, which may be copied and read; `None` without a table.
-    ///
-    /// Words 4 to 9 are the fields of [`CutReport`](crate::CutReport) in their order; the others belong to the
-    /// library.
+    /// A buffer of the counters of the last build, which may be copied and read: see
+    /// [`LightPlanner::cut_report`](crate::plan::LightPlanner::cut_report). `None` without a table.
     pub fn cut_report(&self) -> Option<&wgpu::Buffer> {
-        self.cuts.get()?.report()
+        self.planner.cut_report().map(|report| self.player.buffer(report))
     }
 
-    /// Two buffers of zeros in place of a table.
-    fn no_cuts(&self) -> CutBuffers {
-        CutBuffers { grid: self.dark.params.clone(), table: self.dark.records.clone() }
+    /// Makes the layouts and bind groups when they are first needed.
+    fn cut_bindings(&self) -> &CutBindings {
+        self.cuts.get_or_init(|| {
+            let (layout, mark_layout) = (cut_layout(&self.device), mark_layout(&self.device));
+            let [bind_group, mark_bind_group] = self.bind_cuts(&layout, &mark_layout);
+            CutBindings { layout, bind_group, mark_layout, mark_bind_group, bound: self.bound_cuts() }
+        })
     }
 
-    /// Makes the layouts and bind groups without a table when they are first needed.
-    fn shared_cuts(&self) -> &SharedCuts {
-        self.cuts.get_or_init(|| SharedCuts::new(&self.device, self.no_cuts(), &self.buffers()))
+    /// What shaders bind: no table while an upload has failed, since its cuts may name nodes that are not there.
+    fn bound_cuts(&self) -> (Option<ShaderBuffers>, Option<BufferId>) {
+        (self.bound, self.planner.cut_table().filter(|_| self.bound.is_some()))
     }
 
-    /// Makes cuts void that were built for what the buffers held before. Returns the bytes sent.
-    pub(super) fn make_cuts_void(&self) -> u64 {
-        self.cuts.get().map_or(0, |cuts| cuts.make_void(&self.queue))
+    fn bind_cuts(&self, layout: &wgpu::BindGroupLayout, mark_layout: &wgpu::BindGroupLayout) -> [wgpu::BindGroup; 2] {
+        let (_, table) = self.bound_cuts();
+        let table = table.map_or(&self.dark.records, |table| self.player.buffer(table));
+        let buffers: Vec<_> = self.buffers().into_iter().chain([table]).collect();
+        let marks = bind(&self.device, "girandole marks", mark_layout, &[table.as_entire_binding()]);
+        [bind_lights(&self.device, layout, &buffers), marks]
     }
 
-    /// Replaces the bind group with the table if a buffer of it was replaced.
+    /// Replaces the bind groups with the table if a buffer of them was replaced.
     pub(super) fn rebind_cuts(&mut self) {
         let Some(mut cuts) = self.cuts.take() else { return };
-        cuts.rebind(&self.device, &self.buffers(), self.bound);
+        if cuts.bound != self.bound_cuts() {
+            [cuts.bind_group, cuts.mark_bind_group] = self.bind_cuts(&cuts.layout, &cuts.mark_layout);
+            cuts.bound = self.bound_cuts();
+        }
         self.cuts = OnceLock::from(cuts);
     }
 }

@@ -13,9 +13,6 @@ pub use key_sort::KeySort;
 use super::GpuLights;
 use super::recorder::Recorder;
 pub use super::recorder::TopStage;
-use crate::effects::Effects;
-use crate::plan::cut_fallback::CutFallback;
-use crate::plan::text::{self, Extras};
 use crate::plan::top;
 
 /// The largest number of stages of a top-level build. A query set of twice as many timestamps has
@@ -53,18 +50,6 @@ pub fn build_top_timed(
     let mut recorder = Recorder::apart(encoder, "girandole top level", queries);
     lights.player.record(&mut recorder, &lights.top);
     recorder.finish()
-}
-
-/// The texts with which shaders share cuts: for one that marks cells in group 0 and one that chooses lights in
-/// group 0, and the kernels that list and build cuts.
-pub fn cut_texts(effects: Effects, fallback: CutFallback) -> [String; 4] {
-    let extras = Extras { cells: Some(fallback), ..Extras::default() };
-    [
-        text::wgsl_of_marks(0, effects),
-        text::wgsl_of_shader(0, effects, extras, None),
-        text::wgsl_of_cut_list(),
-        text::wgsl_of_cut_build(effects),
-    ]
 }
 
 /// The sizes of all records as of the last upload.

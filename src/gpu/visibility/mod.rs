@@ -91,9 +91,7 @@ impl GpuLights {
     /// Takes the origin of the world that is uploaded. Returns the bytes sent.
     pub(super) fn follow_origin(&mut self, origin: DVec3) -> u64 {
         self.origin = origin;
-        let of_learnt = self.learnt.get_mut().map_or(0, |learnt| learnt.set_origin(&self.queue, origin));
-        let of_cuts = self.cuts.get_mut().map_or(0, |cuts| cuts.set_origin(&self.queue, origin));
-        of_learnt + of_cuts
+        self.learnt.get_mut().map_or(0, |learnt| learnt.set_origin(&self.queue, origin))
     }
 
     /// Makes the layout and a bind group without a table when they are first needed.

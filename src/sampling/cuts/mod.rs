@@ -16,7 +16,7 @@ pub(crate) mod table;
 
 #[cfg(feature = "gpu-plan")]
 pub(crate) use build::{CENTER, CHILD_BITS, DEVIATION, EVEN, MIN_SHARED_DOUBT};
-#[cfg(feature = "gpu")]
+#[cfg(feature = "gpu-plan")]
 pub(crate) use cell::{Camera, CutGrid};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use cell::{
@@ -25,7 +25,7 @@ pub(crate) use cell::{
 };
 #[cfg(feature = "gpu-plan")]
 pub(crate) use marks::PROBES;
-#[cfg(feature = "gpu")]
+#[cfg(feature = "gpu-plan")]
 pub(crate) use options::{CutOptions, camera, slots};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use shared::{MIN_SIDE, SHARED_NODES, UNITS};

@@ -1,10 +1,27 @@
-//! What the buffers of a table of cuts hold.
+//! The layout of the storage buffer with the cuts that cells share: a record of the grid, and words of 32 bits.
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::plan::cut_layout::{EYE_MOVED, HAS_EYE, HEAD, ROW_QUADS, SLOT_WORDS};
-use crate::sampling::cuts::{CutGrid, CutOptions, slots};
+use crate::sampling::cuts::{CutGrid, CutOptions, SHARED_NODES, slots};
+use crate::tree::WIDTH;
 
+/// The words ahead of the first slot. `shaders/cut_list.wgsl` has their meaning; all are 0 at first but
+/// those with the ends of the free rows.
+pub(crate) const HEAD: u32 = 20;
+/// The word that counts marks for whose cells there was no room.
+pub(crate) const LOST_MARKS: u32 = 13;
+/// The words of a slot: tag, marks, row, points that its cut was made for, corner, kind, mask, points.
+pub(crate) const SLOT_WORDS: u32 = 16;
+/// The units of 16 bytes of a row, up to its nodes, and up to its running sums. `shaders/shared.wgsl` has
+/// the fields.
+pub(crate) const ROW_QUADS: u32 = ROW_SUMS + (SHARED_NODES * WIDTH / 4) as u32;
+/// See [`ROW_QUADS`].
+pub(crate) const ROW_NODES: u32 = 5;
+/// See [`ROW_QUADS`].
+pub(crate) const ROW_SUMS: u32 = ROW_NODES + (SHARED_NODES / 2) as u32;
+
+/// The byte at which the words begin: behind the grid.
+pub(crate) const WORDS_AT: u64 = size_of::<GridRecord>() as u64;
 /// The word with the end of the free rows in their ring.
 const END_OF_FREE: u32 = 3;
 /// The word with the end of those that were free before the frame.
@@ -34,7 +51,7 @@ impl CutPlaces {
 
     /// The size of the storage buffer in bytes: at most 106 MB.
     pub fn bytes(&self) -> u64 {
-        16 * (u64::from(self.first_row) + u64::from(self.rows) * u64::from(ROW_QUADS))
+        WORDS_AT + 16 * (u64::from(self.first_row) + u64::from(self.rows) * u64::from(ROW_QUADS))
     }
 
     /// The first words of the storage buffer: all rows are free.
@@ -45,7 +62,7 @@ impl CutPlaces {
     }
 }
 
-/// The uniform buffer of shaders that mark, build or sample. Twin of `LightCutGrid` in `shaders/cut_grid.wgsl`,
+/// What comes first in the storage buffer. Twin of `LightCutGrid` in `shaders/cut_grid.wgsl`,
 /// which explains the fields.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -59,7 +76,7 @@ pub(crate) struct GridRecord {
     first: [u32; 3],
     padding: u32,
     eye: [f32; 3],
-    flags: u32,
+    has_eye: u32,
     min_marks: u32,
     first_row: u32,
     free_rows: u32,
@@ -67,10 +84,7 @@ pub(crate) struct GridRecord {
 }
 
 impl GridRecord {
-    /// `has_eye_moved` is whether the eye is elsewhere than in the last build.
-    pub fn new(options: CutOptions, grid: &CutGrid, places: &CutPlaces, has_eye_moved: bool) -> Self {
-        let flag = |is_set: bool, flag: u32| if is_set { flag } else { 0 };
-        let flags = flag(grid.eye.is_some(), HAS_EYE) | flag(has_eye_moved, EYE_MOVED);
+    pub fn new(options: CutOptions, grid: &CutGrid, places: &CutPlaces) -> Self {
         Self {
             unit: grid.unit,
             units_per_metre: grid.units_per_metre,
@@ -81,7 +95,7 @@ impl GridRecord {
             first: grid.first,
             padding: 0,
             eye: grid.eye.unwrap_or_default().to_array(),
-            flags,
+            has_eye: u32::from(grid.eye.is_some()),
             min_marks: options.min_marks(),
             first_row: places.first_row,
             free_rows: places.free_rows,

@@ -1,10 +1,9 @@
 //! What shaders do where no cut is shared.
 
-/// How a shader that [shares cuts](crate::gpu::GpuLights::cut_shader) chooses lights for shading points
-/// whose cell has no cut.
+/// How a shader that [shares cuts](super::super::wgsl_with_cuts) chooses lights for shading points whose cell
+/// has no cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
-#[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only `gpu` makes such shaders"))]
 pub enum CutFallback {
     /// It walks down from the root of the top level, without splits. Such a shader has no code for cuts of
     /// single points: `light_sample` then has 0.6 to 0.8 of the instructions.

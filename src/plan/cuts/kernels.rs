@@ -1,0 +1,32 @@
+//! The kernels that build the cuts of cells.
+
+use super::super::kernel::{Binding, Kernel};
+use super::super::layout::ParamsRecord;
+use super::super::text;
+use crate::effects::Effects;
+
+/// Invocations of a workgroup of the list.
+pub(super) const LANES: u32 = 64;
+
+const PARAMS: Binding = Binding::Uniform { bytes: size_of::<ParamsRecord>() as u32 };
+
+const LIST_BINDINGS: &[Binding] = &[PARAMS, Binding::ReadWrite, Binding::ReadWrite];
+
+/// Lists the cells to build: an invocation for each slot of the table.
+pub(super) const LIST: Kernel = Kernel::new("cut_list", "cuts", LIST_BINDINGS, text::wgsl_of_cut_list);
+
+/// Ends the list: one invocation.
+pub(super) const DISPATCH: Kernel = Kernel::new("cut_dispatch", "cuts", LIST_BINDINGS, text::wgsl_of_cut_list);
+
+/// Builds the listed cells: a workgroup for each.
+pub(super) fn build(effects: Effects) -> Kernel {
+    const BINDINGS: &[Binding] =
+        &[PARAMS, Binding::Read, Binding::Read, Binding::Read, Binding::Read, Binding::ReadWrite];
+    Kernel::with_effects("cut_build", "cuts", BINDINGS, (text::wgsl_of_cut_build, effects))
+}
+
+/// The kernels of [`LightPlanner::build_cuts`](super::super::LightPlanner::build_cuts) for
+/// [these effects](super::super::LightPlanner::effects). The effects change the last of them only.
+pub fn cut_kernels(effects: Effects) -> [Kernel; 3] {
+    [LIST, DISPATCH, build(effects)]
+}
