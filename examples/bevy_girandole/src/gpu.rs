@@ -9,8 +9,8 @@ use bevy::render::render_resource::{
     BufferInitDescriptor, BufferUsages, ShaderStages,
 };
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue};
-use girandole::Effects;
 use girandole::gpu::GpuLights;
+use girandole::{CutOptions, Effects};
 
 use crate::kinds::KindRecord;
 use crate::settings::{GirandoleReport, GirandoleSettings, GirandoleStats};
@@ -29,12 +29,18 @@ pub fn effects() -> Effects {
         | Effects::GLOSSY
 }
 
+/// The storage buffers that a stage binds at most, when it chooses from shared cuts: those of Bevy's view and six
+/// of this plugin.
+const STORAGE_BUFFERS: u32 = 16;
+
 /// The lights on the GPU, in the render world.
 #[derive(Resource)]
 pub struct GirandoleGpu {
     lights: GpuLights,
     kinds: Option<Buffer>,
     bind_group: Option<BindGroup>,
+    /// The settings of the present table of shared cuts.
+    cuts: Option<CutOptions>,
     /// Frames since the device was made.
     pub(crate) frames: u64,
     /// Whether any light changed in this frame.
@@ -55,14 +61,61 @@ impl GirandoleGpu {
     pub fn kinds(&self) -> Option<&Buffer> {
         self.kinds.as_ref()
     }
+
+    /// Whether there is a table of shared cuts.
+    pub(crate) fn shares_cuts(&self) -> bool {
+        self.cuts.is_some()
+    }
+
+    /// What shaders bind that mark cells, and that choose from their cuts.
+    pub(crate) fn cut_bind_groups(&self) -> [BindGroup; 2] {
+        [self.lights.mark_bind_group(), self.lights.cut_bind_group()].map(|group| group.clone().into())
+    }
+
+    /// Makes cells follow the pixels of a camera: its position, and the size of a pixel at a distance of a metre.
+    pub(crate) fn set_cut_view(&mut self, eye: Vec3, pixel: f32) {
+        self.lights.set_cut_view(eye.as_dvec3(), pixel);
+    }
+
+    /// Records the build of the cuts of marked cells.
+    pub(crate) fn build_cuts(&mut self, context: &mut RenderContext) {
+        self.lights.build_cuts(context.command_encoder());
+    }
+
+    /// Replaces the table of shared cuts, if the settings ask for another one.
+    fn share_cuts(&mut self, wanted: Option<CutOptions>, device: &RenderDevice) {
+        let has_room = device.limits().max_storage_buffers_per_shader_stage >= STORAGE_BUFFERS;
+        let wanted = wanted.filter(|_| has_room);
+        if wanted == self.cuts {
+            return;
+        }
+        match self.lights.share_cuts(wanted) {
+            Ok(()) => self.cuts = wanted,
+            Err(error) => error_once!("girandole: {error}"),
+        }
+    }
 }
 
 /// The layout of [`GirandoleGpu::bind_group`], as Bevy's pipelines describe it.
 pub fn lights_layout() -> BindGroupLayoutDescriptor {
-    let storage = BufferBindingType::Storage { read_only: true };
-    let types = [BufferBindingType::Uniform, storage, storage, storage, storage];
-    let entries: Vec<_> = types.into_iter().zip(0..).map(|(ty, binding)| buffer_entry(binding, ty)).collect();
-    BindGroupLayoutDescriptor::new("girandole lights", &entries)
+    layout("girandole lights", &[BufferBindingType::Uniform, READ, READ, READ, READ])
+}
+
+/// The layout of shaders that choose from shared cuts.
+pub(crate) fn cuts_layout() -> BindGroupLayoutDescriptor {
+    layout("girandole lights and cuts", &[BufferBindingType::Uniform, READ, READ, READ, READ, READ])
+}
+
+/// The layout of shaders that mark cells.
+pub(crate) fn marks_layout() -> BindGroupLayoutDescriptor {
+    layout("girandole marks", &[BufferBindingType::Storage { read_only: false }])
+}
+
+const READ: BufferBindingType = BufferBindingType::Storage { read_only: true };
+
+fn layout(label: &'static str, types: &[BufferBindingType]) -> BindGroupLayoutDescriptor {
+    let entries: Vec<_> = types.iter().zip(0..).map(|(ty, binding)| buffer_entry(binding, *ty)).collect();
+    BindGroupLayoutDescriptor::new(label, &entries)
 }
 
 /// A buffer for compute and fragment shaders.
@@ -82,6 +135,7 @@ pub fn start(mut commands: Commands, device: Res<RenderDevice>, queue: Res<Rende
             lights,
             kinds: None,
             bind_group: None,
+            cuts: None,
             frames: 0,
             has_changed: false,
             counts: [0; 2],
@@ -106,6 +160,7 @@ pub fn prepare(
     let update = start.elapsed();
     let start = Instant::now();
     let (mut bytes, mut instances) = (0, 0);
+    gpu.share_cuts(settings.cuts, &device);
     match gpu.lights.upload(&lights.world) {
         Ok(report) => (bytes, instances) = (report.bytes, report.instances),
         Err(error) => error_once!("girandole: {error}"),

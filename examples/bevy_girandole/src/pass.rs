@@ -5,10 +5,10 @@ use bevy::pbr::{MeshPipeline, MeshPipelineKey, MeshViewBindGroup, ViewKeyCache};
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::render_resource::{
-    BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType, BlendComponent, BlendFactor,
-    BlendOperation, BlendState, BufferBindingType, BufferInitDescriptor, BufferUsages, CachedRenderPipelineId,
-    ColorTargetState, ColorWrites, FragmentState, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
-    RenderPassDescriptor, RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline,
+    BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType, BlendComponent,
+    BlendFactor, BlendOperation, BlendState, BufferBindingType, BufferInitDescriptor, BufferUsages,
+    CachedRenderPipelineId, ColorTargetState, ColorWrites, FragmentState, LoadOp, Operations, PipelineCache,
+    RenderPassColorAttachment, RenderPassDescriptor, RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline,
     SpecializedRenderPipelines, StoreOp, TextureSampleType, TextureViewDimension,
 };
 use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
@@ -17,7 +17,7 @@ use bevy::shader::{Shader, ShaderDefVal};
 use bytemuck::{Pod, Zeroable};
 
 use crate::components::{Estimate, GirandoleCamera};
-use crate::gpu::{GirandoleGpu, buffer_entry, lights_layout};
+use crate::gpu::{GirandoleGpu, buffer_entry, cuts_layout, lights_layout, marks_layout};
 use crate::history::{DIST_FORMAT, FrameKey, History, MEAN_FORMAT};
 use crate::settings::GirandoleStats;
 
@@ -44,23 +44,39 @@ struct ViewUniform {
 pub struct PassPipelines {
     mesh_pipeline: MeshPipeline,
     fullscreen: FullscreenShader,
-    shader: Handle<Shader>,
+    shaders: PassShaders,
     layout: BindGroupLayoutDescriptor,
 }
 
-/// The shader of the pass, which the main world has made.
+/// The shaders of the pass, which the main world has made.
 #[derive(Resource, Clone)]
-pub struct PassShader(pub Handle<Shader>);
+pub struct PassShaders {
+    pub alone: Handle<Shader>,
+    /// For a camera whose pixels share cuts, if any may: marking cells, and choosing from their cuts.
+    pub sharing: Option<[Handle<Shader>; 2]>,
+}
 
-/// The pipeline of one camera.
+/// The pipelines of one camera.
 #[derive(Component)]
-pub struct PassPipeline(CachedRenderPipelineId);
+pub struct PassPipeline {
+    draw: CachedRenderPipelineId,
+    /// What marks cells, if the pixels of the camera share cuts.
+    mark: Option<CachedRenderPipelineId>,
+}
+
+/// What a pipeline does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum PassKind {
+    Draw,
+    Mark,
+    DrawFromCuts,
+}
 
 pub fn start(
     mut commands: Commands,
     mesh_pipeline: Res<MeshPipeline>,
     fullscreen: Res<FullscreenShader>,
-    shader: Res<PassShader>,
+    shaders: Res<PassShaders>,
 ) {
     let texture = |binding| BindGroupLayoutEntry {
         binding,
@@ -77,16 +93,16 @@ pub fn start(
     commands.insert_resource(PassPipelines {
         mesh_pipeline: mesh_pipeline.clone(),
         fullscreen: fullscreen.clone(),
-        shader: shader.0.clone(),
+        shaders: shaders.clone(),
         layout: BindGroupLayoutDescriptor::new("girandole pass", &[kinds, view, texture(2), texture(3)]),
     });
 }
 
 impl SpecializedRenderPipeline for PassPipelines {
-    type Key = MeshPipelineKey;
+    type Key = (MeshPipelineKey, PassKind);
 
     #[allow(clippy::needless_update)]
-    fn specialize(&self, key: MeshPipelineKey) -> RenderPipelineDescriptor {
+    fn specialize(&self, (key, kind): Self::Key) -> RenderPipelineDescriptor {
         let layout = self.mesh_pipeline.get_view_layout(key.into());
         let add = BlendComponent {
             src_factor: BlendFactor::One,
@@ -99,15 +115,22 @@ impl SpecializedRenderPipeline for PassPipelines {
             (DIST_FORMAT, None),
         ];
         let target = |(format, blend)| Some(ColorTargetState { format, blend, write_mask: ColorWrites::ALL });
+        // A pass needs a target, although marks are no picture.
+        let no_picture = ColorTargetState { format: DIST_FORMAT, blend: None, write_mask: ColorWrites::empty() };
+        let (shader, lights, targets) = match (kind, &self.shaders.sharing) {
+            (PassKind::Mark, Some([mark, _])) => (mark, marks_layout(), vec![Some(no_picture)]),
+            (PassKind::DrawFromCuts, Some([_, draw])) => (draw, cuts_layout(), targets.map(target).to_vec()),
+            _ => (&self.shaders.alone, lights_layout(), targets.map(target).to_vec()),
+        };
         RenderPipelineDescriptor {
             label: Some("girandole pass".into()),
-            layout: vec![layout.main_layout, layout.binding_array_layout, self.layout.clone(), lights_layout()],
+            layout: vec![layout.main_layout, layout.binding_array_layout, self.layout.clone(), lights],
             vertex: self.fullscreen.to_vertex_state(),
             fragment: Some(FragmentState {
-                shader: self.shader.clone(),
+                shader: shader.clone(),
                 shader_defs: shader_defs(&self.mesh_pipeline, key),
                 entry_point: Some("girandole_fragment".into()),
-                targets: targets.map(target).to_vec(),
+                targets,
                 // Bevy 0.20 has one more field.
                 ..default()
             }),
@@ -143,8 +166,12 @@ pub fn specialize(
     keys: Res<ViewKeyCache>,
     mut made: ResMut<SpecializedRenderPipelines<PassPipelines>>,
     pipelines: Res<PassPipelines>,
+    gpu: Option<Res<GirandoleGpu>>,
     cameras: Query<(Entity, &ExtractedView, &ExtractedCamera), With<GirandoleCamera>>,
 ) {
+    let shares_cuts = pipelines.shaders.sharing.is_some() && gpu.is_some_and(|gpu| gpu.shares_cuts());
+    // There is one table, and its cells live while their camera marks them.
+    let first = cameras.iter().map(|(entity, _, camera)| (camera.order, entity)).min();
     for (entity, view, camera) in &cameras {
         let Some(&key) = keys.get(&view.retained_view_entity) else { continue };
         let needed =
@@ -154,13 +181,19 @@ pub fn specialize(
             commands.entity(entity).remove::<PassPipeline>();
             continue;
         }
-        commands.entity(entity).insert(PassPipeline(made.specialize(&cache, &pipelines, key)));
+        let mut pipeline = |kind| made.specialize(&cache, &pipelines, (key, kind));
+        let pipeline = match shares_cuts && first.is_some_and(|(_, first)| first == entity) {
+            true => PassPipeline { draw: pipeline(PassKind::DrawFromCuts), mark: Some(pipeline(PassKind::Mark)) },
+            false => PassPipeline { draw: pipeline(PassKind::Draw), mark: None },
+        };
+        commands.entity(entity).insert(pipeline);
     }
 }
 
 type PassView = (
     &'static GirandoleCamera,
     &'static ExtractedCamera,
+    &'static ExtractedView,
     &'static MeshViewBindGroup,
     &'static ViewTarget,
     &'static PassPipeline,
@@ -172,14 +205,15 @@ pub fn draw(
     view: ViewQuery<PassView>,
     cache: Res<PipelineCache>,
     pipelines: Res<PassPipelines>,
-    gpu: Option<Res<GirandoleGpu>>,
+    gpu: Option<ResMut<GirandoleGpu>>,
     stats: Res<GirandoleStats>,
     mut context: RenderContext,
 ) {
-    let (settings, camera, mesh_view, target, pipeline, mut history) = view.into_inner();
-    let Some(gpu) = gpu else { return };
-    let Some(pipeline) = cache.get_render_pipeline(pipeline.0) else { return };
-    let (Some(kinds), Some(lights)) = (gpu.kinds(), gpu.bind_group()) else { return };
+    let (settings, camera, extracted, mesh_view, target, pipeline, mut history) = view.into_inner();
+    let Some(mut gpu) = gpu else { return };
+    let Some(lit) = cache.get_render_pipeline(pipeline.draw) else { return };
+    let Some(mark) = pipeline.mark.map_or(Some(None), |mark| cache.get_render_pipeline(mark).map(Some)) else { return };
+    let (Some(kinds), Some(mut lights)) = (gpu.kinds().cloned(), gpu.bind_group().cloned()) else { return };
     let frame = history.next_frame(FrameKey {
         frame: gpu.frames,
         setting: settings.history,
@@ -217,26 +251,40 @@ pub fn draw(
         let ops = Operations { load: LoadOp::Clear(default()), store: StoreOp::Store };
         Some(RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops })
     };
-    let mut pass = context.begin_tracked_render_pass(RenderPassDescriptor {
-        label: Some("girandole pass"),
-        color_attachments: &[
-            Some(target.get_color_attachment()),
-            write(&frame.present.mean),
-            write(&frame.present.dist),
-        ],
-        depth_stencil_attachment: None,
-        timestamp_writes: None,
-        occlusion_query_set: None,
-        multiview_mask: None,
-    });
-    if let Some(viewport) = &camera.viewport {
-        pass.set_camera_viewport(viewport);
+    let draw = |context: &mut RenderContext, label, attachments: &[_], pipeline, lights: &BindGroup| {
+        let mut pass = context.begin_tracked_render_pass(RenderPassDescriptor {
+            label: Some(label),
+            color_attachments: attachments,
+            depth_stencil_attachment: None,
+            timestamp_writes: None,
+            occlusion_query_set: None,
+            multiview_mask: None,
+        });
+        if let Some(viewport) = &camera.viewport {
+            pass.set_camera_viewport(viewport);
+        }
+        pass.set_render_pipeline(pipeline);
+        pass.set_bind_group(0, &mesh_view.main, &mesh_view.main_offsets);
+        pass.set_bind_group(1, &mesh_view.binding_array, &[]);
+        pass.set_bind_group(2, &own, &[]);
+        pass.set_bind_group(3, lights, &[]);
+        pass.draw(0..3, 0..1);
+    };
+    if let Some(mark) = mark {
+        let [marks, cuts] = gpu.cut_bind_groups();
+        gpu.set_cut_view(extracted.world_from_view.translation(), pixel_size(extracted, camera));
+        draw(&mut context, "girandole marks", &[write(&frame.present.dist)], mark, &marks);
+        gpu.build_cuts(&mut context);
+        lights = cuts;
     }
-    pass.set_render_pipeline(pipeline);
-    pass.set_bind_group(0, &mesh_view.main, &mesh_view.main_offsets);
-    pass.set_bind_group(1, &mesh_view.binding_array, &[]);
-    pass.set_bind_group(2, &own, &[]);
-    pass.set_bind_group(3, lights, &[]);
-    pass.draw(0..3, 0..1);
+    let attachments = [Some(target.get_color_attachment()), write(&frame.present.mean), write(&frame.present.dist)];
+    draw(&mut context, "girandole pass", &attachments, lit, &lights);
     stats.count_pass();
+}
+
+/// The size of a pixel at a distance of a metre, in metres; 0, which no cells follow, without a perspective.
+fn pixel_size(view: &ExtractedView, camera: &ExtractedCamera) -> f32 {
+    let has_perspective = view.clip_from_view.w_axis.w == 0.0;
+    let rows = camera.physical_viewport_size.map_or(0, |size| size.y);
+    if has_perspective && rows > 0 { 2.0 / (view.clip_from_view.y_axis.y * rows as f32) } else { 0.0 }
 }

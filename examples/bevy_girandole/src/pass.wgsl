@@ -99,17 +99,12 @@ fn girandole_mean_at(place: vec2<f32>, dist: f32) -> vec4<f32> {
 
 @fragment
 fn girandole_fragment(@builtin(position) position: vec4<f32>) -> GirandoleOutput {
+    let shown = girandole_pixel(position);
+    if !shown.is_lit {
+        return GirandoleOutput(vec4(0.0), vec4(0.0), 0.0);
+    }
+    let surface = shown.surface;
     let texel = vec2<i32>(position.xy);
-    let packed = textureLoad(mesh_view_bindings::deferred_prepass_texture, texel, 0);
-    let depth = textureLoad(mesh_view_bindings::depth_prepass_texture, texel, 0);
-    if depth <= 0.0 || all(packed == vec4(0u)) {
-        return GirandoleOutput(vec4(0.0), vec4(0.0), 0.0);
-    }
-    let pbr = pbr_input_from_deferred_gbuffer(vec4(position.xy, depth, 0.0), packed);
-    if (pbr.material.flags & STANDARD_MATERIAL_FLAGS_UNLIT_BIT) != 0u {
-        return GirandoleOutput(vec4(0.0), vec4(0.0), 0.0);
-    }
-    let surface = girandole_surface(pbr);
     let pixel = light_hash(u32(texel.x) ^ light_hash(u32(texel.y)));
     let seed = pixel ^ light_hash(girandole_view.frame ^ light_hash(girandole_view.seed));
 

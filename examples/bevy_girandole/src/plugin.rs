@@ -10,7 +10,7 @@ use bevy::render::renderer::{RenderGraph, RenderGraphSystems};
 use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems};
 use bevy::shader::Shader;
 
-use crate::pass::{PassPipelines, PassShader};
+use crate::pass::{PassPipelines, PassShaders};
 use crate::settings::{GirandoleSettings, GirandoleStats};
 use crate::world::Lights;
 use crate::{extract, gather, gpu, history, pass, shader};
@@ -19,8 +19,8 @@ use crate::{extract, gather, gpu, history, pass, shader};
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GirandolePlugin {
     /// Whether the pass imports the same modules as applications do, instead of being one text in
-    /// which candidates are weighted by Bevy's BRDF. This is noisier, and is meant for tests of the
-    /// modules.
+    /// which candidates are weighted by Bevy's BRDF, and pixels share cuts. This is noisier, and is meant
+    /// for tests of the modules.
     pub importing: bool,
 }
 
@@ -50,15 +50,20 @@ impl Plugin for GirandolePlugin {
         }
         gather::add_systems(app);
         let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
-        let text = if self.importing { shader::importing() } else { shader::joined() };
-        let pass_shader = PassShader(shaders.add(text));
+        let pass_shaders = match self.importing {
+            true => PassShaders { alone: shaders.add(shader::importing()), sharing: None },
+            false => PassShaders {
+                alone: shaders.add(shader::joined(false)),
+                sharing: Some([shader::marking(), shader::joined(true)].map(|text| shaders.add(text))),
+            },
+        };
         let modules = Modules { _handles: shader::modules().map(|module| shaders.add(module)) };
         app.insert_resource(modules);
         let stats = app.world().resource::<GirandoleStats>().clone();
         let settings = app.world().resource::<GirandoleSettings>().clone();
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         render_app
-            .insert_resource(pass_shader)
+            .insert_resource(pass_shaders)
             .insert_resource(stats)
             .insert_resource(settings)
             .init_resource::<Lights>()
@@ -70,7 +75,7 @@ impl Plugin for GirandolePlugin {
                 (
                     gpu::prepare.in_set(GirandoleSystems::Upload).in_set(RenderSystems::PrepareResources),
                     history::prepare.in_set(RenderSystems::PrepareResources),
-                    pass::specialize.in_set(RenderSystems::Prepare),
+                    pass::specialize.in_set(RenderSystems::Prepare).after(gpu::prepare),
                 ),
             )
             .add_systems(

@@ -6,10 +6,10 @@ use std::time::Duration;
 
 use bevy::camera::Exposure;
 use bevy::prelude::*;
-use girandole::FrameBudget;
+use girandole::{CutOptions, FrameBudget};
 
 /// Settings that may change in any frame.
-#[derive(Resource, Clone, Default)]
+#[derive(Resource, Clone)]
 pub struct GirandoleSettings {
     /// The time that a frame may spend on rebuilds of light trees.
     pub budget: FrameBudget,
@@ -20,6 +20,22 @@ pub struct GirandoleSettings {
     /// chosen. Bevy's emissive colours are in units of the picture, so what they emit depends on the
     /// exposure of the camera. The picture is right for any exposure; noise is lowest for this one.
     pub exposure: Exposure,
+    /// How neighbouring pixels share cuts, which gives less noise in less time. The cells of these follow the
+    /// pixels of the camera that is drawn first. `None` makes every pixel split for itself, and so does a device
+    /// whose shaders bind fewer than 16 storage buffers. See `docs/cuts.md`.
+    pub cuts: Option<CutOptions>,
+}
+
+impl Default for GirandoleSettings {
+    fn default() -> Self {
+        Self {
+            budget: FrameBudget::default(),
+            all_lights: false,
+            exposure: Exposure::default(),
+            // Cells at the edges of surfaces have few pixels.
+            cuts: Some(CutOptions::default().with_min_marks(2)),
+        }
+    }
 }
 
 /// What the plugin did for the last frame.

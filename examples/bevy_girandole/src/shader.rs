@@ -4,7 +4,7 @@
 //! an application import the same functions as modules.
 
 use bevy::shader::Shader;
-use girandole::plan::{self, TargetHook};
+use girandole::plan::{self, CutFallback, TargetHook};
 
 use crate::gpu::effects;
 
@@ -17,32 +17,57 @@ use crate::naga_oil::{GIRANDOLE_IMPORTS, LIGHT_IMPORTS, PASS_IMPORTS, SHADING_IM
 use crate::wesl::{GIRANDOLE_IMPORTS, LIGHT_IMPORTS, PASS_IMPORTS, SHADING_IMPORTS, module};
 
 /// The pass in one text. Candidates are kept in proportion to the light that Bevy's BRDF reflects
-/// of them.
-pub fn joined() -> Shader {
+/// of them. With `shares_cuts`, they come from the cuts of cells.
+pub fn joined(shares_cuts: bool) -> Shader {
     let hook = TargetHook::new("girandole_target", "LightingInput").expect("both are names");
-    let library = plan::wgsl_with_target(LIGHTS_GROUP, effects(), &hook);
+    let library = match shares_cuts {
+        true => plan::wgsl_with_cuts(LIGHTS_GROUP, effects(), CutFallback::Walk, Some(&hook)),
+        false => plan::wgsl_with_target(LIGHTS_GROUP, effects(), &hook),
+    };
     let parts = [
         SHADING_IMPORTS,
         PASS_IMPORTS,
         &library,
+        include_str!("surface.wgsl"),
         include_str!("shade.wgsl"),
         include_str!("joined.wgsl"),
+        include_str!("pixel.wgsl"),
         include_str!("pass.wgsl"),
     ];
-    module("girandole::pass", parts.concat())
+    module(if shares_cuts { "girandole::cut_pass" } else { "girandole::pass" }, parts.concat())
+}
+
+/// The pass that marks the cells of pixels.
+pub fn marking() -> Shader {
+    let library = plan::wgsl_of_marks(LIGHTS_GROUP, effects());
+    let parts = [
+        SHADING_IMPORTS,
+        PASS_IMPORTS,
+        &library,
+        include_str!("surface.wgsl"),
+        include_str!("pixel.wgsl"),
+        include_str!("mark.wgsl"),
+    ];
+    module("girandole::marks", parts.concat())
 }
 
 /// The same pass, which imports the modules. Candidates are kept by Girandole's own estimate of what
 /// the surface reflects, since a module cannot call functions of the text that imports it.
 pub fn importing() -> Shader {
     let imports = [SHADING_IMPORTS, PASS_IMPORTS, LIGHT_IMPORTS, GIRANDOLE_IMPORTS].concat();
-    module("girandole::pass", imports + include_str!("pass.wgsl"))
+    module("girandole::pass", imports + include_str!("pixel.wgsl") + include_str!("pass.wgsl"))
 }
 
 /// The modules for applications: `girandole`, with the functions that the documentation of
 /// [`LightShader`](girandole::gpu::LightShader) lists, and `girandole::shading`, Bevy's lighting by one
 /// light.
 pub fn modules() -> [Shader; 2] {
-    let shading = [SHADING_IMPORTS, LIGHT_IMPORTS, include_str!("shade.wgsl"), include_str!("module.wgsl")];
+    let shading = [
+        SHADING_IMPORTS,
+        LIGHT_IMPORTS,
+        include_str!("surface.wgsl"),
+        include_str!("shade.wgsl"),
+        include_str!("module.wgsl"),
+    ];
     [module("girandole", plan::wgsl(LIGHTS_GROUP, effects())), module("girandole::shading", shading.concat())]
 }

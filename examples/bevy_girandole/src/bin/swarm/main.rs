@@ -22,7 +22,7 @@ use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::pbr::DefaultOpaqueRendererMethod;
 use bevy::post_process::bloom::Bloom;
 use bevy::prelude::*;
-use bevy_girandole::{GirandoleCamera, GirandolePlugin};
+use bevy_girandole::{GirandoleCamera, GirandolePlugin, GirandoleSettings};
 
 use options::Options;
 
@@ -40,8 +40,11 @@ fn main() -> AppExit {
     } else {
         window::add_plugins(&mut app, &options);
     }
-    app.add_plugins(GirandolePlugin::default())
-        .insert_resource(DefaultOpaqueRendererMethod::deferred())
+    app.add_plugins(GirandolePlugin::default());
+    if options.no_cuts {
+        app.world_mut().resource_mut::<GirandoleSettings>().cuts = None;
+    }
+    app.insert_resource(DefaultOpaqueRendererMethod::deferred())
         .insert_resource(ClearColor(Color::linear_rgb(0.0006, 0.0008, 0.002)))
         .insert_resource(GlobalAmbientLight { brightness: 0.3, ..default() })
         .insert_resource(options);

@@ -7,6 +7,7 @@ pub const USAGE: &str = "Options:
   --candidates N   candidates for each sample (8)
   --samples N      samples for each pixel and frame (1)
   --size WxH       size of the picture (960x540)
+  --no-cuts        pixels share no cuts
   --bevy-lights    leaves the lamps to Bevy
   --headless       draws without a window
   --frames N       frames to draw without a window (24)
@@ -19,6 +20,7 @@ pub struct Options {
     pub candidates: u32,
     pub samples: u32,
     pub size: [u32; 2],
+    pub no_cuts: bool,
     pub bevy_lights: bool,
     pub headless: bool,
     pub frames: u32,
@@ -33,6 +35,7 @@ impl Default for Options {
             candidates: 8,
             samples: 1,
             size: [960, 540],
+            no_cuts: false,
             bevy_lights: false,
             headless: false,
             frames: 24,
@@ -56,6 +59,7 @@ impl Options {
                 "--settle" => options.settle = number(&value()?)?,
                 "--size" => options.size = size(&value()?)?,
                 "--out" => options.out = Some(value()?),
+                "--no-cuts" => options.no_cuts = true,
                 "--bevy-lights" => options.bevy_lights = true,
                 "--headless" => options.headless = true,
                 _ => return Err(format!("{word} is not an option.\n{USAGE}")),
