@@ -22,6 +22,8 @@ pub struct Row {
     /// The share of draws that end without a light, as a mean over the lit shading points.
     pub dead: f64,
     pub ns_per_sample: f64,
+    /// The same with the build of a cell that as many samples as [`shared_cuts::NEIGHBOURS`] choose from.
+    pub ns_with_build: f64,
     pub bytes_per_light: f64,
 }
 
@@ -52,7 +54,14 @@ pub fn measure(lit: &Lit, effort: Effort) -> Result<Measured, SceneError> {
         return Err(SceneError(format!("{}: no light reaches any shading point", lit.name)));
     }
     let times = nanoseconds(&choosers, &lit.shading_points, effort);
-    let rows = choosers.iter().zip(times).map(|(chooser, ns_per_sample)| {
+    let builds = CELLS.iter().map(|(_, edge)| {
+        let time = shared_cuts::build_time(&lit.world, &lit.shading_points, *edge, effort.select(5, 1));
+        time.map(|ns| ns / shared_cuts::NEIGHBOURS as f64).map_err(|error| SceneError(error.to_string()))
+    });
+    let builds = builds.collect::<Result<Vec<_>, SceneError>>()?;
+    // The samplers with cells come last.
+    let builds = std::iter::repeat_n(0.0, choosers.len() - builds.len()).chain(builds);
+    let rows = choosers.iter().zip(times).zip(builds).map(|((chooser, ns_per_sample), build)| {
         let (sigma, dead) = samplers::noise(chooser.as_ref(), &lit.shading_points, &lux);
         Row {
             scene: lit.name.clone(),
@@ -60,6 +69,7 @@ pub fn measure(lit: &Lit, effort: Effort) -> Result<Measured, SceneError> {
             sigma,
             dead,
             ns_per_sample,
+            ns_with_build: ns_per_sample + build,
             bytes_per_light: chooser.bytes() as f64 / lights.len() as f64,
         }
     });

@@ -5,7 +5,7 @@ use testbed::common::table::markdown_head;
 use testbed::measuring::sigma::Summary;
 
 /// The columns of the CSV file.
-pub const COLUMNS: [&str; 10] = [
+pub const COLUMNS: [&str; 11] = [
     "scene",
     "sampler",
     "sigma_mean",
@@ -15,15 +15,17 @@ pub const COLUMNS: [&str; 10] = [
     "sigma_rms",
     "dead",
     "ns_per_sample",
+    "ns_with_build",
     "bytes_per_light",
 ];
 
 /// A row of the CSV file, in the order of [`COLUMNS`].
-pub fn fields(row: &Row) -> [String; 10] {
+pub fn fields(row: &Row) -> [String; 11] {
     let Summary { mean, median, p95, p999, rms, .. } = row.sigma;
     let [mean, median, p95, p999, rms] = [mean, median, p95, p999, rms].map(|sigma| format!("{sigma:.3}"));
-    let (ns, bytes) = (format!("{:.0}", row.ns_per_sample), format!("{:.1}", row.bytes_per_light));
-    [row.scene.clone(), row.sampler.to_owned(), mean, median, p95, p999, rms, format!("{:.4}", row.dead), ns, bytes]
+    let [ns, ns_with_build] = [row.ns_per_sample, row.ns_with_build].map(|ns| format!("{ns:.0}"));
+    let (dead, bytes) = (format!("{:.4}", row.dead), format!("{:.1}", row.bytes_per_light));
+    [row.scene.clone(), row.sampler.to_owned(), mean, median, p95, p999, rms, dead, ns, ns_with_build, bytes]
 }
 
 /// Prints one scene's rows as a Markdown table. Its last column counts the shading points where

@@ -95,6 +95,7 @@ pub const SHARED_CUTS: Figure = table(
             cell("rms", "sigma_rms", Digits(3)),
             cell("dead", "dead", Percent(1)),
             cell("ns per sample", "ns_per_sample", Digits(3)),
+            cell("with the build", "ns_with_build", Digits(3)),
         ],
         ..VIEW
     }],

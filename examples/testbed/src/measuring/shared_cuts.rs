@@ -3,9 +3,10 @@
 use crate::scene::rng::Rng;
 use girandole::glam::Vec3;
 use girandole::{CutError, CutOptions, CutTable, LightWorld, ShadingPoint};
+use std::time::Instant;
 
 /// The points that are marked around each shading point: as many pixels as a cell has in a picture.
-const NEIGHBOURS: u64 = 256;
+pub const NEIGHBOURS: u64 = 256;
 /// Seeds their places.
 const SEED: u64 = 2_024;
 
@@ -13,6 +14,30 @@ const SEED: u64 = 2_024;
 /// neighbours that lie in the plane of the point's surface, or around a point in a volume. Glossy points
 /// are seen by one camera, which stands where the view of the first of them ends.
 pub fn table(world: &LightWorld, shading_points: &[ShadingPoint], edge: f32) -> Result<CutTable, CutError> {
+    let mut table = marked(world, shading_points, edge)?;
+    table.build(world);
+    Ok(table)
+}
+
+/// The nanoseconds in which one thread builds one of these cells: the least of `rounds`.
+pub fn build_time(
+    world: &LightWorld,
+    shading_points: &[ShadingPoint],
+    edge: f32,
+    rounds: usize,
+) -> Result<f64, CutError> {
+    let mut least = f64::INFINITY;
+    for _ in 0..rounds {
+        let mut table = marked(world, shading_points, edge)?;
+        let start = Instant::now();
+        table.build(world);
+        least = least.min(start.elapsed().as_secs_f64() * 1.0e9 / table.report().built.max(1) as f64);
+    }
+    Ok(least)
+}
+
+/// The table before the build.
+fn marked(world: &LightWorld, shading_points: &[ShadingPoint], edge: f32) -> Result<CutTable, CutError> {
     let mut table = CutTable::new(CutOptions::new(edge, (16 * shading_points.len()).clamp(1, 1 << 16))?);
     let eye = shading_points.iter().find_map(|at| Some(at.position + at.gloss?.view));
     if let Some(eye) = eye {
@@ -29,7 +54,6 @@ pub fn table(world: &LightWorld, shading_points: &[ShadingPoint], edge: f32) -> 
             sampler.mark(&neighbour);
         }
     }
-    table.build(world);
     Ok(table)
 }
 
