@@ -1,27 +1,21 @@
 //! Cuts that neighbours share, on wgpu: plans fill and build the table, and this binds it.
 
+mod bindings;
+
 use std::sync::OnceLock;
 
 use glam::DVec3;
 
+use bindings::Bound;
+pub(super) use bindings::CutBindings;
+
 use super::GpuLights;
-use super::bindings::{bind, bind_lights, cut_layout, mark_layout};
 use super::error::GpuError;
 use super::recorder::Recorder;
 use super::shader::LightShader;
 use crate::effects::Effects;
-use crate::plan::{BufferId, CutFallback, ShaderBuffers};
+use crate::plan::CutFallback;
 use crate::sampling::cuts::CutOptions;
-
-/// What shaders bind that mark cells and that choose from their cuts.
-pub(super) struct CutBindings {
-    layout: wgpu::BindGroupLayout,
-    bind_group: wgpu::BindGroup,
-    mark_layout: wgpu::BindGroupLayout,
-    mark_bind_group: wgpu::BindGroup,
-    /// The buffers that the bind groups were made for; `None` in place of buffers of zeros.
-    bound: (Option<ShaderBuffers>, Option<BufferId>),
-}
 
 impl GpuLights {
     /// Makes a table of cuts that neighbours share, or drops the present one for `None`. Before the first
@@ -115,33 +109,24 @@ impl GpuLights {
 
     /// Makes the layouts and bind groups when they are first needed.
     fn cut_bindings(&self) -> &CutBindings {
-        self.cuts.get_or_init(|| {
-            let (layout, mark_layout) = (cut_layout(&self.device), mark_layout(&self.device));
-            let [bind_group, mark_bind_group] = self.bind_cuts(&layout, &mark_layout);
-            CutBindings { layout, bind_group, mark_layout, mark_bind_group, bound: self.bound_cuts() }
-        })
+        self.cuts.get_or_init(|| CutBindings::new(&self.device, &self.buffers(), self.table(), self.bound_cuts()))
     }
 
     /// What shaders bind: no table while an upload has failed, since its cuts may name nodes that are not there.
-    fn bound_cuts(&self) -> (Option<ShaderBuffers>, Option<BufferId>) {
+    fn bound_cuts(&self) -> Bound {
         (self.bound, self.planner.cut_table().filter(|_| self.bound.is_some()))
     }
 
-    fn bind_cuts(&self, layout: &wgpu::BindGroupLayout, mark_layout: &wgpu::BindGroupLayout) -> [wgpu::BindGroup; 2] {
+    /// The buffer of the table, or zeros.
+    fn table(&self) -> &wgpu::Buffer {
         let (_, table) = self.bound_cuts();
-        let table = table.map_or(&self.dark.records, |table| self.player.buffer(table));
-        let buffers: Vec<_> = self.buffers().into_iter().chain([table]).collect();
-        let marks = bind(&self.device, "girandole marks", mark_layout, &[table.as_entire_binding()]);
-        [bind_lights(&self.device, layout, &buffers), marks]
+        table.map_or(&self.dark.records, |table| self.player.buffer(table))
     }
 
     /// Replaces the bind groups with the table if a buffer of them was replaced.
     pub(super) fn rebind_cuts(&mut self) {
         let Some(mut cuts) = self.cuts.take() else { return };
-        if cuts.bound != self.bound_cuts() {
-            [cuts.bind_group, cuts.mark_bind_group] = self.bind_cuts(&cuts.layout, &cuts.mark_layout);
-            cuts.bound = self.bound_cuts();
-        }
+        cuts.rebind(&self.device, &self.buffers(), self.table(), self.bound_cuts());
         self.cuts = OnceLock::from(cuts);
     }
 }

@@ -272,7 +272,7 @@ fn the_gpu_builds_the_cuts_that_the_cpu_builds_and_chooses_the_same_lights() {
         table.set_view(EYE.as_dvec3(), pixel);
         let (marked, chosen) = (inputs(3000, EYE, 0), inputs(3000, EYE, 500_000));
         mark(&world, &table, &marked);
-        table.build(&world);
+        table.build(world.sampler());
         let outputs = rig.run(&marked, &chosen);
         let report = table.report();
         let known = [report.marked, report.built, report.kept, report.rare, report.refused, report.lost_marks];
@@ -342,7 +342,7 @@ fn choices_from_a_cell_read_few_nodes() {
     table.set_view(EYE.as_dvec3(), 0.01);
     let at = inputs(3000, EYE, 0);
     mark(&world, &table, &at);
-    table.build(&world);
+    table.build(world.sampler());
     rig.run(&at, &at[..1]);
 
     let (device, queue) = gpu();
