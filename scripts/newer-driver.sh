@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Runs the GPU tests and a frame of the city on the software Vulkan of Debian's next release, in a chroot of
 # that release (700 MB, made on first use). Drivers differ: the newer one has found faults that the older one
-# hides. It is skipped on other systems than Debian 12, and without root.
+# hides. It is skipped on other systems than Debian 12, and without root. `--all` adds the GPU tests in tests/all.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/common.sh
@@ -13,7 +13,7 @@ if [ "$(id -u)" -ne 0 ] || ! grep -qs bookworm /etc/os-release; then
 fi
 
 # Mounts are seen by this process alone, and end with it.
-[ -n "${in_namespace:-}" ] || exec unshare --mount env in_namespace=yes bash "$0"
+[ -n "${in_namespace:-}" ] || exec unshare --mount env in_namespace=yes bash "$0" "$@"
 
 make_chroot() {
     need debootstrap debootstrap
@@ -56,7 +56,7 @@ for program in "$library" "$all" "$city"; do
     [ -x "$program" ] || { echo "a program was not built" >&2 && exit 1; }
 done
 step in_chroot "$library" gpu::
-step in_chroot "$all" gpu
+[ "${1:-}" != --all ] || step in_chroot "$all" gpu
 rm -rf target/newer-driver-frame
 step in_chroot "$PWD/$city" --backend gpu --frames 1 --size 64x36 --spp 1 --out "$PWD/target/newer-driver-frame"
 [ -s target/newer-driver-frame/frame_0000.png ]

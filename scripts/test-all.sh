@@ -5,8 +5,9 @@ cd "$(dirname "$0")/.."
 source scripts/common.sh
 
 step bash .ci/run
-# Bevy 0.19 is linted, and Bevy 0.20 linted and tested, too.
+# The plugin for Bevy 0.19 and 0.20.
 step bash examples/bevy_girandole/test.sh --all
+step bash scripts/newer-driver.sh --all
 # More targets and versions.
 step bash scripts/portability.sh --all
 # The library's tests without threads.
