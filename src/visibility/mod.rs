@@ -13,7 +13,7 @@ mod cell;
 mod fold;
 
 use std::fmt;
-use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
 use glam::DVec3;
 
@@ -26,6 +26,8 @@ use fold::{Known, fold};
 pub(crate) use fold::{MAX_NEW, MEMORY, MIN_SHARE, PRIOR, UNITS};
 
 use crate::error::VisibilityError;
+
+static NEXT_ID: AtomicU64 = AtomicU64::new(1);
 
 /// The number of rows among which a cell may choose: a bucket.
 pub(crate) const WAYS: usize = 4;
@@ -150,6 +152,10 @@ impl Default for VisibilityOptions {
 /// ```
 pub struct VisibilityTable {
     options: VisibilityOptions,
+    /// Differs between tables, and from 0.
+    id: u64,
+    /// How many frames have ended.
+    frames: u64,
     /// The tag of the cell of each row, or 0.
     tags: Vec<u32>,
     /// Frames without a record, for each row.
@@ -173,6 +179,8 @@ impl VisibilityTable {
         let zeros = || (0..cells).map(|_| AtomicU32::new(0)).collect();
         Self {
             options,
+            id: NEXT_ID.fetch_add(1, Relaxed),
+            frames: 0,
             tags: vec![0; cells],
             idle: vec![0; cells],
             shares: vec![FULL_SHARE; cells * BINS],
@@ -198,6 +206,7 @@ impl VisibilityTable {
     /// The result does not depend on the order or the threads of the records. O(cells of the
     /// table), and 128 small sums for each cell in which something was recorded.
     pub fn end_frame(&mut self) {
+        self.frames += 1;
         for row in 0..self.tags.len() {
             let is_touched = std::mem::take(self.touched[row].get_mut()) != 0;
             let claim = std::mem::take(self.claims[row].get_mut());
@@ -244,6 +253,16 @@ impl VisibilityTable {
     fn row(&self, cell: &Cell) -> Option<usize> {
         let first = self.bucket(cell);
         (first..first + WAYS).find(|row| self.tags[*row] == cell.tag)
+    }
+
+    /// Differs between tables.
+    pub(crate) fn id(&self) -> u64 {
+        self.id
+    }
+
+    /// The number of the last frame that has changed what is known about a cell, from 1 on; 0 if it has no row.
+    pub(crate) fn last_change(&self, cell: &Cell) -> u64 {
+        self.row(cell).map_or(0, |row| self.frames - u64::from(self.idle[row]))
     }
 
     /// The row of a cell for records. If there is none, asks for one from the next frame on.

@@ -2,8 +2,8 @@
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::{
-    CandidateCount, CutError, CutOptions, CutReport, CutTable, DirectionalLight, FrameBudget, Gloss, LightSampler,
-    LightWorld, Placement, ShadingPoint,
+    CandidateCount, CutError, CutOptions, CutReport, CutTable, DirectionalLight, FrameBudget, Gloss, Light,
+    LightSampler, LightTree, LightWorld, Placement, Policy, ShadingPoint, VisibilityTable,
 };
 use rayon::prelude::*;
 
@@ -40,7 +40,7 @@ fn others(at: &[ShadingPoint], rng: &mut Rng) -> Vec<ShadingPoint> {
 fn build(table: &mut CutTable, world: &LightWorld, at: &[ShadingPoint]) {
     let sampler = world.sampler().with_cuts(table);
     at.iter().for_each(|at| sampler.mark(at));
-    table.build(world);
+    table.build(world.sampler());
 }
 
 /// Checks the probabilities of all lights at some points, and returns the share of those that a table
@@ -157,7 +157,7 @@ fn moving_worlds_keep_their_probabilities_with_marks_of_the_frame_before() {
             world.set_origin(DVec3::new(f64::from(frame), 3.0, -700.0)).expect("valid");
         }
         world.update(FrameBudget::UNLIMITED);
-        cuts.build(&world);
+        cuts.build(world.sampler());
         assert!(cuts.report().built > 10);
         let shift = world.origin().as_vec3();
         let mut moved = at.clone();
@@ -220,7 +220,7 @@ fn the_order_and_the_threads_of_marks_have_no_effect() {
     let pmfs = |mark: &dyn Fn(&LightSampler<'_>)| {
         let mut cuts = table();
         mark(&world.sampler().with_cuts(&cuts));
-        let builds: Vec<_> = cuts.builds(&world).collect();
+        let builds: Vec<_> = cuts.builds(world.sampler()).collect();
         builds.into_par_iter().rev().for_each(girandole::CutBuild::run);
         let sampler = world.sampler().with_cuts(&cuts);
         at.iter().step_by(10).map(|at| sampler.pick(at, [0.3, 0.7])).collect::<Vec<_>>()
@@ -289,7 +289,7 @@ fn a_table_keeps_the_cells_with_the_most_marks_at_its_cap_and_past_it() {
             (0..2 + usize::from(cell % 10 == 0)).for_each(|_| sampler.mark(&at(cell)));
         }
         sampler.mark(&at(1000));
-        cuts.build(&world);
+        cuts.build(world.sampler());
         let report = cuts.report();
         assert_eq!((report.built, report.refused), (16, report.marked - report.rare - 16), "{count}: {report:?}");
         let sampler = world.sampler().with_cuts(&cuts);
@@ -349,6 +349,66 @@ fn means_equal_the_sum_over_all_lights() {
             assert!((mean - exact).abs() <= 5.0 * error + 1.0e-4 * exact, "{candidates}: {mean} {exact} {error}");
         }
     }
+}
+
+#[test]
+fn cells_know_what_shadow_rays_have_taught_and_are_built_again_when_they_teach_more() {
+    let mut world = LightWorld::new();
+    let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid"));
+    for x in [-3.0, 3.0] {
+        world.add_instance(lamp, Placement::at(DVec3::new(x, 2.0, 0.0)), Policy::Static).expect("valid");
+    }
+    let at = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
+    let (mut cuts, mut learnt) = (table(), VisibilityTable::default());
+    let build = |cuts: &mut CutTable, learnt: &VisibilityTable| {
+        world.sampler().with_cuts(cuts).mark(&at);
+        cuts.build(world.sampler().with_visibility(learnt));
+        [cuts.report().built, cuts.report().kept]
+    };
+    let hidden = world.sampler().all_lights().nth(1).expect("two lamps");
+    for frame in 0..200 {
+        // The first record asks for a row of the table, which is new to the cell, too.
+        assert_eq!(build(&mut cuts, &learnt), [1, 0], "{frame}");
+        let sampler = world.sampler().with_cuts(&cuts).with_visibility(&learnt);
+        let pick = sampler.pick(&at, [(frame as f32 * 0.618) % 1.0, 0.5]).expect("a lamp");
+        sampler.record_visibility(&at, pick.light, pick.light != hidden);
+        learnt.end_frame();
+    }
+    let pmf = |cuts: &CutTable| world.sampler().with_cuts(cuts).pmf(&at, hidden);
+    assert_eq!((build(&mut cuts, &learnt), build(&mut cuts, &learnt)), ([1, 0], [0, 1]));
+    // The least share is 26/256. Of the samples 1 % is spread evenly, and 1 % by the middle of the cell, where nothing
+    // is learnt.
+    let expected = 0.98 * 26.0 / (26.0 + 256.0) + 0.02 * 0.5;
+    assert!((pmf(&cuts) - expected).abs() < 1.0e-3, "{} {expected}", pmf(&cuts));
+    learnt.end_frame();
+    assert_eq!(build(&mut cuts, &learnt), [0, 1]);
+    assert_eq!(build(&mut cuts, &VisibilityTable::default()), [1, 0]);
+    assert!((pmf(&cuts) - 0.5).abs() < 1.0e-3);
+}
+
+#[test]
+fn probabilities_are_exact_whatever_was_learnt() {
+    let mut rng = Rng(177);
+    let world = rng.world(4, 40, 5, 20.0);
+    let at = points(&mut rng, 60, 20.0);
+    let mut learnt = VisibilityTable::default();
+    for _ in 0..20 {
+        let sampler = world.sampler().with_visibility(&learnt);
+        for at in &at {
+            if let Some(pick) = sampler.pick(at, [rng.unit(), rng.unit()]) {
+                sampler.record_visibility(at, pick.light, rng.unit() < 0.3);
+            }
+        }
+        learnt.end_frame();
+    }
+    let mut cuts = table();
+    build(&mut cuts, &world, &at);
+    let plain: Vec<_> = at.iter().map(|at| all_pmfs(&world.sampler().with_cuts(&cuts), at)).collect();
+    at.iter().for_each(|at| world.sampler().with_cuts(&cuts).mark(at));
+    cuts.build(world.sampler().with_visibility(&learnt));
+    let differs = |(at, plain): &(&ShadingPoint, &Vec<_>)| all_pmfs(&world.sampler().with_cuts(&cuts), at) != **plain;
+    assert!(at.iter().zip(&plain).filter(differs).count() > 30, "what is learnt matters");
+    assert_exact(&world, &cuts, &others(&at, &mut rng), &mut rng);
 }
 
 #[test]

@@ -7,7 +7,9 @@ use super::effort::Effort;
 use super::shadow_oracle::places::{self, Place};
 use super::shadow_oracle::receivers::{Receiver, receivers};
 use girandole::glam::vec3;
-use girandole::{LightId, LightSampler, ShadingPoint, VisibilityOptions, VisibilityTable};
+use girandole::{
+    CutBuild, CutError, CutOptions, CutTable, LightId, LightSampler, ShadingPoint, VisibilityOptions, VisibilityTable,
+};
 use rayon::prelude::*;
 use std::f32::consts::TAU;
 use std::hint::black_box;
@@ -16,6 +18,7 @@ use std::time::Instant;
 use testbed::common::table::{Table, markdown_head};
 use testbed::direct_light::shadows::Shadows;
 use testbed::direct_light::view::first_surface;
+use testbed::measuring::shared_cuts;
 use testbed::measuring::sigma::{Noise, Summary};
 use testbed::scene::SceneError;
 use testbed::scene::rng::Rng;
@@ -25,6 +28,8 @@ use testbed::scene::rng::Rng;
 const RAYS: usize = 4_096;
 /// The frames after which noise is measured. Cells get their rows in the first one.
 const FRAMES: [usize; 6] = [1, 2, 5, 17, 33, 65];
+/// The edge of cells that share cuts, in metres.
+const CUT_EDGE: f32 = 0.5;
 /// Seeds the rays and samples.
 const SEED: u64 = 4_711;
 /// Forms of a sample take turns for this many rounds, and the fastest round counts.
@@ -66,22 +71,33 @@ struct Row {
 
 impl Learner<'_> {
     /// Plays one frame. Returns the number of samples.
-    fn teach(&self, table: &mut VisibilityTable, frame: usize) -> usize {
-        let (sampler, geometry) = (self.sampler.with_visibility(table), &self.place.geometry);
-        let shadows = Shadows::new(&self.place.scene, geometry);
-        let ray = |index: usize| {
+    fn teach(&self, table: &mut VisibilityTable, cuts: Option<&mut CutTable>, frame: usize) -> usize {
+        let (mut sampler, geometry) = (self.sampler.with_visibility(table), &self.place.geometry);
+        let surface = |index: usize| {
             let mut rng = Rng::new(SEED + frame as u64, index as u64);
             let eye = self.place.eyes[index % self.place.eyes.len()];
             let slope = rng.range(-1.0, 1.0);
             let (sin, cos) = (rng.unit() * TAU).sin_cos();
             let level = (1.0 - slope * slope).sqrt();
             let at = first_surface(geometry, eye, vec3(cos * level, slope, sin * level))?.shading_point;
-            let sample = sampler.sample(&at, std::array::from_fn(|_| rng.unit()))?;
-            let is_visible = self.is_all_visible || !shadows.is_shadowed(&at, &sample.incident);
-            sampler.record_visibility(&at, sample.light, is_visible);
+            Some((at, std::array::from_fn(|_| rng.unit())))
+        };
+        let rays = self.effort.select(RAYS, 16) * self.place.eyes.len();
+        let surfaces: Vec<(ShadingPoint, [f32; 4])> = (0..rays).into_par_iter().filter_map(surface).collect();
+        if let Some(cuts) = cuts {
+            let marker = self.sampler.with_cuts(cuts);
+            surfaces.par_iter().for_each(|(at, _)| marker.mark(at));
+            cuts.builds(sampler).par_bridge().for_each(CutBuild::run);
+            sampler = sampler.with_cuts(cuts);
+        }
+        let shadows = Shadows::new(&self.place.scene, geometry);
+        let ray = |(at, u): &(ShadingPoint, [f32; 4])| {
+            let sample = sampler.sample(at, *u)?;
+            let is_visible = self.is_all_visible || !shadows.is_shadowed(at, &sample.incident);
+            sampler.record_visibility(at, sample.light, is_visible);
             Some(())
         };
-        let samples = (0..self.effort.select(RAYS, 16) * self.place.eyes.len()).into_par_iter().filter_map(ray).count();
+        let samples = surfaces.par_iter().filter_map(ray).count();
         table.end_frame();
         samples
     }
@@ -97,29 +113,51 @@ impl Learner<'_> {
         Summary::of(&noises)
     }
 
-    /// The noise without a table and then after some frames.
-    fn measure(&self, table: &mut VisibilityTable, what: &str) -> Vec<Row> {
-        let without = self.sigma(&self.sampler);
-        let mut rows = vec![Row { what: "none".into(), samples_per_cell: 0.0, sigma: without, cells: 0 }];
+    /// The cells of all receivers, built for what a sampler knows.
+    fn cuts(&self, sampler: LightSampler<'_>) -> Result<CutTable, CutError> {
+        let points: Vec<ShadingPoint> = self.receivers.iter().map(|receiver| receiver.shading_point).collect();
+        let mut cuts = shared_cuts::marked(&self.place.world, &points, CUT_EDGE)?;
+        cuts.builds(sampler).par_bridge().for_each(CutBuild::run);
+        Ok(cuts)
+    }
+
+    /// The noise without a table, and then after some frames. With `shares_cuts` the samples of these frames come
+    /// from cells that know what is learnt, and so do the rows but the first.
+    fn measure(&self, table: &mut VisibilityTable, what: &str, shares_cuts: bool) -> Result<Vec<Row>, SceneError> {
+        let shared = |sampler: LightSampler<'_>| match shares_cuts {
+            true => Ok(self.sigma(&sampler.with_cuts(&self.cuts(sampler)?))),
+            false => Ok(self.sigma(&sampler)),
+        };
+        let mut rows =
+            vec![Row { what: "none".into(), samples_per_cell: 0.0, sigma: self.sigma(&self.sampler), cells: 0 }];
+        // Few samples of a frame share a cell.
+        let options = CutOptions::new(CUT_EDGE, 1 << 16).map_err(refused)?.with_min_marks(1);
+        let mut cuts = shares_cuts.then(|| CutTable::new(options));
+        if shares_cuts {
+            let sigma = shared(self.sampler).map_err(refused)?;
+            rows.push(Row { what: "shared cuts".into(), samples_per_cell: 0.0, sigma, cells: 0 });
+        }
+        let suffix = if shares_cuts { ", shared cuts" } else { "" };
         let mut samples = 0;
         for frame in 1..=self.effort.select(FRAMES[FRAMES.len() - 1], 2) {
-            samples += self.teach(table, frame);
+            samples += self.teach(table, cuts.as_mut(), frame);
             if FRAMES.contains(&frame) {
                 let cells = table.cell_count();
                 rows.push(Row {
-                    what: format!("{what}{frame} frames"),
+                    what: format!("{what}{frame} frames{suffix}"),
                     samples_per_cell: samples as f64 / cells as f64,
-                    sigma: self.sigma(&self.sampler.with_visibility(table)),
+                    sigma: shared(self.sampler.with_visibility(table)).map_err(refused)?,
                     cells,
                 });
             }
         }
-        rows
+        Ok(rows)
     }
 
     /// Nanoseconds of a pick without and with a table, and of a record, on one thread.
-    fn nanoseconds(&self, table: &VisibilityTable) -> [f64; 3] {
+    fn nanoseconds(&self, table: &VisibilityTable, cuts: Option<&CutTable>) -> [f64; 3] {
         let with = self.sampler.with_visibility(table);
+        let with = cuts.map_or(with, |cuts| with.with_cuts(cuts));
         let mut fastest = [f64::INFINITY; 3];
         let light = self.sampler.all_lights().next();
         let mut time = |which: usize, run: &mut dyn FnMut(&ShadingPoint, [f32; 2])| {
@@ -141,6 +179,10 @@ impl Learner<'_> {
         }
         fastest
     }
+}
+
+fn refused(error: CutError) -> SceneError {
+    SceneError(error.to_string())
 }
 
 /// Measures, prints the table and writes it.
@@ -176,11 +218,14 @@ pub fn run(count: usize, effort: Effort, out: &Path) -> Result<(), SceneError> {
         let is_rooms = cells == 8_192;
         let learner =
             |name| Learner { name, sampler, receivers: &receivers, place: &place, is_all_visible: false, effort };
-        for edge in if is_rooms { [0.5, 1.0, 2.0].as_slice() } else { [1.0, 2.0].as_slice() } {
+        let forms = [(0.5, false), (1.0, false), (1.0, true), (2.0, false)];
+        for (edge, shares_cuts) in forms.into_iter().filter(|(edge, _)| is_rooms || *edge >= 1.0) {
             let learner = learner(&place.name);
-            let mut learnt = table(*edge, cells.max(32_768 * usize::from(*edge < 1.0)))?;
-            let rows = learner.measure(&mut learnt, &format!("{edge} m, "));
-            let times = (*edge == 1.0).then(|| learner.nanoseconds(&learnt));
+            let mut learnt = table(edge, cells.max(32_768 * usize::from(edge < 1.0)))?;
+            let rows = learner.measure(&mut learnt, &format!("{edge} m, "), shares_cuts)?;
+            let cuts =
+                shares_cuts.then(|| learner.cuts(sampler.with_visibility(&learnt)).map_err(refused)).transpose()?;
+            let times = (edge == 1.0).then(|| learner.nanoseconds(&learnt, cuts.as_ref()));
             report(learner.name, &rows, times.map(|[without, with, _]| [without, with]))?;
             if let Some([.., record]) = times {
                 testbed::say!("{}: {record:.0} ns a record", place.name);
@@ -188,14 +233,14 @@ pub fn run(count: usize, effort: Effort, out: &Path) -> Result<(), SceneError> {
         }
         if is_rooms {
             let open = Learner { is_all_visible: true, ..learner("ten rooms, nothing hidden") };
-            report(open.name, &open.measure(&mut table(1.0, cells)?, "1 m, "), None)?;
+            report(open.name, &open.measure(&mut table(1.0, cells)?, "1 m, ", false)?, None)?;
             // All doors are closed for as long as the table remembers, and then open at once.
             let closed = places::rooms_with_doors(false)?;
             let before = Learner { place: &closed, ..learner("ten rooms, doors closed") };
             let mut learnt = table(1.0, cells)?;
-            before.measure(&mut learnt, "");
+            before.measure(&mut learnt, "", false)?;
             let after = learner("ten rooms, doors just opened");
-            let rows = after.measure(&mut learnt, "1 m, ");
+            let rows = after.measure(&mut learnt, "1 m, ", false)?;
             report(after.name, &rows, None)?;
         }
     }

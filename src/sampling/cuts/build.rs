@@ -14,6 +14,7 @@ use crate::shading::importance::{
 };
 use crate::shading::shading_point::ShadingPoint;
 use crate::tree::{ChildRef, Lanes, Node, WIDTH};
+use crate::visibility::LearntCell;
 
 /// A candidate is split only while its doubt and the deviation of its share are more than this share of
 /// all light. A cell splits further than a point does, since many samples pay for it.
@@ -64,6 +65,8 @@ struct Sketch<'s, 'a, 'p> {
     count: usize,
     /// The illuminance by directional lights at each point.
     directional: [f32; VIEWS],
+    /// What is learnt about each point.
+    learnt: [Option<LearntCell<'a>>; VIEWS],
 }
 
 /// Builds the cut of a cell. It has no nodes if no light reaches any of the points.
@@ -97,9 +100,11 @@ fn sketch<'s, 'a, 'p>(sampler: &'s LightSampler<'a>, cell: &'s CellPoints<'p>) -
         priority: [0.0; WIDTH],
         lit: 0,
     };
-    let mut sketch = Sketch { sampler, cell, opened: [opened; SHARED_NODES], count: 0, directional: [0.0; VIEWS] };
+    let (directional, learnt) = ([0.0; VIEWS], [None; VIEWS]);
+    let mut sketch = Sketch { sampler, cell, opened: [opened; SHARED_NODES], count: 0, directional, learnt };
     for view in sketch.views() {
-        sketch.directional[view] = sampler.directional_lux(sketch.point(view));
+        let point = sketch.point(view);
+        (sketch.directional[view], sketch.learnt[view]) = (sampler.directional_lux(point), sampler.learnt(point));
     }
     let mut next = NodeId { instance: NO_INSTANCE, node: 0 };
     while sketch.add(next).is_some() && sketch.count < SHARED_NODES {
@@ -129,7 +134,13 @@ impl<'a> Sketch<'_, 'a, '_> {
             let point = self.point(view);
             let tree = self.sampler.view_at(id.instance, point)?;
             let record = tree.nodes.get(id.node as usize)?;
-            let ChildImportances { importance, doubt } = self.importances(&tree, id.node, record, point);
+            let ChildImportances { mut importance, doubt } = self.importances(&tree, id.node, record, point);
+            if let Some(learnt) = &self.learnt[view] {
+                let shares = learnt.shares(record, &tree.local, &self.sampler.world_of(&tree));
+                for slot in 0..WIDTH {
+                    importance[slot] *= shares[slot];
+                }
+            }
             opened.sums[view] = resolved_sum(&importance);
             opened.importance[view] = importance;
             if view < POINTS {

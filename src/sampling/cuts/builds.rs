@@ -8,7 +8,6 @@ use crate::sampling::cuts::marks::Marked;
 use crate::sampling::cuts::shared::SharedCut;
 use crate::sampling::cuts::table::{CutReport, CutTable};
 use crate::sampling::sample::LightSampler;
-use crate::world::LightWorld;
 
 /// The work of building one cell: see [`CutTable::builds`].
 #[derive(Debug)]
@@ -32,24 +31,35 @@ impl CutBuild<'_> {
         }
         build(&sampler, &CellPoints { points: &points[..count], center }, cut);
         cut.points = count;
+        cut.learnt = learnt(&sampler, &grid, &marked);
     }
 }
 
+/// What tells whether more has been learnt about the points of a cell.
+fn learnt(sampler: &LightSampler<'_>, grid: &CutGrid, marked: &Marked) -> [u64; 2] {
+    let Some((table, cells)) = &sampler.visibility else { return [0; 2] };
+    let points = marked.points.iter().filter(|word| **word != 0).map(|word| grid.point(&marked.cell, *word));
+    let last = points.map(|point| table.last_change(&cells.cell(&point))).max();
+    [table.id(), last.unwrap_or(0)]
+}
+
 impl CutTable {
-    /// Builds the cuts of all cells that were marked since the last build, for the world as it is now,
-    /// and forgets the marks. Cells keep their cuts while the world does not change, unless more points
-    /// of them are known now.
+    /// Builds the cuts of all cells that were marked since the last build, for the world of the sampler as it
+    /// is now, and forgets the marks. Cells keep their cuts while the world does not change, unless more
+    /// points of them are known now.
+    ///
+    /// With a sampler that has [learnt visibility](LightSampler::with_visibility), cells choose lights by that
+    /// too, and are built again after frames that have taught something about them. Choices take no longer.
     ///
     /// The result does not depend on the order or the threads of the marks. O(cells of the table), and
     /// up to 256 evaluations of a node for each cell that gets a cut.
-    pub fn build(&mut self, world: &LightWorld) {
-        self.builds(world).for_each(CutBuild::run);
+    pub fn build(&mut self, sampler: LightSampler<'_>) {
+        self.builds(sampler).for_each(CutBuild::run);
     }
 
     /// The same in parts, each of which may run on any thread. Cells whose part does not run have no cut.
-    pub fn builds<'t>(&'t mut self, world: &'t LightWorld) -> impl Iterator<Item = CutBuild<'t>> + use<'t> {
+    pub fn builds<'t>(&'t mut self, sampler: LightSampler<'t>) -> impl Iterator<Item = CutBuild<'t>> + use<'t> {
         let Self { options, camera, marks, lost_marks, built } = self;
-        let sampler = world.sampler();
         let lost_marks = std::mem::take(lost_marks.get_mut());
         let (mut report, mut chosen) = (CutReport { lost_marks, ..CutReport::default() }, Vec::new());
         for (slot, marked) in marks.cells() {
@@ -67,9 +77,13 @@ impl CutTable {
             chosen.truncate(options.cells());
         }
         marks.clear();
-        let grid = options.grid(*camera, world.origin());
-        let kept: Vec<Option<u32>> =
-            chosen.iter().map(|(_, marked)| built.kept(marked, &grid, sampler.top.id)).collect();
+        let grid = options.grid(*camera, sampler.world.origin());
+        let kept = |(_, marked): &(usize, Marked)| {
+            let number = built.kept(marked, &grid, sampler.top.id)?;
+            let knows_all = built.cuts[number as usize].learnt == learnt(&sampler, &grid, marked);
+            knows_all.then_some(number)
+        };
+        let kept: Vec<Option<u32>> = chosen.iter().map(kept).collect();
         report.kept = kept.iter().flatten().count();
         report.built = chosen.len() - report.kept;
         if built.cuts.len() < chosen.len() {

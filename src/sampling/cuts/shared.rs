@@ -29,6 +29,8 @@ pub(crate) struct SharedCut {
     pub count: usize,
     /// The number of points that it was made for.
     pub points: usize,
+    /// The table of learnt visibility that it was made with and the last change there, or zeros.
+    pub learnt: [u64; 2],
     /// In the order in which they were split.
     pub nodes: [NodeId; SHARED_NODES],
     /// The running sums of the units of all children of all nodes. A child without flux has none, and
@@ -44,6 +46,7 @@ impl Default for SharedCut {
         Self {
             count: 0,
             points: 0,
+            learnt: [0; 2],
             nodes: [NodeId::default(); SHARED_NODES],
             sums: [[0; WIDTH]; SHARED_NODES],
             directional: 0.0,

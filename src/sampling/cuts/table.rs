@@ -56,7 +56,7 @@ pub struct CutReport {
 /// for point in &points {
 ///     world.sampler().with_cuts(&cuts).mark(point); // from any threads
 /// }
-/// cuts.build(&world);
+/// cuts.build(world.sampler());
 /// assert_eq!((cuts.report().marked, cuts.report().built), (1, 1));
 /// let sampler = world.sampler().with_cuts(&cuts);
 /// let sample = sampler.sample(&points[0], [0.1, 0.2, 0.3, 0.4]).expect("lamps are in sight");

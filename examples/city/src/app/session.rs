@@ -315,7 +315,7 @@ impl Session {
                     cuts.set_view(scene.camera.eye.as_dvec3(), pixel_size(scene, settings));
                     let lights = Lights { sampler: sampler.with_cuts(cuts), choice: Choice::Trees };
                     cpu::mark(scene, geometry, lights, settings, seed);
-                    cuts.builds(world).par_bridge().for_each(CutBuild::run);
+                    cuts.builds(world.sampler()).par_bridge().for_each(CutBuild::run);
                     sampler = sampler.with_cuts(cuts);
                 }
                 let choice = baselines.get(settings.light_choice, world, geometry.occluders.radius());

@@ -55,7 +55,7 @@ impl Draw for SharedCells<'_> {
         self.view.pixels.par_iter().flat_map_iter(|pixel| pixel.surfaces.iter().flatten()).for_each(|surface| {
             sampler.mark(&self.shading_point(surface, &self.scene.materials[surface.material as usize]));
         });
-        let builds: Vec<CutBuild<'_>> = self.cuts.builds(self.world).collect();
+        let builds: Vec<CutBuild<'_>> = self.cuts.builds(self.world.sampler()).collect();
         builds.into_par_iter().for_each(CutBuild::run);
     }
 

@@ -15,7 +15,7 @@ const SEED: u64 = 2_024;
 /// are seen by one camera, which stands where the view of the first of them ends.
 pub fn table(world: &LightWorld, shading_points: &[ShadingPoint], edge: f32) -> Result<CutTable, CutError> {
     let mut table = marked(world, shading_points, edge)?;
-    table.build(world);
+    table.build(world.sampler());
     Ok(table)
 }
 
@@ -30,14 +30,14 @@ pub fn build_time(
     for _ in 0..rounds {
         let mut table = marked(world, shading_points, edge)?;
         let start = Instant::now();
-        table.build(world);
+        table.build(world.sampler());
         least = least.min(start.elapsed().as_secs_f64() * 1.0e9 / table.report().built.max(1) as f64);
     }
     Ok(least)
 }
 
 /// The table before the build.
-fn marked(world: &LightWorld, shading_points: &[ShadingPoint], edge: f32) -> Result<CutTable, CutError> {
+pub fn marked(world: &LightWorld, shading_points: &[ShadingPoint], edge: f32) -> Result<CutTable, CutError> {
     let mut table = CutTable::new(CutOptions::new(edge, (16 * shading_points.len()).clamp(1, 1 << 16))?);
     let eye = shading_points.iter().find_map(|at| Some(at.position + at.gloss?.view));
     if let Some(eye) = eye {
