@@ -289,6 +289,9 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
         return;
     }
     // #endif
+    // #if LEARNS
+    (*cut).cell = light_cell(shading_point);
+    // #endif
     // #if UNSPLIT
     // The candidates are the children of the root.
     let root = LightPlace(LIGHT_NO_INSTANCE, 0u);
@@ -304,9 +307,6 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
     var node = 0u;
     var skipped = 0u;
     var is_split = true;
-    // #if LEARNS
-    (*cut).cell = light_cell(shading_point);
-    // #endif
     loop {
         let place = light_cut_place((*cut).links, node);
         if node == 0u || place.instance != local_instance {

@@ -78,7 +78,12 @@ struct Estimate {
     is_light: bool,
 }
 
-fn estimate(place: LightPlace, slot: u32, point: LightShadingPoint, local: LightLocalShadingPoint) -> Estimate {
+fn estimate(
+    place: LightPlace, slot: u32, point: LightShadingPoint, local: LightLocalShadingPoint,
+    // #if LEARNS
+    learnt: LightCell,
+    // #endif
+) -> Estimate {
     let in_top = place.instance == LIGHT_NO_INSTANCE;
     let at = place.index * light_params.node_stride;
     let packed = light_packed_child(in_top, at, slot);
@@ -91,7 +96,11 @@ fn estimate(place: LightPlace, slot: u32, point: LightShadingPoint, local: Light
     if !is_seen {
         return Estimate(0.0, 0.0, is_lit, is_light);
     }
-    var found = light_importance(packed, local, light_node_view(light_quad(in_top, at), local));
+    let view = light_node_view(light_quad(in_top, at), local);
+    var found = light_importance(packed, local, view);
+    // #if LEARNS
+    found.lux *= light_visible_share(packed, view, place.instance, local, learnt);
+    // #endif
     // #if MASKS
     found.lux *= light_seen_share(in_top, packed.child_bits, point.mask);
     // #endif
@@ -146,6 +155,10 @@ fn cut_build(
     directional = select(0.0, light_directional_lux(point), is_view);
     // #endif
 
+    // #if LEARNS
+    let learnt = light_cell(point);
+    // #endif
+
     // Split until no split is worth its time, or as often as there is room.
     var place = LightPlace(LIGHT_NO_INSTANCE, 0u);
     var local = light_local_to_top(point);
@@ -153,7 +166,12 @@ fn cut_build(
     // The sum of the resolved importances of this invocation.
     var column = 0.0;
     loop {
-        let found = estimate(place, slot, point, local);
+        let found = estimate(
+            place, slot, point, local,
+            // #if LEARNS
+            learnt,
+            // #endif
+        );
         let lux = select(0.0, found.lux, is_view);
         importance[count * 64u + lane] = lux;
         column += max(lux, 0.0);

@@ -1,13 +1,13 @@
 // Learnt visibility: which groups of lights reach the cell of a shading point. Twin of
-// src/visibility/cell.rs and src/sampling/learn.rs, which explain it. src/gpu/visibility owns the
+// src/visibility/cell.rs and src/sampling/learn.rs, which explain it. src/plan/visibility owns the
 // buffers.
 
 // Four quads of parameters; the tags and the idle frames of all rows, four rows in a quad; the
 // shares of all rows, four in a word.
-@group(LIGHT_GROUP) @binding(5) var<storage, read> light_learnt: array<vec4<u32>>;
+@group(LIGHT_GROUP) @binding(6) var<storage, read> light_learnt: array<vec4<u32>>;
 // For each row the tag that claims it; for each row whether it has counts; for each row and group
 // the hidden and the visible samples.
-@group(LIGHT_GROUP) @binding(6) var<storage, read_write> light_visibility_records: array<atomic<u32>>;
+@group(LIGHT_GROUP) @binding(7) var<storage, read_write> light_visibility_records: array<atomic<u32>>;
 
 // The cell of a shading point. Twin of `Cell`, with its row in the table.
 struct LightCell {

@@ -3,11 +3,11 @@
 // each row, one invocation for each word of shares.
 
 // As in visibility.wgsl.
-@group(0) @binding(0) var<storage, read_write> learnt: array<u32>;
-@group(0) @binding(1) var<storage, read_write> records: array<u32>;
+@group(0) @binding(1) var<storage, read_write> learnt: array<u32>;
+@group(0) @binding(2) var<storage, read_write> records: array<u32>;
 // For each row and group, in the lower half of a word the visible records and in the upper half
 // all.
-@group(0) @binding(2) var<storage, read_write> known: array<u32>;
+@group(0) @binding(3) var<storage, read_write> known: array<u32>;
 
 var<workgroup> fate: vec2<u32>;
 

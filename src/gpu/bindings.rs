@@ -13,32 +13,20 @@ pub(super) fn light_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     })
 }
 
-/// The same layout with what is learnt about visibility, and the records of a frame.
-pub(super) fn visibility_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
-    let records = wgpu::BindGroupLayoutEntry { visibility: VISIBILITY, ..storage_entry(6, false) };
-    let entries: Vec<_> = light_entries().into_iter().chain([storage_entry(5, true), records]).collect();
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("girandole lights and visibility"),
-        entries: &entries,
-    })
-}
+/// A storage buffer that is only read.
+pub(super) const READ: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: true };
 
-/// The layout of the lights with the cuts of cells.
-pub(super) fn cut_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
-    let entries: Vec<_> = light_entries().into_iter().chain([storage_entry(5, true)]).collect();
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("girandole lights and cuts"),
-        entries: &entries,
-    })
-}
+/// A storage buffer that is written.
+pub(super) const WRITE: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: false };
 
-/// The layout of shaders that mark cells: the table, which they write.
-pub(super) fn mark_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
-    let table = wgpu::BindGroupLayoutEntry { visibility: VISIBILITY, ..storage_entry(0, false) };
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("girandole marks"),
-        entries: &[table],
-    })
+/// A layout of buffers at these bindings, for the stages that may read the lights.
+pub(super) fn layout_of(
+    device: &wgpu::Device,
+    label: &str,
+    entries: impl Iterator<Item = (u32, wgpu::BufferBindingType)>,
+) -> wgpu::BindGroupLayout {
+    let entries: Vec<_> = entries.map(|(binding, ty)| entry(binding, VISIBILITY, ty)).collect();
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
 }
 
 fn light_entries() -> [wgpu::BindGroupLayoutEntry; 5] {

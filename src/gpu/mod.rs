@@ -46,6 +46,8 @@ mod resampling;
 mod sampling;
 mod shader;
 mod sync;
+mod table_groups;
+mod tables;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
@@ -59,11 +61,8 @@ mod visibility;
 use std::fmt;
 use std::sync::OnceLock;
 
-use glam::DVec3;
-
 use bindings::{bind_lights, light_layout};
 use candidates::CandidateTable;
-use cuts::CutBindings;
 pub use error::GpuError;
 use error::{check_limits, largest_storage_buffer};
 use kernel::RequestKernel;
@@ -72,13 +71,15 @@ use recorder::Recorder;
 pub use records::{ReservoirRecord, SampleRecord, SampleRequest};
 pub use shader::LightShader;
 pub use sync::SyncReport;
+use table_groups::TableGroup;
 use top_status::TopStatus;
-use visibility::LearntTable;
 
 use crate::effects::Effects;
 use crate::plan::pool::Growth;
 use crate::plan::{Commands, KERNELS, LightPlanner, PlanLimits, ShaderBuffers};
-pub use crate::plan::{CutFallback, GpuMemory, ShaderNameError, TargetHook, UploadReport, wgsl, with_prefix};
+pub use crate::plan::{
+    CutFallback, GpuMemory, ShaderNameError, ShaderParts, TargetHook, UploadReport, wgsl, with_prefix,
+};
 use crate::world::{LightWorld, Revision};
 
 /// The lights of one [`LightWorld`] on a GPU: the buffers and the bind group that shaders read, and
@@ -114,7 +115,6 @@ use crate::world::{LightWorld, Revision};
 /// ```
 pub struct GpuLights {
     device: wgpu::Device,
-    queue: wgpu::Queue,
     /// Decides what the buffers hold.
     planner: LightPlanner,
     /// Has the buffers.
@@ -125,12 +125,8 @@ pub struct GpuLights {
     sampling: RequestKernel,
     resampling: RequestKernel,
     candidates: CandidateTable,
-    /// Made at first use.
-    learnt: OnceLock<LearntTable>,
-    /// Made at first use.
-    cuts: OnceLock<CutBindings>,
-    /// The world's origin at the last upload.
-    origin: DVec3,
+    /// Bind groups with tables, in the order of [`Tables`](table_groups::Tables). Made at first use.
+    tables: [OnceLock<TableGroup>; 4],
     /// An upload was refused memory, so the buffers are incomplete: `dark` is bound in their place.
     is_dark: bool,
     dark: DarkBuffers,
@@ -184,7 +180,6 @@ impl GpuLights {
         let bind_group = bind_lights(device, &layout, &[&dark.params, storage, storage, storage, storage]);
         let mut lights = Self {
             device: device.clone(),
-            queue: queue.clone(),
             planner: LightPlanner::new(PlanLimits::new(largest_storage_buffer(device))),
             player: Player::new(device, queue),
             top: Commands::default(),
@@ -192,9 +187,7 @@ impl GpuLights {
             sampling: RequestKernel::sampling(device, &layout),
             resampling: RequestKernel::resampling(device, &layout),
             candidates,
-            learnt: OnceLock::new(),
-            cuts: OnceLock::new(),
-            origin: DVec3::ZERO,
+            tables: Default::default(),
             is_dark: true,
             dark,
             layout,
@@ -285,7 +278,7 @@ impl GpuLights {
     /// `effects` are the effects that the text has to support; with [`Effects::all`] it supports
     /// every world.
     pub fn shader(&self, group: u32, effects: Effects) -> LightShader {
-        LightShader::choosing(group, effects, false, None, self.layout.clone())
+        LightShader::choosing(group, effects, ShaderParts::default(), self.layout.clone())
     }
 
     /// Replaces bind groups whose buffers were replaced. A former bind group keeps the former
@@ -297,8 +290,7 @@ impl GpuLights {
             self.bind_group = bind_lights(&self.device, &self.layout, &self.buffers());
         }
         self.rebind_previous();
-        self.rebind_visibility();
-        self.rebind_cuts();
+        self.rebind_tables();
     }
 
     /// Binds buffers of zeros, in which shaders find no light, until an upload succeeds.

@@ -1,8 +1,8 @@
 //! What an engine needs to call our functions from a shader of its own.
 
 use crate::effects::Effects;
-use crate::plan::text::{self, Extras};
-use crate::plan::{CutFallback, TargetHook};
+use crate::plan::text;
+use crate::plan::{ShaderParts, TargetHook};
 
 /// The WGSL text and the bind group layout that an engine's shader needs to choose lights.
 ///
@@ -124,18 +124,11 @@ pub struct LightShader {
     /// The effects that the text supports. It may be used while
     /// [`GpuLights::effects`](super::GpuLights::effects) contains no others.
     pub effects: Effects,
-    /// Whether choices depend on learnt visibility, and the text has `light_record_visibility`: see
-    /// [`GpuLights::visibility_shader`](super::GpuLights::visibility_shader).
-    pub learns_visibility: bool,
-    /// The function that weighs candidates, if the text has `light_resample_by`: see
-    /// [`LightShader::with_target`].
-    pub target: Option<TargetHook>,
+    /// What the text has besides the functions above.
+    pub parts: ShaderParts,
     /// The number of the bind group with the lights of the last frame, if the text has
     /// `light_pmf_previous`: see [`LightShader::with_previous`].
     pub previous_group: Option<u32>,
-    /// What happens where no cut is shared, if lights are chosen from cuts that cells share: see
-    /// [`GpuLights::cut_shader`](super::GpuLights::cut_shader).
-    pub cut_fallback: Option<CutFallback>,
     /// The layout of the bind group, for compute and fragment stages.
     pub layout: wgpu::BindGroupLayout,
     /// The text marks cells and chooses no lights.
@@ -144,30 +137,14 @@ pub struct LightShader {
 
 impl LightShader {
     /// A shader that chooses lights.
-    pub(super) fn choosing(
-        group: u32,
-        effects: Effects,
-        learns_visibility: bool,
-        cut_fallback: Option<CutFallback>,
-        layout: wgpu::BindGroupLayout,
-    ) -> Self {
-        Self {
-            wgsl: String::new(),
-            group,
-            effects,
-            learns_visibility,
-            target: None,
-            previous_group: None,
-            cut_fallback,
-            layout,
-            marks: false,
-        }
-        .with_effects(effects)
+    pub(super) fn choosing(group: u32, effects: Effects, parts: ShaderParts, layout: wgpu::BindGroupLayout) -> Self {
+        Self { wgsl: String::new(), group, effects, parts, previous_group: None, layout, marks: false }
+            .with_effects(effects)
     }
 
     /// A shader that marks cells.
     pub(super) fn marking(group: u32, effects: Effects, layout: wgpu::BindGroupLayout) -> Self {
-        Self { marks: true, ..Self::choosing(group, effects, false, None, layout) }.with_effects(effects)
+        Self { marks: true, ..Self::choosing(group, effects, ShaderParts::default(), layout) }.with_effects(effects)
     }
 
     /// Returns the same shader for other effects. This needs no [`GpuLights`](super::GpuLights), so it
@@ -178,8 +155,7 @@ impl LightShader {
         if self.marks {
             return Self { wgsl: text::wgsl_of_marks(self.group, effects), effects, ..self.clone() };
         }
-        let extras = Extras { learns: self.learns_visibility, cells: self.cut_fallback, ..Extras::default() };
-        let mut wgsl = text::wgsl_of_shader(self.group, effects, extras, self.target.as_ref());
+        let mut wgsl = text::wgsl_with(self.group, effects, &self.parts);
         if let Some(group) = self.previous_group {
             wgsl += &text::wgsl_previous(group, effects);
         }
@@ -252,7 +228,7 @@ impl LightShader {
     #[must_use]
     pub fn with_target(self, hook: TargetHook) -> Self {
         let effects = self.effects;
-        Self { target: Some(hook), ..self }.with_effects(effects)
+        Self { parts: self.parts.clone().with_target(hook), ..self }.with_effects(effects)
     }
 
     /// Returns the engine's text with this text before it, but after the engine's `enable`,
@@ -328,10 +304,10 @@ mod tests {
             for block in blocks.iter().filter(knows) {
                 let learns = block.contains("light_record_visibility");
                 let hook = TargetHook::new("engine_target", "EngineSurface").expect("identifiers");
-                let hook = block.contains("light_resample_by").then_some(&hook);
+                let target = block.contains("light_resample_by").then_some(hook);
                 let previous = block.contains("light_pmf_previous").then(|| text::wgsl_previous(2, effects));
-                let text = text::wgsl_of_shader(1, effects, Extras { learns, ..Extras::default() }, hook)
-                    + &previous.unwrap_or_default();
+                let parts = ShaderParts { target, learns, ..ShaderParts::default() };
+                let text = text::wgsl_with(1, effects, &parts) + &previous.unwrap_or_default();
                 let text = text + STUBS + block;
                 let module =
                     naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");

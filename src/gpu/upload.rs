@@ -63,7 +63,6 @@ impl GpuLights {
         player.create(reservation.new_buffers())?;
         let plan = reservation.plan();
         player.play(&plan.upload);
-        let bytes = self.follow_origin(world.origin());
         self.is_dark = false;
         self.rebind();
         // Bind groups that are still in use keep the former buffers.
@@ -72,6 +71,6 @@ impl GpuLights {
             self.top = plan.top;
             self.top_status.invalidate();
         }
-        Ok(UploadReport { bytes: plan.report.bytes + bytes, ..plan.report })
+        Ok(plan.report)
     }
 }

@@ -88,12 +88,14 @@ pub(crate) mod scatter;
 pub(crate) mod sort;
 mod stand_in;
 pub(crate) mod stored;
+mod tables;
 mod target_hook;
 pub(crate) mod text;
 pub(crate) mod top;
 mod tree_store;
 mod tree_writes;
 mod uniforms;
+mod visibility;
 mod write;
 
 use std::fmt;
@@ -102,7 +104,7 @@ pub use buffers::{BufferId, BufferKind, NewBuffer, ShaderBuffers};
 pub use changes::UploadReport;
 pub use commands::{Command, Commands};
 pub use cursor::PlanCursor;
-pub use cuts::{CutFallback, CutReservation, cut_kernels};
+pub use cuts::{CutFallback, cut_kernels};
 pub use error::{PlanError, ShaderNameError};
 pub use frame::FramePlan;
 pub use items::with_prefix;
@@ -115,8 +117,9 @@ pub use limits::PlanLimits;
 pub use memory::GpuMemory;
 pub use module::naga_oil_module;
 pub use reserve::Reservation;
+pub use tables::TableReservation;
 pub use target_hook::TargetHook;
-pub use text::{wgsl, wgsl_of_marks, wgsl_previous, wgsl_with_cuts, wgsl_with_target};
+pub use text::{ShaderParts, wgsl, wgsl_of_marks, wgsl_previous, wgsl_with};
 
 use crate::effects::Effects;
 use crate::instance::sector;
@@ -130,9 +133,11 @@ use room::ReusedLists;
 use top::TopBuild;
 use tree_store::TreeStore;
 use uniforms::Uniforms;
+use visibility::VisibilityStore;
+pub use visibility::visibility_kernel;
 
 /// All kernels that plans dispatch. A kernel need not use all of its bindings. [`cut_kernels`] has those that build
-/// shared cuts.
+/// shared cuts, and [`visibility_kernel`] that of learnt visibility.
 pub const KERNELS: &[Kernel] = &[
     relayout::RELAYOUT,
     scatter::SCATTER,
@@ -155,6 +160,7 @@ pub struct LightPlanner {
     top: TopBuild,
     previous: Previous,
     cuts: CutStore,
+    visibility: VisibilityStore,
     buffers: Buffers,
     /// How far the plans have followed the world.
     revision: Revision,
@@ -178,6 +184,7 @@ impl LightPlanner {
             top: TopBuild::new(limits.largest_buffer),
             previous: Previous::new(),
             cuts: CutStore::default(),
+            visibility: VisibilityStore::default(),
             buffers: Buffers::default(),
             revision: Revision::default(),
             is_lost: false,

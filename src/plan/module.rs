@@ -7,7 +7,7 @@
 /// #import girandole::{light_surface_point, light_sample}
 /// ```
 ///
-/// `text` may come from [`wgsl`](super::wgsl), [`wgsl_with_target`](super::wgsl_with_target) or
+/// `text` may come from [`wgsl`](super::wgsl), [`wgsl_with`](super::wgsl_with) or
 /// `girandole::gpu::LightShader`, with or without [`wgsl_previous`](super::wgsl_previous) appended. Add only one such
 /// module to a composer. Its bindings belong to the group that the text was made for.
 ///
@@ -25,15 +25,15 @@ pub fn naga_oil_module(text: &str) -> String {
 mod tests {
     use super::*;
     use crate::effects::Effects;
-    use crate::plan::{TargetHook, wgsl_previous, wgsl_with_target};
+    use crate::plan::{ShaderParts, TargetHook, wgsl_previous, wgsl_with};
 
     /// naga_oil reads each line with `#` as a directive or as the use of a definition, and reads names
     /// with `X_naga_oil` as its own. Its composition of these texts is tested with Bevy.
     #[test]
     fn the_only_directive_of_a_module_is_its_import_path() {
-        let hook = TargetHook::new("weigh", "Surface").expect("identifiers");
+        let parts = ShaderParts::default().with_target(TargetHook::new("weigh", "Surface").expect("identifiers"));
         for effects in [Effects::all(), Effects::empty()] {
-            let module = naga_oil_module(&(wgsl_with_target(2, effects, &hook) + &wgsl_previous(3, effects)));
+            let module = naga_oil_module(&(wgsl_with(2, effects, &parts) + &wgsl_previous(3, effects)));
             let directives: Vec<&str> = module.lines().filter(|line| line.contains('#')).collect();
             assert_eq!(directives, ["#define_import_path girandole"], "{effects:?}");
             assert!(!module.contains("naga_oil"));

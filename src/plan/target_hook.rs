@@ -4,7 +4,7 @@ use super::error::ShaderNameError;
 
 /// Names of an engine's WGSL: the function that weighs candidates, and the type of its argument.
 ///
-/// [`wgsl_with_target`](super::wgsl_with_target) adds the function
+/// [`ShaderParts::target`](super::ShaderParts::target) adds the function
 /// `light_resample_by` to the text, which calls the engine's function for each candidate:
 ///
 /// ```

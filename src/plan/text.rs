@@ -44,25 +44,62 @@ use crate::visibility;
 /// parts that are not stored have the values of lights without that effect.
 #[must_use]
 pub fn wgsl(group: u32, effects: Effects) -> String {
-    joined(group, effects, Extras::default(), None)
+    wgsl_of_shader(group, effects, Extras::default(), None)
 }
 
-/// As [`wgsl`], with the function `light_resample_by`, which weighs candidates by a function of the
-/// engine. [`TargetHook`] has its parameters.
+/// As [`wgsl`], with more parts.
 #[must_use]
-pub fn wgsl_with_target(group: u32, effects: Effects, target: &TargetHook) -> String {
-    joined(group, effects, Extras::default(), Some(target))
+pub fn wgsl_with(group: u32, effects: Effects, parts: &ShaderParts) -> String {
+    wgsl_of_shader(group, effects, Extras::of(parts), parts.target.as_ref())
 }
 
-/// As [`wgsl`], for lights that are chosen from the cuts that cells share, with one more read-only storage
-/// buffer at binding 5: [`LightPlanner::cut_table`](super::LightPlanner::cut_table). `fallback` is what happens
-/// where a cell has no cut: because the table has no room for it, because it was marked too rarely or not at all,
-/// or because the world changed after the last build of the cuts. All probabilities stay exact.
-///
-/// With a target, the text has `light_resample_by`, as that of [`wgsl_with_target`].
-#[must_use]
-pub fn wgsl_with_cuts(group: u32, effects: Effects, fallback: CutFallback, target: Option<&TargetHook>) -> String {
-    joined(group, effects, Extras { cells: Some(fallback), ..Extras::default() }, target)
+/// What a text has besides the functions of [`wgsl`]. At first nothing.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct ShaderParts {
+    /// The function `light_resample_by`, which weighs candidates by a function of the engine: [`TargetHook`] has its
+    /// parameters.
+    pub target: Option<TargetHook>,
+    /// Lights are chosen from the cuts that cells share, with one more read-only storage buffer at binding 5:
+    /// [`LightPlanner::cut_table`](super::LightPlanner::cut_table). This is what happens where a cell has no cut:
+    /// because the table has no room for it, because it was marked too rarely or not at all, or because the world
+    /// changed after the last build of the cuts. All probabilities stay exact.
+    pub cuts: Option<CutFallback>,
+    /// Lights are chosen by learnt visibility too, with one more read-only storage buffer at binding 6 and one that
+    /// is written at 7: [`LightPlanner::visibility_table`](super::LightPlanner::visibility_table). The text has
+    ///
+    /// ```wgsl
+    /// // Records whether a light that light_sample chose for this shading point is visible: whether
+    /// // a shadow ray to the chosen point met nothing.
+    /// fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample, is_visible: bool)
+    /// ```
+    ///
+    /// Call it for all samples, or for a random part of them. Samples with a pmf of 0 and
+    /// directional lights may be passed and are not recorded. The cost is one node and one atomic
+    /// addition for each level above the light. All functions that choose lights and return
+    /// probabilities use the table, which does not change before it is folded: so all probabilities
+    /// of a frame are exact.
+    pub learns: bool,
+}
+
+impl ShaderParts {
+    /// The same with `light_resample_by`.
+    #[must_use]
+    pub fn with_target(self, target: TargetHook) -> Self {
+        Self { target: Some(target), ..self }
+    }
+
+    /// The same with choices from shared cuts.
+    #[must_use]
+    pub fn with_cuts(self, fallback: CutFallback) -> Self {
+        Self { cuts: Some(fallback), ..self }
+    }
+
+    /// The same with learnt visibility.
+    #[must_use]
+    pub fn with_learning(self) -> Self {
+        Self { learns: true, ..self }
+    }
 }
 
 /// Returns the text for a shader that marks the cells of shading points. It has the functions that make
@@ -137,6 +174,10 @@ pub(crate) struct Extras {
 }
 
 impl Extras {
+    fn of(parts: &ShaderParts) -> Self {
+        Self { learns: parts.learns, cells: parts.cuts, ..Self::default() }
+    }
+
     /// Whether the lines between `// #if NAME` and `// #endif` are kept; `None` for another name.
     fn keep(self, name: &str) -> Option<bool> {
         match name {
@@ -155,15 +196,7 @@ impl Extras {
 /// invocation reads.
 #[cfg(feature = "gpu")]
 pub(crate) fn wgsl_counting(group: u32, effects: Effects) -> String {
-    joined(group, effects, Extras { counts: true, ..Extras::default() }, None)
-}
-
-/// The same as [`wgsl`], with `light_record_visibility` and choices that depend on what it recorded
-/// if the shader learns, with choices from the cuts of cells if there are any, and with
-/// `light_resample_by` if it has a target.
-#[cfg(feature = "gpu")]
-pub(crate) fn wgsl_of_shader(group: u32, effects: Effects, extras: Extras, target: Option<&TargetHook>) -> String {
-    joined(group, effects, extras, target)
+    wgsl_of_shader(group, effects, Extras { counts: true, ..Extras::default() }, None)
 }
 
 /// The stages that list the cells to build.
@@ -174,14 +207,22 @@ pub(crate) fn wgsl_of_cut_list() -> String {
 
 /// The stage that builds the cuts of cells, behind the functions that it shares with shaders.
 pub(crate) fn wgsl_of_cut_build(effects: Effects) -> String {
-    let extras = Extras { cells: Some(CutFallback::Walk), ..Extras::default() };
+    cut_build(effects, false)
+}
+
+/// The same by learnt visibility.
+pub(crate) fn wgsl_of_cut_build_by_visibility(effects: Effects) -> String {
+    cut_build(effects, true).replace("fn cut_build(", "fn cut_build_by_visibility(")
+}
+
+fn cut_build(effects: Effects, learns: bool) -> String {
+    let extras = Extras { learns, cells: Some(CutFallback::Walk), ..Extras::default() };
     let functions = functions(0, effects, extras, None)
         .replace("var<storage, read> light_cuts", "var<storage, read_write> light_cuts");
     with_constants(&(functions + &variant(include_str!("../../shaders/cut_build.wgsl"), effects, extras)))
 }
 
 /// The stage that folds what was recorded about visibility.
-#[cfg(feature = "gpu")]
 pub(crate) fn wgsl_of_visibility_fold() -> String {
     with_constants(include_str!("../../shaders/visibility_fold.wgsl"))
 }
@@ -205,7 +246,8 @@ fn resampling(target: Option<&TargetHook>) -> String {
     plain + &weight + &function("light_resample_by", &parameters, "shading_point, argument", "light_target_weight")
 }
 
-fn joined(group: u32, effects: Effects, extras: Extras, target: Option<&TargetHook>) -> String {
+/// The text of a shader.
+pub(crate) fn wgsl_of_shader(group: u32, effects: Effects, extras: Extras, target: Option<&TargetHook>) -> String {
     with_constants(&functions(group, effects, extras, target))
 }
 
@@ -634,7 +676,7 @@ mod tests {
     fn every_name_of_every_variant_takes_a_prefix() {
         for effects in text_variants() {
             let hook = TargetHook::new("light_of_engine", "LightOfEngine").expect("identifiers");
-            let text = wgsl_with_target(0, effects, &hook) + &wgsl_previous(1, effects);
+            let text = wgsl_with(0, effects, &ShaderParts::default().with_target(hook)) + &wgsl_previous(1, effects);
             let prefixed = with_prefix(&text, "gi_").expect("an identifier");
             let engine = "
                 struct LightOfEngine { scale: f32 }

@@ -359,7 +359,9 @@ fn cells_know_what_shadow_rays_have_taught_and_are_built_again_when_they_teach_m
         world.add_instance(lamp, Placement::at(DVec3::new(x, 2.0, 0.0)), Policy::Static).expect("valid");
     }
     let at = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
-    let (mut cuts, mut learnt) = (table(), VisibilityTable::default());
+    // A cell so small that its middle is as far from both lamps as the point.
+    let options = CutOptions::new(0.01, 64).expect("valid").with_min_marks(1);
+    let (mut cuts, mut learnt) = (CutTable::new(options), VisibilityTable::default());
     let build = |cuts: &mut CutTable, learnt: &VisibilityTable| {
         world.sampler().with_cuts(cuts).mark(&at);
         cuts.build(world.sampler().with_visibility(learnt));

@@ -4,7 +4,7 @@
 //! an application import the same functions as modules.
 
 use bevy::shader::Shader;
-use girandole::plan::{self, CutFallback, TargetHook};
+use girandole::plan::{self, CutFallback, ShaderParts, TargetHook};
 
 use crate::gpu::effects;
 
@@ -20,10 +20,9 @@ use crate::wesl::{GIRANDOLE_IMPORTS, LIGHT_IMPORTS, PASS_IMPORTS, SHADING_IMPORT
 /// of them. With `shares_cuts`, they come from the cuts of cells.
 pub fn joined(shares_cuts: bool) -> Shader {
     let hook = TargetHook::new("girandole_target", "LightingInput").expect("both are names");
-    let library = match shares_cuts {
-        true => plan::wgsl_with_cuts(LIGHTS_GROUP, effects(), CutFallback::Walk, Some(&hook)),
-        false => plan::wgsl_with_target(LIGHTS_GROUP, effects(), &hook),
-    };
+    let parts = ShaderParts::default().with_target(hook);
+    let parts = if shares_cuts { parts.with_cuts(CutFallback::Walk) } else { parts };
+    let library = plan::wgsl_with(LIGHTS_GROUP, effects(), &parts);
     let parts = [
         SHADING_IMPORTS,
         PASS_IMPORTS,

@@ -26,7 +26,7 @@ const fn limit(kernel: &'static str, effects: &'static str, most: [u64; 3]) -> L
 /// Registers, bytes of scratch memory for each lane, and instructions. Registers and scratch memory
 /// are those that were measured; instructions are rounded up. Mesa
 /// 22.3.6, 2026-11-26, by `cargo run --release -p shader_stats -- --out FILE.csv`.
-pub const LIMITS: [Limit; 49] = [
+pub const LIMITS: [Limit; 53] = [
     limit("relayout", "", [16, 0, 100]),
     limit("scatter", "", [8, 0, 100]),
     limit("top_leaves", "", [56, 0, 700]),
@@ -35,6 +35,7 @@ pub const LIMITS: [Limit; 49] = [
     limit("sort_scatter", "", [16, 0, 400]),
     limit("top_group", "", [88, 0, 6100]),
     limit("top_node", "", [64, 0, 1700]),
+    limit("visibility_fold", "", [16, 0, 300]),
     limit("light_sample", "none", [88, 0, 2000]),
     limit("light_sample", "city", [96, 0, 3100]),
     limit("light_sample", "all", [144, 0, 7200]),
@@ -72,6 +73,9 @@ pub const LIMITS: [Limit; 49] = [
     limit("shared light_pmf", "city", [72, 0, 1700]),
     limit("light_mark", "all", [24, 0, 500]),
     limit("cut_build", "all", [104, 0, 3000]),
+    limit("cut_build_by_visibility", "none", [64, 0, 2000]),
+    limit("cut_build_by_visibility", "city", [64, 0, 2200]),
+    limit("cut_build_by_visibility", "all", [112, 0, 3300]),
     limit("shared light_sample", "all", [120, 0, 5200]),
     limit("shared or split light_sample", "all", [136, 0, 7900]),
     limit("shared light_resample", "all", [136, 528, 5600]),

@@ -1,7 +1,7 @@
 //! The kernels that are compiled.
 
 use girandole::Effects;
-use girandole::plan::{self, CutFallback, KERNELS, cut_kernels};
+use girandole::plan::{self, CutFallback, KERNELS, ShaderParts, cut_kernels, visibility_kernel};
 
 /// A kernel of the library, or one that only calls a function of it.
 pub struct Subject {
@@ -78,7 +78,7 @@ fn call(@builtin(global_invocation_id) id: vec3<u32>) {
 
 /// All kernels: those of uploads and of the top level, and the functions that engines call.
 pub fn all() -> Vec<Subject> {
-    let own = KERNELS.iter().map(|kernel| Subject {
+    let own = KERNELS.iter().copied().chain([visibility_kernel()]).map(|kernel| Subject {
         kernel: kernel.entry(),
         effects: "",
         entry: kernel.entry(),
@@ -105,7 +105,7 @@ fn cuts() -> impl Iterator<Item = Subject> {
         let marks = caller(&plan::wgsl_of_marks(0, set), "light_mark(point);");
         let mark = Subject { kernel: "light_mark", effects, entry: "call", wgsl: marks };
         let choosing = SHARED.map(|(function, kernel, fallback)| {
-            let text = plan::wgsl_with_cuts(0, set, fallback, None);
+            let text = plan::wgsl_with(0, set, &ShaderParts::default().with_cuts(fallback));
             Subject { kernel, effects, entry: "call", wgsl: caller(&text, call(function)) }
         });
         own.chain([mark]).chain(choosing).collect::<Vec<_>>()

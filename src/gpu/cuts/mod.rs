@@ -1,20 +1,14 @@
 //! Cuts that neighbours share, on wgpu: plans fill and build the table, and this binds it.
 
-mod bindings;
-
-use std::sync::OnceLock;
-
 use glam::DVec3;
-
-use bindings::Bound;
-pub(super) use bindings::CutBindings;
 
 use super::GpuLights;
 use super::error::GpuError;
 use super::recorder::Recorder;
 use super::shader::LightShader;
+use super::table_groups::Tables;
 use crate::effects::Effects;
-use crate::plan::CutFallback;
+use crate::plan::{CutFallback, ShaderParts};
 use crate::sampling::cuts::CutOptions;
 
 impl GpuLights {
@@ -38,13 +32,7 @@ impl GpuLights {
         if options.is_none() && self.planner.cut_table().is_none() {
             return Ok(());
         }
-        let reservation = self.planner.reserve_cuts(options)?;
-        self.player.create(reservation.new_buffers())?;
-        let plan = reservation.plan();
-        self.player.play(&plan.upload);
-        self.rebind_cuts();
-        self.player.free(&plan.freed);
-        Ok(())
+        self.replace_table(|planner| planner.reserve_cuts(options))
     }
 
     /// Makes cells follow the pixels of a camera for all marks to come, as
@@ -61,29 +49,54 @@ impl GpuLights {
     /// The text binds one storage buffer, which it writes: [`GpuLights::mark_bind_group`]. In fragment shaders it
     /// needs `wgpu::DownlevelFlags::FRAGMENT_WRITABLE_STORAGE`.
     pub fn mark_shader(&self, group: u32, effects: Effects) -> LightShader {
-        LightShader::marking(group, effects, self.cut_bindings().mark_layout.clone())
+        LightShader::marking(group, effects, self.table_group(Tables::Marks).layout.clone())
     }
 
     /// The bind group for a [`GpuLights::mark_shader`]. [`GpuLights::share_cuts`] replaces it.
     pub fn mark_bind_group(&self) -> &wgpu::BindGroup {
-        &self.cut_bindings().mark_bind_group
+        &self.table_group(Tables::Marks).bind_group
     }
 
     /// As [`GpuLights::shader`], for lights that are chosen from the cuts of cells
-    /// ([`wgsl_with_cuts`](crate::plan::wgsl_with_cuts)). `fallback` is what happens where a cell has no cut.
+    /// ([`ShaderParts::cuts`]). `fallback` is what happens where a cell has no cut.
     ///
     /// The layout has one more storage buffer, which is only read: five of the eight that WebGPU grants a
     /// stage. It takes [`GpuLights::cut_bind_group`] in place of [`GpuLights::bind_group`].
     /// `light_pmf_previous` ([`LightShader::with_previous`]) leaves shared cuts out. [`GpuLights::sample`]
     /// and [`GpuLights::resample`] do not use them.
     pub fn cut_shader(&self, group: u32, effects: Effects, fallback: CutFallback) -> LightShader {
-        LightShader::choosing(group, effects, false, Some(fallback), self.cut_bindings().layout.clone())
+        LightShader::choosing(
+            group,
+            effects,
+            ShaderParts::default().with_cuts(fallback),
+            self.table_group(Tables::Cuts).layout.clone(),
+        )
     }
 
     /// The bind group for a [`GpuLights::cut_shader`]. Call this in each frame after
     /// [`GpuLights::upload`], as for [`GpuLights::bind_group`], and after [`GpuLights::share_cuts`].
     pub fn cut_bind_group(&self) -> &wgpu::BindGroup {
-        &self.cut_bindings().bind_group
+        &self.table_group(Tables::Cuts).bind_group
+    }
+
+    /// As [`GpuLights::cut_shader`], for cells that know what shadow rays have taught: with `light_record_visibility`
+    /// ([`ShaderParts::learns`]). It takes [`GpuLights::learning_cut_bind_group`], which has seven storage buffers.
+    ///
+    /// Cells choose by the table of [`GpuLights::learn_visibility`] whichever of the two shaders reads them, and are built
+    /// again after each [`GpuLights::fold_visibility`]. Choices take no longer for it.
+    pub fn learning_cut_shader(&self, group: u32, effects: Effects, fallback: CutFallback) -> LightShader {
+        LightShader::choosing(
+            group,
+            effects,
+            ShaderParts::default().with_cuts(fallback).with_learning(),
+            self.table_group(Tables::CutsAndVisibility).layout.clone(),
+        )
+    }
+
+    /// The bind group for a [`GpuLights::learning_cut_shader`], to be called for as those of
+    /// [`GpuLights::cut_bind_group`] and [`GpuLights::visibility_bind_group`].
+    pub fn learning_cut_bind_group(&self) -> &wgpu::BindGroup {
+        &self.table_group(Tables::CutsAndVisibility).bind_group
     }
 
     /// Records the commands of [`LightPlanner::build_cuts`](crate::plan::LightPlanner::build_cuts) in one pass: the
@@ -105,29 +118,6 @@ impl GpuLights {
     /// [`LightPlanner::cut_report`](crate::plan::LightPlanner::cut_report). `None` without a table.
     pub fn cut_report(&self) -> Option<&wgpu::Buffer> {
         self.planner.cut_report().map(|report| self.player.buffer(report))
-    }
-
-    /// Makes the layouts and bind groups when they are first needed.
-    fn cut_bindings(&self) -> &CutBindings {
-        self.cuts.get_or_init(|| CutBindings::new(&self.device, &self.buffers(), self.table(), self.bound_cuts()))
-    }
-
-    /// What shaders bind: no table while an upload has failed, since its cuts may name nodes that are not there.
-    fn bound_cuts(&self) -> Bound {
-        (self.bound, self.planner.cut_table().filter(|_| self.bound.is_some()))
-    }
-
-    /// The buffer of the table, or zeros.
-    fn table(&self) -> &wgpu::Buffer {
-        let (_, table) = self.bound_cuts();
-        table.map_or(&self.dark.records, |table| self.player.buffer(table))
-    }
-
-    /// Replaces the bind groups with the table if a buffer of them was replaced.
-    pub(super) fn rebind_cuts(&mut self) {
-        let Some(mut cuts) = self.cuts.take() else { return };
-        cuts.rebind(&self.device, &self.buffers(), self.table(), self.bound_cuts());
-        self.cuts = OnceLock::from(cuts);
     }
 }
 

@@ -23,6 +23,7 @@ use crate::scheduler::FrameBudget;
 use crate::shading::gloss::Gloss;
 use crate::shading::shading_point::ShadingPoint;
 use crate::tree::WIDTH;
+use crate::visibility::{VisibilityOptions, VisibilityTable};
 use crate::world::LightWorld;
 
 /// What an invocation of the shaders below gets.
@@ -69,6 +70,15 @@ const CHOOSE: &str = "
         var pmf = 0.0;
         if pick.pmf > 0.0 { pmf = light_pmf(at, pick.instance, pick.light); }
         outputs[id.x] = vec4(pick.instance, pick.light, bitcast<u32>(pick.pmf), bitcast<u32>(pmf));";
+
+const CHOOSE_AND_RECORD: &str = "
+        let pick = light_pick(at, inputs[id.x].u.xy);
+        inputs[id.x].u = bitcast<vec4<f32>>(vec4(pick.instance, pick.light, bitcast<u32>(pick.pmf), 0u));
+        var chosen: LightSample;
+        chosen.instance = pick.instance;
+        chosen.light = pick.light;
+        chosen.pmf = pick.pmf;
+        light_record_visibility(at, chosen, (pick.instance + pick.light / 4u) % 3u == 0u);";
 
 const COUNT: &str = "
         light_nodes_read = 0u;
@@ -361,6 +371,80 @@ fn choices_from_a_cell_read_few_nodes() {
     };
     let (alone, shared) = (means(&alone, &rig.lights.bind_group), means(&shared, rig.lights.cut_bind_group()));
     assert!(shared[0] < 0.5 && shared[1] < 4.0 && alone[0] > 9.0 && alone[1] > 25.0, "{alone:?} {shared:?}");
+}
+
+#[test]
+fn cells_know_what_shadow_rays_have_taught_as_on_the_cpu() {
+    let (device, queue) = gpu();
+    let world = glossy_world();
+    let mut rig = Rig::new(EFFECTS, CutFallback::Walk, options());
+    // One storage buffer is left, so the engine writes where it reads.
+    let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: None,
+        entries: &[storage_entry(0, false)],
+    });
+    let shader = rig.lights.learning_cut_shader(1, EFFECTS, CutFallback::Walk);
+    let engine = ENGINE.replace("var<storage, read> inputs", "var<storage, read_write> inputs");
+    let engine = engine.replace("@group(0) @binding(1) var<storage, read_write> outputs: array<vec4<u32>>;", "");
+    let text = shader.join(&engine.replace("WORK", CHOOSE_AND_RECORD));
+    let choose = compute_pipeline(text, "engine", [&own, &shader.layout]);
+    let learning = VisibilityOptions::new(4.0, 1024).expect("valid");
+    rig.lights.learn_visibility(Some(learning)).expect("memory enough");
+    rig.lights.upload(&world).expect("room enough");
+    rig.lights.set_cut_view(EYE.as_dvec3(), 0.01);
+    let (mut table, mut learnt) = (CutTable::new(options()), VisibilityTable::new(learning));
+    table.set_view(EYE.as_dvec3(), 0.01);
+    let at = inputs(3000, EYE, 0);
+    for frame in 0..10 {
+        mark(&world, &table, &at);
+        table.build(world.sampler().with_visibility(&learnt));
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        rig.lights.build_top(&mut encoder);
+        rig.pass(&mut encoder, &rig.mark, rig.lights.mark_bind_group(), &at);
+        rig.lights.build_cuts(&mut encoder);
+        let records = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: None,
+            contents: bytemuck::cast_slice(&at),
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+        });
+        let group = bind(&device, "test", &own, &[records.as_entire_binding()]);
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&choose);
+        pass.set_bind_group(0, &group, &[]);
+        pass.set_bind_group(1, rig.lights.learning_cut_bind_group(), &[]);
+        pass.dispatch_workgroups((at.len() as u32).div_ceil(64), 1, 1);
+        drop(pass);
+        rig.lights.fold_visibility(&mut encoder);
+        queue.submit([encoder.finish()]);
+        let chosen: Vec<Input> = read(&device, &queue, &records);
+        let outputs: Vec<Output> = chosen.iter().map(|input| bytemuck::cast(input.u)).collect();
+        let [_, built, kept, ..] = rig.report();
+        assert!(built > 100 && kept == 0, "frame {frame}: {built} {kept}");
+        let sampler = world.sampler().with_splits(SplitCount::NONE).with_visibility(&learnt).with_cuts(&table);
+        // As above, and a mean position within rounding of the border between two groups may count in the other one.
+        let count = others(&sampler, &at, &outputs);
+        assert!(count <= at.len() / 40, "frame {frame}: {count} of {}", at.len());
+        if frame == 9 {
+            let without = world.sampler().with_splits(SplitCount::NONE);
+            let mut plain = CutTable::new(options());
+            plain.set_view(EYE.as_dvec3(), 0.01);
+            mark(&world, &plain, &at);
+            plain.build(world.sampler());
+            let count = others(&without.with_cuts(&plain), &at, &outputs);
+            assert!(count > at.len() / 3, "what is learnt matters: {count}");
+        }
+        for (input, output) in at.iter().zip(&outputs).filter(|(_, output)| output.pmf > 0.0) {
+            let Some(instance) = world.instance_at(output.instance) else { continue };
+            let is_visible = (output.instance + output.light / 4).is_multiple_of(3);
+            sampler.record_visibility(&point(input), LightId::Local { instance, light: output.light }, is_visible);
+        }
+        learnt.end_frame();
+    }
+    assert!(learnt.cell_count() > 50, "{learnt:?}");
+    // After a fold, cuts are void until they are built again.
+    assert_eq!(rig.run(&[], &at).len(), at.len());
+    let void: Vec<u32> = read(&device, &queue, rig.table());
+    assert_eq!(void[WORDS_AT as usize / 4], 0);
 }
 
 /// The effects of the world of these tests, and glossy points.

@@ -181,7 +181,8 @@ fn the_gpu_learns_and_chooses_as_the_cpu_does() {
             sampler.record_visibility(&point(input), light, input.is_visible != 0);
         }
         table.end_frame();
-        let learnt: Vec<u32> = read(&device, &queue, &lights.learnt_table().learnt);
+        let learnt: Vec<u32> =
+            read(&device, &queue, lights.player.buffer(lights.planner.visibility_table().expect("a table")[0]));
         let (learnt, known) = (&learnt[4 * TABLE_HEAD as usize..], table.words());
         assert_eq!(learnt.len(), known.len());
         let heads = 2 * options.cells();

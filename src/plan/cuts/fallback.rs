@@ -1,6 +1,6 @@
 //! What shaders do where no cut is shared.
 
-/// How a shader that [shares cuts](super::super::wgsl_with_cuts) chooses lights for shading points whose cell
+/// How a shader that [shares cuts](super::super::ShaderParts::cuts) chooses lights for shading points whose cell
 /// has no cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]

@@ -25,8 +25,17 @@ pub(super) fn build(effects: Effects) -> Kernel {
     Kernel::with_effects("cut_build", "cuts", BINDINGS, (text::wgsl_of_cut_build, effects))
 }
 
+/// The same by learnt visibility, which it reads.
+pub(super) fn build_by_visibility(effects: Effects) -> Kernel {
+    const BINDINGS: &[Binding] =
+        &[PARAMS, Binding::Read, Binding::Read, Binding::Read, Binding::Read, Binding::ReadWrite, Binding::Read];
+    let text = text::wgsl_of_cut_build_by_visibility;
+    Kernel::with_effects("cut_build_by_visibility", "cuts", BINDINGS, (text, effects))
+}
+
 /// The kernels of [`LightPlanner::build_cuts`](super::super::LightPlanner::build_cuts) for
-/// [these effects](super::super::LightPlanner::effects). The effects change the last of them only.
-pub fn cut_kernels(effects: Effects) -> [Kernel; 3] {
-    [LIST, DISPATCH, build(effects)]
+/// [these effects](super::super::LightPlanner::effects). The effects change the last two of them only, of which the
+/// first serves planners without learnt visibility and the second those with it.
+pub fn cut_kernels(effects: Effects) -> [Kernel; 4] {
+    [LIST, DISPATCH, build(effects), build_by_visibility(effects)]
 }

@@ -11,5 +11,4 @@ mod store;
 
 pub use fallback::CutFallback;
 pub use kernels::cut_kernels;
-pub use planner::CutReservation;
-pub(super) use store::CutStore;
+pub(super) use store::{CutStore, Table};

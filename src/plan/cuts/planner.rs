@@ -1,49 +1,13 @@
 //! What a planner does about shared cuts.
 
-use std::fmt;
-
 use glam::DVec3;
 
 use super::super::LightPlanner;
-use super::super::buffers::{BufferId, NewBuffer};
+use super::super::buffers::BufferId;
 use super::super::commands::Commands;
 use super::super::error::PlanError;
-use super::super::frame::FramePlan;
-use super::store::Table;
+use super::super::tables::{NewTable, TableReservation};
 use crate::sampling::cuts::{CutOptions, camera};
-
-/// The room for a table of shared cuts. Make [`CutReservation::new_buffers`], then call
-/// [`CutReservation::plan`]. Dropped without that, it changes nothing.
-pub struct CutReservation<'a> {
-    planner: &'a mut LightPlanner,
-    table: Option<Table>,
-    new_buffers: Vec<NewBuffer>,
-}
-
-impl CutReservation<'_> {
-    /// The buffers that the table needs. The present table stays in use.
-    pub fn new_buffers(&self) -> &[NewBuffer] {
-        &self.new_buffers
-    }
-
-    /// Returns the plan that replaces the table, without a build of the top level. The buffers that were
-    /// reserved must exist.
-    pub fn plan(self) -> FramePlan {
-        let Self { planner, table, new_buffers } = self;
-        planner.number += 1;
-        let mut plan = FramePlan { number: planner.number, new_buffers, ..FramePlan::default() };
-        planner.cuts.adopt(table, &mut plan.upload, &mut plan.freed);
-        planner.buffers.change(&plan.new_buffers, &plan.freed);
-        plan.report = planner.report_of(&plan.upload);
-        plan
-    }
-}
-
-impl fmt::Debug for CutReservation<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("CutReservation").field("new_buffers", &self.new_buffers).finish_non_exhaustive()
-    }
-}
 
 impl LightPlanner {
     /// Reserves a table of cuts that neighbours share, or none for `None`, in place of the present one. At first
@@ -56,16 +20,17 @@ impl LightPlanner {
     /// 2. A pass of the engine that knows the frame's shading points calls `light_mark` for each of them: see
     ///    [`wgsl_of_marks`](super::super::wgsl_of_marks).
     /// 3. The commands of [`LightPlanner::build_cuts`].
-    /// 4. The engine's other shaders choose lights: see [`wgsl_with_cuts`](super::super::wgsl_with_cuts).
+    /// 4. The engine's other shaders choose lights: see
+    ///    [`ShaderParts::cuts`](super::super::ShaderParts::cuts).
     ///
     /// # Errors
     /// [`PlanError::Full`] if the table would outgrow [`PlanLimits`](super::super::PlanLimits).
-    pub fn reserve_cuts(&mut self, options: Option<CutOptions>) -> Result<CutReservation<'_>, PlanError> {
+    pub fn reserve_cuts(&mut self, options: Option<CutOptions>) -> Result<TableReservation<'_>, PlanError> {
         let mut new_buffers = Vec::new();
         let limit = self.trees.limits.largest_buffer;
         let reserve = |options| self.cuts.reserve(options, limit, (&mut self.buffers.ids, &mut new_buffers));
         let table = options.map(reserve).transpose()?;
-        Ok(CutReservation { planner: self, table, new_buffers })
+        Ok(TableReservation::new(self, NewTable::Cuts(table), new_buffers))
     }
 
     /// Makes cells follow the pixels of a camera, as [`CutTable::set_view`](crate::CutTable::set_view) does.
@@ -98,14 +63,16 @@ impl LightPlanner {
     /// Cuts suit glossy points if the world's lights are sampled for these: see
     /// [`LightWorld::set_glossy_sampling`](crate::LightWorld::set_glossy_sampling). Cells keep their cuts while
     /// plans have nothing to send, unless more points of them are known now; glossy ones also while the eye is
-    /// where it was. Which cells are refused, if there are too many, depends on the order in which the GPU works.
+    /// where it was. With [learnt visibility](LightPlanner::reserve_visibility), cells choose lights by that too, and
+    /// are built again after each [`LightPlanner::fold_visibility`]. Which cells are refused, if there are too many, depends on the order in which the GPU works.
     ///
     /// Three dispatches: one for the places of the table, one of a single invocation, and one of a workgroup
     /// for each cell that is built. Their kernels are [`cut_kernels`](super::super::cut_kernels).
     pub fn build_cuts(&self) -> Commands {
         let mut commands = Commands::default();
         if let Some(lights) = self.bindings() {
-            self.cuts.build(&mut commands, lights, self.effects);
+            let learnt = self.visibility_table().map(|[learnt, _]| learnt);
+            self.cuts.build(&mut commands, lights, learnt, self.effects);
         }
         commands
     }
@@ -117,7 +84,7 @@ mod tests {
 
     use super::*;
     use crate::light::Light;
-    use crate::plan::{BufferKind, Command, PlanLimits};
+    use crate::plan::{BufferKind, Command, FramePlan, PlanLimits};
     use crate::tree::LightTree;
     use crate::world::LightWorld;
 

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::super::buffers::{BufferId, Ids, NewBuffer, ShaderBuffers};
 use super::super::commands::Commands;
 use super::super::error::PlanError;
-use super::kernels::{DISPATCH, LANES, LIST, build};
+use super::kernels::{DISPATCH, LANES, LIST, build, build_by_visibility};
 use super::layout::{CutPlaces, GridRecord, WORDS_AT};
 use crate::effects::Effects;
 use crate::sampling::cuts::{Camera, CutOptions};
@@ -81,8 +81,22 @@ impl CutStore {
         self.send_grid(commands);
         match &self.table {
             Some(table) if is_lost => table.empty(commands),
-            Some(table) if has_changed => commands.write(table.cells, WORDS_AT, &[0; 4]),
+            _ if has_changed => self.make_void(commands),
             _ => {}
+        }
+    }
+
+    /// Makes all cuts void until they are built again.
+    pub fn make_void(&self, commands: &mut Commands) {
+        if let Some(table) = &self.table {
+            commands.write(table.cells, WORDS_AT, &[0; 4]);
+        }
+    }
+
+    /// The same behind commands of the GPU that came before.
+    pub fn clear_validity(&self, commands: &mut Commands) {
+        if let Some(table) = &self.table {
+            commands.zero(table.cells, WORDS_AT..WORDS_AT + 4);
         }
     }
 
@@ -96,15 +110,22 @@ impl CutStore {
         }
     }
 
-    /// Adds the build of the cuts of marked cells. `lights` are the buffers that shaders bind.
-    pub fn build(&self, commands: &mut Commands, lights: ShaderBuffers, effects: Effects) {
+    /// Adds the build of the cuts of marked cells. `lights` are the buffers that shaders bind, and `learnt` is a
+    /// table of learnt visibility.
+    pub fn build(&self, commands: &mut Commands, lights: ShaderBuffers, learnt: Option<BufferId>, effects: Effects) {
         let Some(table) = &self.table else { return };
         let [params, top, nodes, instances, lights] = lights.0;
         let own = [params, table.cells, table.report];
         commands.dispatch(LIST, &own, 0, table.places.slots.div_ceil(LANES));
         commands.dispatch(DISPATCH, &own, 0, 1);
         let all = [params, top, nodes, instances, lights, table.cells];
-        commands.dispatch_indirect(build(effects), &all, 0, table.report);
+        match learnt {
+            Some(learnt) => {
+                let all = [all.as_slice(), &[learnt]].concat();
+                commands.dispatch_indirect(build_by_visibility(effects), &all, 0, table.report);
+            }
+            None => commands.dispatch_indirect(build(effects), &all, 0, table.report),
+        }
     }
 }
 
