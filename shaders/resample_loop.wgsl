@@ -8,6 +8,9 @@ fn LIGHT_RESAMPLE(LIGHT_PARAMETERS, u: vec4<f32>, choice: f32, candidates: u32) 
     // #if DIRECTIONAL
     directional_lux = light_directional_lux(shading_point);
     // #endif
+    // #if LEARNS
+    let learnt = light_cell(shading_point);
+    // #endif
     var cut: LightCut;
     light_new_cut(&cut, directional_lux, shading_point);
     var drawn: LightCandidates;
@@ -27,6 +30,9 @@ fn LIGHT_RESAMPLE(LIGHT_PARAMETERS, u: vec4<f32>, choice: f32, candidates: u32) 
         var weight = 0.0;
         if candidate.pmf > 0.0 {
             weight = LIGHT_WEIGHT(LIGHT_ARGUMENTS, candidate);
+            // #if LEARNS
+            weight *= light_place_share(learnt, candidate);
+            // #endif
         }
         light_add_weight(&drawn, weight);
         index = drawn.count;

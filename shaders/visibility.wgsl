@@ -101,6 +101,14 @@ fn light_visible_share(
     return light_learnt_share(cell.row, light_child_bin(packed, view, instance, local, cell.from_center));
 }
 
+// The learnt share of the place of a sample's light. Twin of `LearntCell::share_toward`.
+fn light_place_share(cell: LightCell, candidate: LightSample) -> f32 {
+    if cell.row == LIGHT_NO_ROW || candidate.instance == LIGHT_DIRECTIONAL {
+        return 1.0;
+    }
+    return light_learnt_share(cell.row, light_bin(candidate.direction * candidate.dist + cell.from_center));
+}
+
 // Asks for a row from the next frame on. Twin of `VisibilityTable::row_or_claim`.
 fn light_claim_row(cell: LightCell) {
     let rows = light_row_count();

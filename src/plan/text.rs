@@ -617,7 +617,7 @@ mod tests {
     }
 
     const LEARNING_NAMES: &str = "light_learnt light_visibility_records light_row_count light_side light_cell light_bin \
-        light_child_bin light_learnt_share light_visible_share light_claim_row \
+        light_child_bin light_learnt_share light_visible_share light_place_share light_claim_row \
         light_record_visibility LightCell LightCell.tag LightCell.bucket LightCell.row LightCell.from_center \
         LightCut.cell LIGHT_NO_ROW LIGHT_WAYS LIGHT_MIN_IDLE LIGHT_BINS LIGHT_BIN_SHIFT LIGHT_COORDINATE_BITS \
         LIGHT_TAG_SEED LIGHT_TABLE_HEAD LIGHT_MAX_COORDINATE LIGHT_MAX_DIST LIGHT_ROUNDING";

@@ -13,7 +13,7 @@ use crate::math::dice::{U_STEP, clamp_unit};
 use crate::math::simd::{VectorJob, with_vectors};
 use crate::sampling::counts::{CandidateCount, MAX_CANDIDATES};
 use crate::sampling::cut::{CutSource, InstanceTrees};
-use crate::sampling::emit::MIN_PDF;
+use crate::sampling::emit::{Incident, MIN_PDF};
 use crate::sampling::sample::{LightSample, LightSampler, with_cut};
 use crate::sampling::walk::{Outcome, draw};
 use crate::shading::importance::LocalShadingPoint;
@@ -59,7 +59,8 @@ impl LightSampler<'_> {
     /// are evenly distributed over the samples of a pixel give less noise than a hash. `None` if no
     /// candidate sends anything to the shading point: count that as black.
     ///
-    /// Clusters are split once for all candidates. Each candidate costs a walk down the trees and a
+    /// With [learnt visibility](Self::with_visibility), the light of a candidate is multiplied by the share of its
+    /// place. Clusters are split once for all candidates. Each candidate costs a walk down the trees and a
     /// point on a light. No memory is allocated.
     pub fn resample(&self, shading_point: &ShadingPoint, u: [f32; 5], candidates: CandidateCount) -> Option<Reservoir> {
         self.keep_one(shading_point, u, candidates, |sample| illuminance_weight(shading_point, sample))
@@ -69,7 +70,8 @@ impl LightSampler<'_> {
     /// `target / (pmf * pdf)`, where the function `target` is the caller's.
     ///
     /// The best target is the light that the candidate would reflect without shadows: the luminance
-    /// of `brdf * cosine * radiance`. The library divides it by `pmf * pdf`.
+    /// of `brdf * cosine * radiance`. The library divides it by `pmf * pdf`, and multiplies it by what is
+    /// learnt about shadows, if anything is.
     ///
     /// A target that is NaN or below [`f32::MIN_POSITIVE`] means that the candidate is not wanted.
     /// It is never kept, but counts as a candidate. The estimate is unbiased if the target is
@@ -127,6 +129,13 @@ impl LightSampler<'_> {
         let outcomes = with_cut!(self, shading_point, |source, directional_lux, instance_trees| {
             with_vectors(DrawManyJob { source, directional_lux, u, count, instance_trees })
         });
+        let learnt = self.learnt(shading_point);
+        // Without the learnt share, a candidate that is bright and hidden would be kept after all.
+        let mut weight = |sample: &LightSample| {
+            let Incident { direction, dist, .. } = sample.incident;
+            let learnt = learnt.as_ref().filter(|_| dist < f32::INFINITY);
+            weight(sample) * learnt.map_or(1.0, |learnt| learnt.share_toward(direction * dist))
+        };
         let mut samples = [const { None }; MAX_CANDIDATES as usize];
         let mut weights = [0.0; MAX_CANDIDATES as usize];
         for (i, outcome) in (0..count).zip(outcomes) {

@@ -152,6 +152,14 @@ impl LearntCell<'_> {
     }
 }
 
+impl LearntCell<'_> {
+    /// The learnt share of the group of lights at a place, given as the vector to it from the shading point.
+    pub fn share_toward(&self, toward: Vec3) -> f32 {
+        let [bin] = bins(&(toward + self.from_center).to_array().map(|coordinate| [coordinate]), self.edge);
+        share(self.shares[bin as usize % BINS])
+    }
+}
+
 /// The group of one child of a node, as [`LearntCell::shares`] finds it.
 pub(crate) fn bin_of_child(
     node: &Node,

@@ -6,9 +6,11 @@
 use super::effort::Effort;
 use super::shadow_oracle::places::{self, Place};
 use super::shadow_oracle::receivers::{Receiver, receivers};
-use girandole::glam::vec3;
+use girandole::glam::{Vec3, vec3};
+use girandole::light::luminance;
 use girandole::{
-    CutBuild, CutError, CutOptions, CutTable, LightId, LightSampler, ShadingPoint, VisibilityOptions, VisibilityTable,
+    CandidateCount, CutBuild, CutError, CutOptions, CutTable, Incident, LightId, LightSampler, ShadingPoint,
+    VisibilityOptions, VisibilityTable,
 };
 use rayon::prelude::*;
 use std::f32::consts::TAU;
@@ -30,12 +32,14 @@ const RAYS: usize = 4_096;
 const FRAMES: [usize; 6] = [1, 2, 5, 17, 33, 65];
 /// The edge of cells that share cuts, in metres.
 const CUT_EDGE: f32 = 0.5;
+/// Estimates at each receiver by which the noise of several candidates is measured.
+const ESTIMATES: usize = 1_000;
 /// Seeds the rays and samples.
 const SEED: u64 = 4_711;
 /// Forms of a sample take turns for this many rounds, and the fastest round counts.
 const ROUNDS: usize = 25;
 
-const COLUMNS: [&str; 12] = [
+const COLUMNS: [&str; 13] = [
     "scene",
     "table",
     "samples_per_cell",
@@ -48,6 +52,7 @@ const COLUMNS: [&str; 12] = [
     "gain_rms",
     "cells",
     "ns_per_pick",
+    "sigma_of_8",
 ];
 
 /// A place, what is measured in it, and what blocks its light.
@@ -154,6 +159,33 @@ impl Learner<'_> {
         Ok(rows)
     }
 
+    /// The noise of one sample that is kept of eight candidates, as a mean over the receivers. Unlike that of one
+    /// candidate it is not exact.
+    fn sigma_of_candidates(&self, sampler: &LightSampler<'_>) -> f64 {
+        let shadows = Shadows::new(&self.place.scene, &self.place.geometry);
+        let at = |(index, receiver): (usize, &Receiver)| {
+            let (at, mut rng) = (&receiver.shading_point, Rng::new(SEED, index as u64));
+            let count = self.effort.select(ESTIMATES, 10);
+            let (mut sum, mut squares) = (0.0, 0.0);
+            for _ in 0..count {
+                let u = std::array::from_fn(|_| rng.unit());
+                let kept = sampler.resample(at, u, CandidateCount::of::<8>());
+                let lux = kept.filter(|kept| self.is_all_visible || !shadows.is_shadowed(at, &kept.chosen.incident));
+                let lux = lux.map_or(0.0, |kept| {
+                    let Incident { direction, radiance, .. } = kept.chosen.incident;
+                    let cosine = if at.normal == Vec3::ZERO { 1.0 } else { at.normal.dot(direction) };
+                    f64::from(luminance(radiance) * cosine * kept.weight)
+                });
+                sum += lux;
+                squares += lux * lux;
+            }
+            let mean = sum / count as f64;
+            (mean > 0.0).then(|| (squares / count as f64 - mean * mean).max(0.0).sqrt() / mean)
+        };
+        let sigmas: Vec<f64> = self.receivers.par_iter().enumerate().filter_map(at).collect();
+        sigmas.iter().sum::<f64>() / sigmas.len().max(1) as f64
+    }
+
     /// Nanoseconds of a pick without and with a table, and of a record, on one thread.
     fn nanoseconds(&self, table: &VisibilityTable, cuts: Option<&CutTable>) -> [f64; 3] {
         let with = self.sampler.with_visibility(table);
@@ -189,19 +221,20 @@ fn refused(error: CutError) -> SceneError {
 pub fn run(count: usize, effort: Effort, out: &Path) -> Result<(), SceneError> {
     let mut csv = Table::create(out, &COLUMNS).map_err(SceneError)?;
     testbed::say!("{}", markdown_head(&COLUMNS));
-    // Picks are timed without a table and with the last one.
-    let mut report = |name: &str, rows: &[Row], times: Option<[f64; 2]>| {
+    // Picks are timed, and candidates are measured, without a table and with the last one.
+    let mut report = |name: &str, rows: &[Row], times: Option<[[f64; 2]; 2]>| {
         for (index, row) in rows.iter().enumerate() {
             let (sigma, without) = (row.sigma, rows[0].sigma);
             let sigmas = [sigma.mean, sigma.median, sigma.p95, sigma.rms].map(|sigma| format!("{sigma:.3}"));
             let gains = [without.mean / sigma.mean, without.median / sigma.median, without.rms / sigma.rms];
             let head = [name.to_owned(), row.what.clone(), format!("{:.0}", row.samples_per_cell)];
-            let time = times.and_then(|[without, with]| match index {
+            let ends = times.and_then(|[without, with]| match index {
                 0 => Some(without),
                 _ => (index + 1 == rows.len()).then_some(with),
             });
-            let time = time.map_or(String::new(), |ns| format!("{ns:.0}"));
-            let tail = gains.map(|gain| format!("{gain:.2}")).into_iter().chain([row.cells.to_string(), time]);
+            let [time, of_8] =
+                ends.map_or([const { String::new() }; 2], |[ns, sigma]| [format!("{ns:.0}"), format!("{sigma:.3}")]);
+            let tail = gains.map(|gain| format!("{gain:.2}")).into_iter().chain([row.cells.to_string(), time, of_8]);
             let fields: Vec<String> = head.into_iter().chain(sigmas).chain(tail).collect();
             testbed::say!("| {} |", fields.join(" | "));
             csv.add(fields).map_err(SceneError)?;
@@ -226,7 +259,13 @@ pub fn run(count: usize, effort: Effort, out: &Path) -> Result<(), SceneError> {
             let cuts =
                 shares_cuts.then(|| learner.cuts(sampler.with_visibility(&learnt)).map_err(refused)).transpose()?;
             let times = (edge == 1.0).then(|| learner.nanoseconds(&learnt, cuts.as_ref()));
-            report(learner.name, &rows, times.map(|[without, with, _]| [without, with]))?;
+            let with = sampler.with_visibility(&learnt);
+            let with = cuts.as_ref().map_or(with, |cuts| with.with_cuts(cuts));
+            let ends = times.map(|[without_ns, with_ns, _]| {
+                [(without_ns, &sampler), (with_ns, &with)]
+                    .map(|(ns, sampler)| [ns, learner.sigma_of_candidates(sampler)])
+            });
+            report(learner.name, &rows, ends)?;
             if let Some([.., record]) = times {
                 testbed::say!("{}: {record:.0} ns a record", place.name);
             }

@@ -9,6 +9,7 @@ use super::super::testing::{compute_pipeline, gpu, gpu_lights, mixed_world, noop
 use super::*;
 use crate::keys::LightId;
 use crate::math::dice::hash;
+use crate::sampling::counts::CandidateCount;
 use crate::sampling::sample::LightSampler;
 use crate::shading::shading_point::ShadingPoint;
 use crate::visibility::{TABLE_HEAD, VisibilityTable};
@@ -54,6 +55,18 @@ const ENGINE: &str = "
         chosen.light = input.light;
         chosen.pmf = 1.0;
         light_record_visibility(at, chosen, input.is_visible != 0u);
+    }";
+
+const RESAMPLE: &str = "
+    struct Input { position: vec3<f32>, instance: u32, normal: vec3<f32>, light: u32, u: vec2<f32>, is_visible: u32 }
+    @group(0) @binding(0) var<storage, read> inputs: array<Input>;
+    @group(0) @binding(1) var<storage, read_write> outputs: array<vec4<u32>>;
+    @compute @workgroup_size(64) fn engine(@builtin(global_invocation_id) id: vec3<u32>) {
+        if id.x >= arrayLength(&inputs) { return; }
+        let input = inputs[id.x];
+        let at = light_surface_point(input.position, input.normal);
+        let kept = light_resample(at, input.u.xyyx, input.u.x, 8u);
+        outputs[id.x] = vec4(kept.chosen.instance, kept.chosen.light, bitcast<u32>(kept.weight), 0u);
     }";
 
 /// Shading points, which are the same in each frame, and what each of them sees in this one.
@@ -116,7 +129,7 @@ fn run(
     read(&device, &queue, &output)
 }
 
-fn pipeline(lights: &GpuLights) -> (wgpu::BindGroupLayout, wgpu::ComputePipeline) {
+fn pipeline(lights: &GpuLights, engine: &str) -> (wgpu::BindGroupLayout, wgpu::ComputePipeline) {
     use super::super::bindings::storage_entry;
     let (device, _) = gpu();
     let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
@@ -124,7 +137,7 @@ fn pipeline(lights: &GpuLights) -> (wgpu::BindGroupLayout, wgpu::ComputePipeline
         entries: &[storage_entry(0, true), storage_entry(1, false)],
     });
     let shader = lights.visibility_shader(1, Effects::all());
-    let pipeline = compute_pipeline(shader.join(ENGINE), "engine", [&own, &shader.layout]);
+    let pipeline = compute_pipeline(shader.join(engine), "engine", [&own, &shader.layout]);
     (own, pipeline)
 }
 
@@ -146,7 +159,7 @@ fn the_gpu_learns_and_chooses_as_the_cpu_does() {
     let (device, queue) = gpu();
     let mut world = mixed_world();
     let mut lights = gpu_lights();
-    let pipeline = pipeline(&lights);
+    let pipeline = pipeline(&lights, ENGINE);
     let options = VisibilityOptions::new(4.0, 256).expect("valid");
     let mut table = VisibilityTable::new(options);
     lights.learn_visibility(Some(options)).expect("memory enough");
@@ -207,7 +220,7 @@ fn the_gpu_learns_and_chooses_as_the_cpu_does() {
 fn without_a_table_the_shader_chooses_as_without_learning() {
     let world = mixed_world();
     let mut lights = gpu_lights();
-    let pipeline = pipeline(&lights);
+    let pipeline = pipeline(&lights, ENGINE);
     lights.upload(&world).expect("room enough");
     let inputs = inputs(&world.sampler(), 3);
     let before = run(&mut lights, &pipeline, &inputs);
@@ -220,6 +233,47 @@ fn without_a_table_the_shader_chooses_as_without_learning() {
     assert!(learnt != before, "the table matters");
     lights.learn_visibility(None).expect("nothing is made");
     assert!(run(&mut lights, &pipeline, &inputs) == before);
+}
+
+#[test]
+fn candidates_are_kept_by_what_is_learnt_as_on_the_cpu() {
+    let world = mixed_world();
+    let mut lights = gpu_lights();
+    let (learn, resample) = (pipeline(&lights, ENGINE), pipeline(&lights, RESAMPLE));
+    let options = VisibilityOptions::new(4.0, 1024).expect("valid");
+    let mut table = VisibilityTable::new(options);
+    lights.learn_visibility(Some(options)).expect("memory enough");
+    lights.upload(&world).expect("room enough");
+    for frame in 0..8 {
+        let sampler = world.sampler().with_visibility(&table);
+        let inputs = inputs(&sampler, frame);
+        run(&mut lights, &learn, &inputs);
+        for input in inputs.iter().filter(|input| input.instance != u32::MAX) {
+            let instance = world.instance_at(input.instance).expect("it lives");
+            let light = LightId::Local { instance, light: input.light };
+            sampler.record_visibility(&point(input), light, input.is_visible != 0);
+        }
+        table.end_frame();
+    }
+    let (with, without) = (world.sampler().with_visibility(&table), world.sampler());
+    let inputs = inputs(&with, 99);
+    let outputs = run(&mut lights, &resample, &inputs);
+    let count = |sampler: &LightSampler<'_>| {
+        let is_other = |(input, output): &(&Input, &Output)| {
+            let [x, y] = input.u;
+            let kept = sampler.resample(&point(input), [x, y, y, x, x], CandidateCount::of::<8>());
+            let Some(kept) = kept else { return output.pmf > 0.0 };
+            let (instance, light) = match kept.chosen.light {
+                LightId::Local { instance, light } => (sampler.world.slot(instance).expect("it lives"), light),
+                LightId::Directional(_) => (u32::MAX, 0),
+            };
+            (output.instance, output.light) != (instance, light) || (output.pmf / kept.weight - 1.0).abs() > 1.0e-2
+        };
+        inputs.iter().zip(&outputs).filter(is_other).count()
+    };
+    // Eight draws and one choice are each as exact as a pick above.
+    assert!(count(&with) <= inputs.len() / 20, "{} of {}", count(&with), inputs.len());
+    assert!(count(&without) > inputs.len() / 3, "{} of {}", count(&without), inputs.len());
 }
 
 #[test]

@@ -287,6 +287,7 @@ pub const LEARNING: Figure = table(
             cell("gain in mean", "gain_mean", Digits(3)),
             cell("gain in rms", "gain_rms", Digits(3)),
             cell("ns per pick", "ns_per_pick", Digits(3)),
+            cell("σ of eight candidates", "sigma_of_8", Digits(3)),
         ],
         ..VIEW
     }],
