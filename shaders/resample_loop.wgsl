@@ -31,7 +31,7 @@ fn LIGHT_RESAMPLE(LIGHT_PARAMETERS, u: vec4<f32>, choice: f32, candidates: u32) 
         if candidate.pmf > 0.0 {
             weight = LIGHT_WEIGHT(LIGHT_ARGUMENTS, candidate);
             // #if LEARNS
-            weight *= light_place_share(learnt, candidate);
+            weight *= light_place_share(learnt, shading_point, candidate);
             // #endif
         }
         light_add_weight(&drawn, weight);

@@ -102,11 +102,18 @@ fn light_visible_share(
 }
 
 // The learnt share of the place of a sample's light. Twin of `LearntCell::share_toward`.
-fn light_place_share(cell: LightCell, candidate: LightSample) -> f32 {
+fn light_place_share(cell: LightCell, shading_point: LightShadingPoint, candidate: LightSample) -> f32 {
     if cell.row == LIGHT_NO_ROW || candidate.instance == LIGHT_DIRECTIONAL {
         return 1.0;
     }
-    return light_learnt_share(cell.row, light_bin(candidate.direction * candidate.dist + cell.from_center));
+    var toward = candidate.direction * candidate.dist;
+    // #if SEGMENTS
+    // As seen from the middle of a segment.
+    if light_is_segment(shading_point) {
+        toward += shading_point.segment * (light_along / length(shading_point.segment) - 0.5);
+    }
+    // #endif
+    return light_learnt_share(cell.row, light_bin(toward + cell.from_center));
 }
 
 // Asks for a row from the next frame on. Twin of `VisibilityTable::row_or_claim`.

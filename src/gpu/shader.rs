@@ -174,13 +174,13 @@ impl LightShader {
     /// `group` is the number of a second bind group, of the same layout:
     /// [`GpuLights::previous_bind_group`](super::GpuLights::previous_bind_group), which needs
     /// [`GpuLights::keep_previous`](super::GpuLights::keep_previous). A stage that calls the function
-    /// binds eight storage buffers, which is WebGPU's default limit.
+    /// binds eight storage buffers, which is WebGPU's default limit, and more with shared cuts or learnt visibility.
     ///
     /// The shading point is relative to the origin that the world had then
     /// ([`LightWorld::origin`](crate::LightWorld::origin)). The function compares what
     /// `light_generation` returns now and returned then, so a light that was added, that came with
     /// another tree or instance, or that is hidden now has a probability of 0. The number of splits is
-    /// `light_splits_previous`, which is the default at first. Learnt visibility is left out.
+    /// `light_splits_previous`, which is the default at first. Learnt visibility and shared cuts are left out.
     #[must_use]
     pub fn with_previous(self, group: u32) -> Self {
         let effects = self.effects;

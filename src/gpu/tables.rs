@@ -48,7 +48,7 @@ impl GpuLights {
         let (_, cuts, visibility) = self.bound_tables();
         TableBuffers {
             lights: self.buffers(),
-            // Of the two buffers of zeros, one is only read.
+            // Shaders may write `dark.records`, but only read `dark.storage`.
             cuts: cuts.map_or(&self.dark.storage, |cuts| self.player.buffer(cuts)),
             marks: cuts.map_or(&self.dark.records, |cuts| self.player.buffer(cuts)),
             visibility: visibility

@@ -24,7 +24,8 @@ impl GpuLights {
     /// - [`GpuError::Full`] if a buffer would outgrow what the device can bind. Nothing was
     ///   written. Later uploads succeed once the world holds less.
     /// - [`GpuError::OutOfMemory`] if the device has no memory left. Shaders keep reading what
-    ///   they read before, or sample no light, as documented there.
+    ///   they read before, or sample no light, as documented there. If they sample none, the next upload
+    ///   also empties the tables of shared cuts and of learnt visibility.
     /// - [`GpuError::DeviceLost`] from the first call after wgpu noticed the loss. In browsers
     ///   only the engine's own `set_device_lost_callback` reports it.
     pub fn upload(&mut self, world: &LightWorld) -> Result<UploadReport, GpuError> {

@@ -23,7 +23,7 @@ pub enum BufferKind {
     /// A storage buffer that plans also write, copy from, copy to and clear.
     Storage,
     /// A storage buffer from which [`Command::DispatchIndirect`](super::Command::DispatchIndirect) takes its
-    /// workgroups. Plans do not write it otherwise. Engines may copy from it.
+    /// workgroups. Kernels write it; no other command names it. Engines may copy from it.
     Indirect,
 }
 

@@ -56,7 +56,8 @@ pub enum Command<'a> {
         buffers: &'a [BufferId],
         /// As for [`Command::Dispatch`].
         uniform_offset: u32,
-        /// Begins with the number of workgroups in each dimension, as three 32-bit words. It is none of `buffers`.
+        /// The buffer that begins with the number of workgroups in each dimension, as three 32-bit words. It is not
+        /// among `buffers`.
         workgroups: BufferId,
     },
 }

@@ -85,7 +85,7 @@ impl Kernel {
     }
 
     /// What it is a part of: `"leaves"`, `"keys"`, `"sort"`, `"groups"` and `"nodes"` of the top level,
-    /// `"relayout"`, `"scatter"` or `"cuts"`.
+    /// `"relayout"`, `"scatter"`, `"cuts"` or `"visibility"`.
     pub fn stage(&self) -> &'static str {
         self.stage
     }

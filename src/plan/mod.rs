@@ -291,7 +291,7 @@ impl LightPlanner {
     }
 
     /// Tells that the device may lack some of what was planned: a plan was not played, or not to its
-    /// end. The next plan sends everything again, into the same buffers. Until then the buffers are
+    /// end. The next plan of a frame sends everything again, into the same buffers. Until then the buffers are
     /// not to be read.
     ///
     /// If the buffers are gone too, as after the loss of a device, make another planner.

@@ -53,7 +53,7 @@ pub fn wgsl_with(group: u32, effects: Effects, parts: &ShaderParts) -> String {
     wgsl_of_shader(group, effects, Extras::of(parts), parts.target.as_ref())
 }
 
-/// What a text has besides the functions of [`wgsl`]. At first nothing.
+/// What a text has besides the functions of [`wgsl`]. The default adds nothing.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct ShaderParts {
@@ -61,9 +61,9 @@ pub struct ShaderParts {
     /// parameters.
     pub target: Option<TargetHook>,
     /// Lights are chosen from the cuts that cells share, with one more read-only storage buffer at binding 5:
-    /// [`LightPlanner::cut_table`](super::LightPlanner::cut_table). This is what happens where a cell has no cut:
-    /// because the table has no room for it, because it was marked too rarely or not at all, or because the world
-    /// changed after the last build of the cuts. All probabilities stay exact.
+    /// [`LightPlanner::cut_table`](super::LightPlanner::cut_table). The value says how lights are chosen where a cell
+    /// has no cut: because the table has no room for it, because it was marked too rarely or not at all, or because
+    /// the world changed after the last build of the cuts. All probabilities stay exact.
     pub cuts: Option<CutFallback>,
     /// Lights are chosen by learnt visibility too, with one more read-only storage buffer at binding 6 and one that
     /// is written at 7: [`LightPlanner::visibility_table`](super::LightPlanner::visibility_table). The text has

@@ -8,6 +8,8 @@
 //! unbiased), and one number chooses among them after all are weighed. Choosing in one pass, with
 //! the number rescaled after each decision, had 3 to 5 % more error (docs/decisions.md, 20).
 
+use glam::Vec3;
+
 use crate::light::luminance;
 use crate::math::dice::{U_STEP, clamp_unit};
 use crate::math::simd::{VectorJob, with_vectors};
@@ -17,6 +19,7 @@ use crate::sampling::emit::{Incident, MIN_PDF};
 use crate::sampling::sample::{LightSample, LightSampler, with_cut};
 use crate::sampling::walk::{Outcome, draw};
 use crate::shading::importance::LocalShadingPoint;
+use crate::shading::segment::LocalSegment;
 use crate::shading::shading_point::ShadingPoint;
 
 /// The steps from one candidate's second, third and fourth random number to the next candidate's,
@@ -25,8 +28,8 @@ use crate::shading::shading_point::ShadingPoint;
 /// Quasirandom Sequences, 2018).
 pub(crate) const LATTICE: [u32; 3] = [3_518_319_155, 2_882_110_345, 2_360_945_575];
 
-/// Weights of candidates are clamped to [`MIN_WEIGHT`, `MAX_WEIGHT`], so that their sum stays
-/// inside f32. Which weights are used changes the noise only, never the mean.
+/// Weights of candidates are clamped to [`MIN_WEIGHT`, `MAX_WEIGHT`] before they are multiplied by a learnt
+/// share, so that their sum stays inside f32. Which weights are used changes the noise only, never the mean.
 pub(crate) const MIN_WEIGHT: f32 = 1.0e-30;
 /// See [`MIN_WEIGHT`].
 pub(crate) const MAX_WEIGHT: f32 = 1.0e30;
@@ -70,8 +73,8 @@ impl LightSampler<'_> {
     /// `target / (pmf * pdf)`, where the function `target` is the caller's.
     ///
     /// The best target is the light that the candidate would reflect without shadows: the luminance
-    /// of `brdf * cosine * radiance`. The library divides it by `pmf * pdf`, and multiplies it by what is
-    /// learnt about shadows, if anything is.
+    /// of `brdf * cosine * radiance`. The library divides it by `pmf * pdf`. With learnt
+    /// visibility it also multiplies it by the share of the candidate's place.
     ///
     /// A target that is NaN or below [`f32::MIN_POSITIVE`] means that the candidate is not wanted.
     /// It is never kept, but counts as a candidate. The estimate is unbiased if the target is
@@ -132,9 +135,12 @@ impl LightSampler<'_> {
         let learnt = self.learnt(shading_point);
         // Without the learnt share, a candidate that is bright and hidden would be kept after all.
         let mut weight = |sample: &LightSample| {
-            let Incident { direction, dist, .. } = sample.incident;
+            let Incident { direction, dist, along, .. } = sample.incident;
             let learnt = learnt.as_ref().filter(|_| dist < f32::INFINITY);
-            weight(sample) * learnt.map_or(1.0, |learnt| learnt.share_toward(direction * dist))
+            // The light as seen from the shading point, which is the middle of a segment.
+            let segment = LocalSegment::of(shading_point);
+            let start = segment.map_or(Vec3::ZERO, |segment| segment.unit * (along - segment.half));
+            weight(sample) * learnt.map_or(1.0, |learnt| learnt.share_toward(start + direction * dist))
         };
         let mut samples = [const { None }; MAX_CANDIDATES as usize];
         let mut weights = [0.0; MAX_CANDIDATES as usize];
@@ -156,7 +162,7 @@ impl LightSampler<'_> {
 /// divided by its probability density.
 #[allow(clippy::manual_clamp, reason = "not the same for NaN, which becomes the least")]
 fn illuminance_weight(shading_point: &ShadingPoint, sample: &LightSample) -> f32 {
-    let is_volume = shading_point.normal == glam::Vec3::ZERO;
+    let is_volume = shading_point.normal == Vec3::ZERO;
     let cosine = if is_volume { 1.0 } else { shading_point.normal.dot(sample.incident.direction) };
     let lux = luminance(sample.incident.radiance) * cosine;
     let lux = match LocalShadingPoint::gloss_of(shading_point) {

@@ -308,7 +308,7 @@ impl<'a> LightSampler<'a> {
     ///
     /// All methods use it, with exact probabilities: call them with the same table for one
     /// estimate. Where the table knows nothing, they return the same bits as without it. A sample
-    /// takes about 1.3 times as long (docs/benchmarks.md). [`VisibilityTable`] says when to use it.
+    /// takes about 1.6 to 1.9 times as long (docs/benchmarks.md). [`VisibilityTable`] says when to use it.
     pub fn with_visibility(self, table: &'a VisibilityTable) -> Self {
         Self { visibility: Some((table, table.grid(self.world.origin()))), ..self }
     }

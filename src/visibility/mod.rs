@@ -2,7 +2,8 @@
 //!
 //! A cell is a cube of the world and one of six sides, or none for a volume. For each cell a row of
 //! the table holds a share for each of [`BINS`] groups of lights, which are told apart by their
-//! direction and distance from the cell. A share multiplies the importance of clusters in the cut.
+//! direction and distance from the cell. A share multiplies the importance of clusters in the cut, and the
+//! weights of candidates.
 //! Nothing is removed: no share is below 26/256. docs/math.md has the formulas and the sources.
 //!
 //! During a frame the table is read, and what is recorded goes to counters. The end of the frame

@@ -13,6 +13,7 @@ use girandole::gpu::GpuLights;
 use girandole::{CutOptions, Effects};
 
 use crate::kinds::KindRecord;
+use crate::pass::PassShaders;
 use crate::settings::{GirandoleReport, GirandoleSettings, GirandoleStats};
 use crate::world::Lights;
 
@@ -39,8 +40,10 @@ pub struct GirandoleGpu {
     lights: GpuLights,
     kinds: Option<Buffer>,
     bind_group: Option<BindGroup>,
-    /// The settings of the present table of shared cuts.
-    cuts: Option<CutOptions>,
+    /// The settings of the table of shared cuts that was made last, or refused.
+    asked: Option<CutOptions>,
+    /// Whether there is a table of shared cuts.
+    shares_cuts: bool,
     /// Frames since the device was made.
     pub(crate) frames: u64,
     /// Whether any light changed in this frame.
@@ -64,7 +67,7 @@ impl GirandoleGpu {
 
     /// Whether there is a table of shared cuts.
     pub(crate) fn shares_cuts(&self) -> bool {
-        self.cuts.is_some()
+        self.shares_cuts
     }
 
     /// What shaders bind that mark cells, and that choose from their cuts.
@@ -86,11 +89,12 @@ impl GirandoleGpu {
     fn share_cuts(&mut self, wanted: Option<CutOptions>, device: &RenderDevice) {
         let has_room = device.limits().max_storage_buffers_per_shader_stage >= STORAGE_BUFFERS;
         let wanted = wanted.filter(|_| has_room);
-        if wanted == self.cuts {
+        if wanted == self.asked {
             return;
         }
+        self.asked = wanted;
         match self.lights.share_cuts(wanted) {
-            Ok(()) => self.cuts = wanted,
+            Ok(()) => self.shares_cuts = wanted.is_some(),
             Err(error) => error_once!("girandole: {error}"),
         }
     }
@@ -135,7 +139,8 @@ pub fn start(mut commands: Commands, device: Res<RenderDevice>, queue: Res<Rende
             lights,
             kinds: None,
             bind_group: None,
-            cuts: None,
+            asked: None,
+            shares_cuts: false,
             frames: 0,
             has_changed: false,
             counts: [0; 2],
@@ -150,6 +155,7 @@ pub fn prepare(
     gpu: Option<ResMut<GirandoleGpu>>,
     settings: Res<GirandoleSettings>,
     device: Res<RenderDevice>,
+    shaders: Res<PassShaders>,
     stats: Res<GirandoleStats>,
 ) {
     let Some(mut gpu) = gpu else { return };
@@ -160,7 +166,7 @@ pub fn prepare(
     let update = start.elapsed();
     let start = Instant::now();
     let (mut bytes, mut instances) = (0, 0);
-    gpu.share_cuts(settings.cuts, &device);
+    gpu.share_cuts(settings.cuts.filter(|_| shaders.sharing.is_some()), &device);
     match gpu.lights.upload(&lights.world) {
         Ok(report) => (bytes, instances) = (report.bytes, report.instances),
         Err(error) => error_once!("girandole: {error}"),

@@ -52,7 +52,8 @@ pub struct PassPipelines {
 #[derive(Resource, Clone)]
 pub struct PassShaders {
     pub alone: Handle<Shader>,
-    /// For a camera whose pixels share cuts, if any may: marking cells, and choosing from their cuts.
+    /// The shaders for a camera whose pixels share cuts: one marks cells, the other chooses from their cuts. `None` if
+    /// no camera may.
     pub sharing: Option<[Handle<Shader>; 2]>,
 }
 
@@ -170,13 +171,19 @@ pub fn specialize(
     cameras: Query<(Entity, &ExtractedView, &ExtractedCamera), With<GirandoleCamera>>,
 ) {
     let shares_cuts = pipelines.shaders.sharing.is_some() && gpu.is_some_and(|gpu| gpu.shares_cuts());
-    // There is one table, and its cells live while their camera marks them.
-    let first = cameras.iter().map(|(entity, _, camera)| (camera.order, entity)).min();
+    let needed =
+        MeshPipelineKey::DEPTH_PREPASS | MeshPipelineKey::DEFERRED_PREPASS | MeshPipelineKey::MOTION_VECTOR_PREPASS;
+    let key_of = |view: &ExtractedView| keys.get(&view.retained_view_entity).copied();
+    let serves =
+        |key: MeshPipelineKey, camera: &ExtractedCamera| key.contains(needed) && key.msaa_samples() == 1 && camera.hdr;
+    // There is one table, whose cells live while one camera marks them and follow the pixels of a perspective.
+    let first = cameras.iter().filter(|(_, view, camera)| {
+        key_of(view).is_some_and(|key| serves(key, camera)) && pixel_size(view, camera) > 0.0
+    });
+    let first = first.map(|(entity, _, camera)| (camera.order, entity)).min();
     for (entity, view, camera) in &cameras {
-        let Some(&key) = keys.get(&view.retained_view_entity) else { continue };
-        let needed =
-            MeshPipelineKey::DEPTH_PREPASS | MeshPipelineKey::DEFERRED_PREPASS | MeshPipelineKey::MOTION_VECTOR_PREPASS;
-        if !key.contains(needed) || key.msaa_samples() != 1 || !camera.hdr {
+        let Some(key) = key_of(view) else { continue };
+        if !serves(key, camera) {
             warn_once!("girandole: a camera needs the depth, deferred and motion vector prepasses, Hdr and Msaa::Off");
             commands.entity(entity).remove::<PassPipeline>();
             continue;

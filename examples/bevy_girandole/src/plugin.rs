@@ -18,8 +18,8 @@ use crate::{extract, gather, gpu, history, pass, shader};
 /// Adds Girandole to an application, after Bevy's own plugins.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GirandolePlugin {
-    /// Whether the pass imports the same modules as applications do, instead of being one text in
-    /// which candidates are weighted by Bevy's BRDF, and pixels share cuts. This is noisier, and is meant
+    /// Whether the pass imports the same modules as applications do. Otherwise it is one text, in which
+    /// candidates are weighted by Bevy's BRDF and pixels share cuts. Importing is noisier, and is meant
     /// for tests of the modules.
     pub importing: bool,
 }

@@ -20,9 +20,10 @@ pub struct GirandoleSettings {
     /// chosen. Bevy's emissive colours are in units of the picture, so what they emit depends on the
     /// exposure of the camera. The picture is right for any exposure; noise is lowest for this one.
     pub exposure: Exposure,
-    /// How neighbouring pixels share cuts, which gives less noise in less time. The cells of these follow the
-    /// pixels of the camera that is drawn first. `None` makes every pixel split for itself, and so does a device
-    /// whose shaders bind fewer than 16 storage buffers. See `docs/cuts.md`.
+    /// How neighbouring pixels share cuts. A sample then takes about half of the time; its noise is lower with one
+    /// candidate and many lights, and may be higher with several candidates. The cells follow the pixels of the first
+    /// camera with a perspective. With `None`, or on a device that binds fewer than 16 storage buffers in a stage,
+    /// every pixel splits for itself. See `docs/cuts.md`.
     pub cuts: Option<CutOptions>,
 }
 

@@ -79,11 +79,12 @@ impl GpuLights {
         &self.table_group(Tables::Cuts).bind_group
     }
 
-    /// As [`GpuLights::cut_shader`], for cells that know what shadow rays have taught: with `light_record_visibility`
-    /// ([`ShaderParts::learns`]). It takes [`GpuLights::learning_cut_bind_group`], which has seven storage buffers.
+    /// As [`GpuLights::cut_shader`], and the text has `light_record_visibility` ([`ShaderParts::learns`]). It takes
+    /// [`GpuLights::learning_cut_bind_group`], with seven storage buffers.
     ///
-    /// Cells choose by the table of [`GpuLights::learn_visibility`] whichever of the two shaders reads them, and are built
-    /// again after each [`GpuLights::fold_visibility`]. Choices take no longer for it.
+    /// Both shaders read the same cells, which are built by the table of [`GpuLights::learn_visibility`], and again
+    /// after each [`GpuLights::fold_visibility`]. `light_resample` weighs candidates by learnt shares in this shader
+    /// only.
     pub fn learning_cut_shader(&self, group: u32, effects: Effects, fallback: CutFallback) -> LightShader {
         LightShader::choosing(
             group,
@@ -93,8 +94,8 @@ impl GpuLights {
         )
     }
 
-    /// The bind group for a [`GpuLights::learning_cut_shader`], to be called for as those of
-    /// [`GpuLights::cut_bind_group`] and [`GpuLights::visibility_bind_group`].
+    /// The bind group for a [`GpuLights::learning_cut_shader`]. Call this when you would call
+    /// [`GpuLights::cut_bind_group`] or [`GpuLights::visibility_bind_group`].
     pub fn learning_cut_bind_group(&self) -> &wgpu::BindGroup {
         &self.table_group(Tables::CutsAndVisibility).bind_group
     }
@@ -104,8 +105,8 @@ impl GpuLights {
     /// [`GpuLights::build_top`] and the passes that mark, ahead of those that choose lights. Does nothing
     /// without a table.
     ///
-    /// The first call compiles three pipelines and waits for them, and the first one after [`GpuLights::effects`]
-    /// have changed to a set that is new compiles one.
+    /// The first call compiles three pipelines and waits for them. It compiles one more at the first call with learnt
+    /// visibility, and for each new set of [`GpuLights::effects`].
     pub fn build_cuts(&mut self, encoder: &mut wgpu::CommandEncoder) {
         if self.is_dark {
             return;

@@ -56,8 +56,8 @@ impl GpuLights {
         &self.table_group(Tables::Visibility).bind_group
     }
 
-    /// Records the commands of [`LightPlanner::fold_visibility`](crate::plan::LightPlanner::fold_visibility) in one pass:
-    /// what was recorded becomes part of the table. Call it once a frame, after the passes that record. Does nothing
+    /// Records the commands of [`LightPlanner::fold_visibility`](crate::plan::LightPlanner::fold_visibility): what
+    /// was recorded becomes part of the table. Call it once a frame, after the passes that record. Does nothing
     /// without a table.
     pub fn fold_visibility(&mut self, encoder: &mut wgpu::CommandEncoder) {
         let commands = self.planner.fold_visibility();

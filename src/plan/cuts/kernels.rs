@@ -34,8 +34,8 @@ pub(super) fn build_by_visibility(effects: Effects) -> Kernel {
 }
 
 /// The kernels of [`LightPlanner::build_cuts`](super::super::LightPlanner::build_cuts) for
-/// [these effects](super::super::LightPlanner::effects). The effects change the last two of them only, of which the
-/// first serves planners without learnt visibility and the second those with it.
+/// [these effects](super::super::LightPlanner::effects). Only the last two depend on the effects. The third
+/// builds without learnt visibility, and the fourth with it.
 pub fn cut_kernels(effects: Effects) -> [Kernel; 4] {
     [LIST, DISPATCH, build(effects), build_by_visibility(effects)]
 }

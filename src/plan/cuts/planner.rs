@@ -10,8 +10,8 @@ use super::super::tables::{NewTable, TableReservation};
 use crate::sampling::cuts::{CutOptions, camera};
 
 impl LightPlanner {
-    /// Reserves a table of cuts that neighbours share, or none for `None`, in place of the present one. At first
-    /// there is none. [`CutTable`](crate::CutTable) says what cuts are good for; the GPU does the same.
+    /// Reserves a table of cuts that neighbours share, which replaces the present one; `None` drops it. At first
+    /// there is no table. [`CutTable`](crate::CutTable) says what cuts are good for; the GPU does the same.
     ///
     /// Takes 1.4 kB of GPU memory for each cell that may have a cut, and 256 to 512 bytes for its places
     /// for marked cells. A frame has these steps:
@@ -64,7 +64,8 @@ impl LightPlanner {
     /// [`LightWorld::set_glossy_sampling`](crate::LightWorld::set_glossy_sampling). Cells keep their cuts while
     /// plans have nothing to send, unless more points of them are known now; glossy ones also while the eye is
     /// where it was. With [learnt visibility](LightPlanner::reserve_visibility), cells choose lights by that too, and
-    /// are built again after each [`LightPlanner::fold_visibility`]. Which cells are refused, if there are too many, depends on the order in which the GPU works.
+    /// are built again after each [`LightPlanner::fold_visibility`]. Which cells are refused, if there are too many,
+    /// depends on the order in which the GPU works.
     ///
     /// Three dispatches: one for the places of the table, one of a single invocation, and one of a workgroup
     /// for each cell that is built. Their kernels are [`cut_kernels`](super::super::cut_kernels).

@@ -93,7 +93,7 @@ impl CutStore {
         }
     }
 
-    /// The same behind commands of the GPU that came before.
+    /// The same by a clear, which on wgpu stays in order with the commands before it; a write goes ahead of them.
     pub fn clear_validity(&self, commands: &mut Commands) {
         if let Some(table) = &self.table {
             commands.zero(table.cells, WORDS_AT..WORDS_AT + 4);

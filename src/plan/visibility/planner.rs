@@ -8,8 +8,8 @@ use super::super::tables::{NewTable, TableReservation};
 use crate::visibility::VisibilityOptions;
 
 impl LightPlanner {
-    /// Reserves a table of learnt visibility that knows nothing, or none for `None`, in place of the present one.
-    /// At first there is none.
+    /// Reserves a table of learnt visibility that knows nothing, which replaces the present one; `None` drops it. At
+    /// first there is no table.
     ///
     /// Takes 1.7 kB of GPU memory for each cell. [`VisibilityTable`](crate::VisibilityTable) says when to use
     /// one, what it learns and how it forgets; the GPU does the same.
