@@ -132,15 +132,16 @@ impl LightSampler<'_> {
         let outcomes = with_cut!(self, shading_point, |source, directional_lux, instance_trees| {
             with_vectors(DrawManyJob { source, directional_lux, u, count, instance_trees })
         });
-        let learnt = self.learnt(shading_point);
+        let learnt = self.learnt(shading_point).map(|learnt| (learnt, LocalSegment::of(shading_point)));
         // Without the learnt share, a candidate that is bright and hidden would be kept after all.
         let mut weight = |sample: &LightSample| {
             let Incident { direction, dist, along, .. } = sample.incident;
-            let learnt = learnt.as_ref().filter(|_| dist < f32::INFINITY);
-            // The light as seen from the shading point, which is the middle of a segment.
-            let segment = LocalSegment::of(shading_point);
-            let start = segment.map_or(Vec3::ZERO, |segment| segment.unit * (along - segment.half));
-            weight(sample) * learnt.map_or(1.0, |learnt| learnt.share_toward(start + direction * dist))
+            let share = learnt.as_ref().filter(|_| dist < f32::INFINITY).map_or(1.0, |(learnt, segment)| {
+                // The light as seen from the shading point, which is the middle of a segment.
+                let start = segment.map_or(Vec3::ZERO, |segment| segment.unit * (along - segment.half));
+                learnt.share_toward(start + direction * dist)
+            });
+            share * weight(sample)
         };
         let mut samples = [const { None }; MAX_CANDIDATES as usize];
         let mut weights = [0.0; MAX_CANDIDATES as usize];

@@ -46,6 +46,10 @@ const ENGINE: &str = "
         if id.x >= arrayLength(&inputs) { return; }
         let input = inputs[id.x];
         let at = light_surface_point(input.position, input.normal);
+        WORK
+    }";
+
+const PICK_AND_RECORD: &str = "
         let pick = light_pick(at, input.u);
         var pmf = 0.0;
         if pick.pmf > 0.0 { pmf = light_pmf(at, pick.instance, pick.light); }
@@ -54,20 +58,11 @@ const ENGINE: &str = "
         chosen.instance = input.instance;
         chosen.light = input.light;
         chosen.pmf = 1.0;
-        light_record_visibility(at, chosen, input.is_visible != 0u);
-    }";
+        light_record_visibility(at, chosen, input.is_visible != 0u);";
 
 const RESAMPLE: &str = "
-    struct Input { position: vec3<f32>, instance: u32, normal: vec3<f32>, light: u32, u: vec2<f32>, is_visible: u32 }
-    @group(0) @binding(0) var<storage, read> inputs: array<Input>;
-    @group(0) @binding(1) var<storage, read_write> outputs: array<vec4<u32>>;
-    @compute @workgroup_size(64) fn engine(@builtin(global_invocation_id) id: vec3<u32>) {
-        if id.x >= arrayLength(&inputs) { return; }
-        let input = inputs[id.x];
-        let at = light_surface_point(input.position, input.normal);
         let kept = light_resample(at, input.u.xyyx, input.u.x, 8u);
-        outputs[id.x] = vec4(kept.chosen.instance, kept.chosen.light, bitcast<u32>(kept.weight), 0u);
-    }";
+        outputs[id.x] = vec4(kept.chosen.instance, kept.chosen.light, bitcast<u32>(kept.weight), 0u);";
 
 /// Shading points, which are the same in each frame, and what each of them sees in this one.
 fn inputs(sampler: &LightSampler<'_>, frame: u32) -> Vec<Input> {
@@ -129,7 +124,7 @@ fn run(
     read(&device, &queue, &output)
 }
 
-fn pipeline(lights: &GpuLights, engine: &str) -> (wgpu::BindGroupLayout, wgpu::ComputePipeline) {
+fn pipeline(lights: &GpuLights, work: &str) -> (wgpu::BindGroupLayout, wgpu::ComputePipeline) {
     use super::super::bindings::storage_entry;
     let (device, _) = gpu();
     let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
@@ -137,7 +132,7 @@ fn pipeline(lights: &GpuLights, engine: &str) -> (wgpu::BindGroupLayout, wgpu::C
         entries: &[storage_entry(0, true), storage_entry(1, false)],
     });
     let shader = lights.visibility_shader(1, Effects::all());
-    let pipeline = compute_pipeline(shader.join(engine), "engine", [&own, &shader.layout]);
+    let pipeline = compute_pipeline(shader.join(&ENGINE.replace("WORK", work)), "engine", [&own, &shader.layout]);
     (own, pipeline)
 }
 
@@ -159,7 +154,7 @@ fn the_gpu_learns_and_chooses_as_the_cpu_does() {
     let (device, queue) = gpu();
     let mut world = mixed_world();
     let mut lights = gpu_lights();
-    let pipeline = pipeline(&lights, ENGINE);
+    let pipeline = pipeline(&lights, PICK_AND_RECORD);
     let options = VisibilityOptions::new(4.0, 256).expect("valid");
     let mut table = VisibilityTable::new(options);
     lights.learn_visibility(Some(options)).expect("memory enough");
@@ -220,7 +215,7 @@ fn the_gpu_learns_and_chooses_as_the_cpu_does() {
 fn without_a_table_the_shader_chooses_as_without_learning() {
     let world = mixed_world();
     let mut lights = gpu_lights();
-    let pipeline = pipeline(&lights, ENGINE);
+    let pipeline = pipeline(&lights, PICK_AND_RECORD);
     lights.upload(&world).expect("room enough");
     let inputs = inputs(&world.sampler(), 3);
     let before = run(&mut lights, &pipeline, &inputs);
@@ -239,7 +234,7 @@ fn without_a_table_the_shader_chooses_as_without_learning() {
 fn candidates_are_kept_by_what_is_learnt_as_on_the_cpu() {
     let world = mixed_world();
     let mut lights = gpu_lights();
-    let (learn, resample) = (pipeline(&lights, ENGINE), pipeline(&lights, RESAMPLE));
+    let (learn, resample) = (pipeline(&lights, PICK_AND_RECORD), pipeline(&lights, RESAMPLE));
     let options = VisibilityOptions::new(4.0, 1024).expect("valid");
     let mut table = VisibilityTable::new(options);
     lights.learn_visibility(Some(options)).expect("memory enough");

@@ -118,13 +118,15 @@ impl CutStore {
         let own = [params, table.cells, table.report];
         commands.dispatch(LIST, &own, 0, table.places.slots.div_ceil(LANES));
         commands.dispatch(DISPATCH, &own, 0, 1);
-        let all = [params, top, nodes, instances, lights, table.cells];
         match learnt {
             Some(learnt) => {
-                let all = [all.as_slice(), &[learnt]].concat();
+                let all = [params, top, nodes, instances, lights, table.cells, learnt];
                 commands.dispatch_indirect(build_by_visibility(effects), &all, 0, table.report);
             }
-            None => commands.dispatch_indirect(build(effects), &all, 0, table.report),
+            None => {
+                let all = [params, top, nodes, instances, lights, table.cells];
+                commands.dispatch_indirect(build(effects), &all, 0, table.report);
+            }
         }
     }
 }
