@@ -3,56 +3,81 @@
 // buffers.
 
 // Four quads of parameters; the tags and the idle frames of all rows, four rows in a quad; the
-// shares of all rows, four in a word.
+// shares of all rows, four in a word. Rows of cells come first, then those of blocks.
 @group(LIGHT_GROUP) @binding(6) var<storage, read> light_learnt: array<vec4<u32>>;
-// For each row the tag that claims it; for each row whether it has counts; for each row and group
-// the hidden and the visible samples.
+// For each row the tag that claims it; for each row whether it has counts, as one more than the row of its
+// block; for each row and group the hidden and the visible samples.
 @group(LIGHT_GROUP) @binding(7) var<storage, read_write> light_visibility_records: array<atomic<u32>>;
 
-// The cell of a shading point. Twin of `Cell`, with its row in the table.
-struct LightCell {
+// Finds the row of a cell or block. Twin of `CellKey`.
+struct LightCellKey {
     tag: u32,
     // The quad of the bucket's tags.
     bucket: u32,
-    // The row, or LIGHT_NO_ROW.
+}
+
+// The cell of a shading point. Twin of `Cell`.
+struct LightCell {
+    key: LightCellKey,
+    block: LightCellKey,
+    // The row in which something is known, or LIGHT_NO_ROW.
     row: u32,
-    // From the middle of the cube to the shading point, in metres.
+    // From the middle of the block to the shading point, in metres.
     from_center: vec3<f32>,
 }
 
 const LIGHT_NO_ROW: u32 = 0xffffffffu;
 
-// The number of rows; 0 while nothing is learnt.
-fn light_row_count() -> u32 {
-    return light_learnt[0].z;
+// The numbers of rows of cells and of blocks; 0 while nothing is learnt.
+fn light_row_counts() -> vec2<u32> {
+    return vec2(light_learnt[0].z, light_learnt[1].w);
 }
 
-// Twin of `CellGrid::cell` and `VisibilityTable::row`.
+// Twin of `CellKey::new`, in a bucket of some rows.
+fn light_cell_key(c: vec3<u32>, side: u32, first_row: u32, rows: u32) -> LightCellKey {
+    let first = light_hash(c.x ^ light_hash(c.y ^ light_hash(c.z ^ light_hash(side))));
+    let tag = light_hash(first ^ light_hash(c.x ^ LIGHT_TAG_SEED)) | LIGHT_LEARNT_BIT | LIGHT_USED_BIT;
+    return LightCellKey(tag, (first_row + (first & (rows - LIGHT_WAYS))) / LIGHT_WAYS);
+}
+
+// The row of a cell or block, or LIGHT_NO_ROW. With LIGHT_LEARNT_BIT as `ignored`, also one that is not read yet.
+fn light_learnt_row(key: LightCellKey, ignored: u32) -> u32 {
+    let tags = light_learnt[LIGHT_TABLE_HEAD + key.bucket] | vec4(ignored);
+    var row = LIGHT_NO_ROW;
+    for (var i = 0u; i < LIGHT_WAYS; i++) {
+        if tags[i] == key.tag && row == LIGHT_NO_ROW {
+            row = key.bucket * LIGHT_WAYS + i;
+        }
+    }
+    return row;
+}
+
+// Twin of `CellGrid::cell` and `VisibilityTable::learnt_row`.
 fn light_cell(shading_point: LightShadingPoint) -> LightCell {
-    var cell = LightCell(0u, 0u, LIGHT_NO_ROW, vec3(0.0));
-    let rows = light_row_count();
-    if rows == 0u {
+    var cell = LightCell(LightCellKey(0u, 0u), LightCellKey(0u, 0u), LIGHT_NO_ROW, vec3(0.0));
+    let rows = light_row_counts();
+    if rows.x == 0u {
         return cell;
     }
     let grid = bitcast<vec4<f32>>(light_learnt[0]);
     let place = shading_point.position + bitcast<vec3<f32>>(light_learnt[1].xyz);
     let cube = floor(place * grid.y);
     let limited = clamp(cube, vec3(-LIGHT_MAX_COORDINATE), vec3(LIGHT_MAX_COORDINATE));
-    let c = bitcast<vec3<u32>>(vec3<i32>(limited)) + light_learnt[2].xyz;
-    let first = light_hash(c.x ^ light_hash(c.y ^ light_hash(c.z ^ light_hash(light_side(shading_point.normal)))));
-    cell.tag = max(light_hash(first ^ light_hash(c.x ^ LIGHT_TAG_SEED)), 1u);
-    cell.bucket = (first & (rows - LIGHT_WAYS)) / LIGHT_WAYS;
-    cell.from_center = place - (cube + 0.5) * grid.x;
-    let tags = light_learnt[LIGHT_TABLE_HEAD + cell.bucket];
-    for (var i = 0u; i < LIGHT_WAYS; i++) {
-        if tags[i] == cell.tag && cell.row == LIGHT_NO_ROW {
-            cell.row = cell.bucket * LIGHT_WAYS + i;
-        }
+    let at = bitcast<vec3<u32>>(vec3<i32>(limited)) + light_learnt[2].xyz;
+    let side = light_side(shading_point.normal);
+    let block = bitcast<vec3<u32>>(bitcast<vec3<i32>>(at) >> vec3(LIGHT_BLOCK_BITS));
+    let in_block = vec3<f32>(at & vec3((1u << LIGHT_BLOCK_BITS) - 1u));
+    cell.key = light_cell_key(at, side, 0u, rows.x);
+    cell.block = light_cell_key(block, side, rows.x, rows.y);
+    cell.from_center = place - (cube - in_block + f32(1u << (LIGHT_BLOCK_BITS - 1u))) * grid.x;
+    cell.row = light_learnt_row(cell.key, 0u);
+    if cell.row == LIGHT_NO_ROW {
+        cell.row = light_learnt_row(cell.block, 0u);
     }
     return cell;
 }
 
-// The group of a cluster. `toward` is the vector from the middle of the cell to the mean position
+// The group of a cluster. `toward` is the vector from the middle of the block to the mean position
 // of the cluster, in metres. Twin of `bins`.
 fn light_bin(toward: vec3<f32>) -> u32 {
     let edge = bitcast<f32>(light_learnt[0].x);
@@ -86,8 +111,8 @@ fn light_child_bin(
 // The learnt share of a group.
 fn light_learnt_share(row: u32, bin: u32) -> f32 {
     let byte = row * LIGHT_BINS + bin;
-    let rows = light_row_count();
-    let quad = light_learnt[LIGHT_TABLE_HEAD + rows / 2u + byte / 16u];
+    let rows = light_row_counts();
+    let quad = light_learnt[LIGHT_TABLE_HEAD + (rows.x + rows.y) / 2u + byte / 16u];
     return (f32((quad[(byte / 4u) % 4u] >> (8u * (byte % 4u))) & 0xffu) + 1.0) * (1.0 / 256.0);
 }
 
@@ -116,11 +141,16 @@ fn light_place_share(cell: LightCell, shading_point: LightShadingPoint, candidat
     return light_learnt_share(cell.row, light_bin(toward + cell.from_center));
 }
 
-// Asks for a row from the next frame on. Twin of `VisibilityTable::row_or_claim`.
-fn light_claim_row(cell: LightCell) {
-    let rows = light_row_count();
-    let tags = light_learnt[LIGHT_TABLE_HEAD + cell.bucket];
-    let idle = light_learnt[LIGHT_TABLE_HEAD + rows / LIGHT_WAYS + cell.bucket];
+// The row of a cell or block. If there is none, asks for one from the next frame on. Twin of
+// `VisibilityTable::row_or_claim`.
+fn light_row_or_claim(key: LightCellKey) -> u32 {
+    let found = light_learnt_row(key, LIGHT_LEARNT_BIT);
+    if found != LIGHT_NO_ROW {
+        return found;
+    }
+    let rows = light_row_counts();
+    let tags = light_learnt[LIGHT_TABLE_HEAD + key.bucket];
+    let idle = light_learnt[LIGHT_TABLE_HEAD + (rows.x + rows.y) / LIGHT_WAYS + key.bucket];
     var chosen = LIGHT_WAYS;
     var longest = LIGHT_MIN_IDLE - 1u;
     for (var i = 0u; i < LIGHT_WAYS; i++) {
@@ -131,14 +161,32 @@ fn light_claim_row(cell: LightCell) {
     }
     // From the last to the first free row that the CPU would find.
     for (var i = LIGHT_WAYS; i > 0u; i--) {
-        let way = (cell.tag + i - 1u) % LIGHT_WAYS;
+        let way = (key.tag / 4u + i - 1u) % LIGHT_WAYS;
         if tags[way] == 0u {
             chosen = way;
         }
     }
     if chosen < LIGHT_WAYS {
-        atomicMax(&light_visibility_records[cell.bucket * LIGHT_WAYS + chosen], cell.tag);
+        atomicMax(&light_visibility_records[key.bucket * LIGHT_WAYS + chosen], key.tag);
     }
+    return LIGHT_NO_ROW;
+}
+
+// The row that counts the records of a cell in this frame, or LIGHT_NO_ROW. Twin of
+// `VisibilityTable::row_to_record`.
+fn light_row_to_record(cell: LightCell) -> u32 {
+    let block = light_row_or_claim(cell.block);
+    var row = light_row_or_claim(cell.key);
+    if row == LIGHT_NO_ROW {
+        row = block;
+    }
+    if row != LIGHT_NO_ROW {
+        let rows = light_row_counts();
+        // One more than LIGHT_NO_ROW would be 0.
+        let link = select(block + 1u, LIGHT_NO_ROW, block == LIGHT_NO_ROW);
+        atomicStore(&light_visibility_records[rows.x + rows.y + row], link);
+    }
+    return row;
 }
 
 // Records whether a light that was sampled is visible: whether a shadow ray to the point that
@@ -150,17 +198,16 @@ fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample
         return;
     }
     let placed = light_instance(chosen.instance);
-    let rows = light_row_count();
-    if rows == 0u || (placed.flags & LIGHT_LIVE) == 0u {
+    let rows = light_row_counts();
+    if rows.x == 0u || (placed.flags & LIGHT_LIVE) == 0u {
         return;
     }
     let cell = light_cell(shading_point);
-    if cell.row == LIGHT_NO_ROW {
-        light_claim_row(cell);
+    let row = light_row_to_record(cell);
+    if row == LIGHT_NO_ROW {
         return;
     }
-    atomicStore(&light_visibility_records[rows + cell.row], 1u);
-    let counts = 2u * (rows + cell.row * LIGHT_BINS) + select(0u, 1u, is_visible);
+    let counts = 2u * (rows.x + rows.y + row * LIGHT_BINS) + select(0u, 1u, is_visible);
     var instance = chosen.instance;
     var base = placed.node_base;
     var local = light_local_to_tree(instance, shading_point);

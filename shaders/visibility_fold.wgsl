@@ -1,65 +1,134 @@
-// Folds the records of a frame into what is known about visibility. Twin of src/visibility/fold.rs
-// and of `VisibilityTable::end_frame`, with the same bits: all of it is integers. One workgroup for
-// each row, one invocation for each word of shares.
+// Folds the records of a frame into what is known about visibility: adds those of cells to those of their
+// blocks, then folds the blocks, then the cells. Twin of src/visibility/fold.rs and of
+// `VisibilityTable::end_frame`, with the same bits: all of it is integers. One workgroup for each row, one
+// invocation for each word of shares.
 
 // As in visibility.wgsl.
 @group(0) @binding(1) var<storage, read_write> learnt: array<u32>;
-@group(0) @binding(2) var<storage, read_write> records: array<u32>;
+@group(0) @binding(2) var<storage, read_write> records: array<atomic<u32>>;
 // For each row and group, in the lower half of a word the visible records and in the upper half
 // all.
 @group(0) @binding(3) var<storage, read_write> known: array<u32>;
 
-var<workgroup> fate: vec2<u32>;
+// Whether a cell has no block. As in visibility.wgsl.
+const NO_BLOCK: u32 = 0xffffffffu;
+// Set if something was recorded since cuts were last made void.
+const HAS_LEARNT: u32 = 3u;
 
-// What is known after a frame, and the code of the share. Twin of `fold`.
-fn fold(before: u32, hidden_samples: u32, visible_samples: u32) -> vec2<u32> {
+// The claim of the row, and whether it has counts.
+var<workgroup> fate: vec2<u32>;
+// The visible records and all, over the groups of the row.
+var<workgroup> sums: array<atomic<u32>, 2>;
+
+fn rows_of_cells() -> u32 {
+    return learnt[2];
+}
+
+fn rows_of_all() -> u32 {
+    return learnt[2] + learnt[7];
+}
+
+// The word of the hidden samples of a group. That of the visible ones comes next.
+fn counts_at(row: u32, bin: u32) -> u32 {
+    return 2u * (rows_of_all() + row * LIGHT_BINS + bin);
+}
+
+// The word of the first of four shares.
+fn shares_at(row: u32, word: u32) -> u32 {
+    return 4u * LIGHT_TABLE_HEAD + 2u * rows_of_all() + row * (LIGHT_BINS / 4u) + word;
+}
+
+// What is known after a frame. Twin of `fold`.
+fn fold(before: u32, hidden_samples: u32, visible_samples: u32) -> u32 {
     var hidden = hidden_samples;
     var visible = visible_samples;
     while visible > LIGHT_MAX_NEW || hidden > LIGHT_MAX_NEW || visible + hidden > LIGHT_MAX_NEW {
         visible /= 2u;
         hidden /= 2u;
     }
-    let seen = (before & 0xffffu) + visible * LIGHT_UNITS;
-    let all = (before >> 16u) + (visible + hidden) * LIGHT_UNITS;
-    let code = (LIGHT_FULL_SHARE * (seen + LIGHT_PRIOR) + (all + LIGHT_PRIOR) / 2u) / (all + LIGHT_PRIOR);
-    var kept = vec2(seen, all);
-    if all > LIGHT_MEMORY {
-        kept = vec2((seen * LIGHT_MEMORY + all / 2u) / all, LIGHT_MEMORY);
+    var seen = before & 0xffffu;
+    var all = before >> 16u;
+    if visible > 0u && LIGHT_RARE * seen <= all {
+        seen /= LIGHT_DOUBT;
+        all /= LIGHT_DOUBT;
     }
-    return vec2(kept.x | (kept.y << 16u), max(code, LIGHT_MIN_SHARE));
+    seen += visible * LIGHT_UNITS;
+    all += (visible + hidden) * LIGHT_UNITS;
+    if all > LIGHT_MEMORY {
+        seen = (seen * LIGHT_MEMORY + all / 2u) / all;
+        all = LIGHT_MEMORY;
+    }
+    return seen | (all << 16u);
 }
 
-@compute @workgroup_size(32)
-fn visibility_fold(
+// Twin of `code`.
+fn code_of(visible: u32, records: u32, prior: u32, prior_code: u32) -> u32 {
+    let all = records + prior;
+    return (LIGHT_FULL_SHARE * visible + prior_code * prior + all / 2u) / all;
+}
+
+// Adds the counts of a cell to those of its block.
+@compute @workgroup_size(128)
+fn visibility_gather(
     @builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
 ) {
-    let row = group.x + group.y * groups.x;
-    let rows = learnt[2];
-    if lane == 0u && row < rows {
-        fate = vec2(records[row], records[rows + row]);
-    }
-    let claim_and_touched = workgroupUniformLoad(&fate);
-    if row >= rows {
+    let row = group.x;
+    let touched = atomicLoad(&records[rows_of_all() + row]);
+    if touched == 0u || touched == NO_BLOCK {
         return;
     }
+    let block = touched - 1u;
+    if lane == 0u {
+        atomicStore(&records[rows_of_all() + block], touched);
+    }
+    for (var i = 0u; i < 4u; i++) {
+        let from_cell = counts_at(row, 4u * lane + i);
+        let to_block = counts_at(block, 4u * lane + i);
+        for (var k = 0u; k < 2u; k++) {
+            let count = atomicLoad(&records[from_cell + k]);
+            if count != 0u {
+                atomicAdd(&records[to_block + k], count);
+            }
+        }
+    }
+}
+
+// Folds a row.
+fn fold_row(row: u32, lane: u32) {
+    if lane == 0u {
+        fate = vec2(atomicLoad(&records[row]), atomicLoad(&records[rows_of_all() + row]));
+        // Players need not zero this memory.
+        atomicStore(&sums[0], 0u);
+        atomicStore(&sums[1], 0u);
+    }
+    let claim_and_touched = workgroupUniformLoad(&fate);
     let claim = claim_and_touched.x;
-    let is_touched = claim_and_touched.y != 0u;
-    let share_word = 4u * LIGHT_TABLE_HEAD + 2u * rows + row * (LIGHT_BINS / 4u) + lane;
-    if is_touched {
-        var shares = learnt[share_word];
+    let touched = claim_and_touched.y;
+    let share_word = shares_at(row, lane);
+    if touched != 0u {
         for (var i = 0u; i < 4u; i++) {
             let bin = row * LIGHT_BINS + 4u * lane + i;
-            let counts = 2u * (rows + bin);
-            let hidden = records[counts];
-            let visible = records[counts + 1u];
+            let counts = counts_at(row, 4u * lane + i);
+            let hidden = atomicLoad(&records[counts]);
+            let visible = atomicLoad(&records[counts + 1u]);
             if (hidden | visible) != 0u {
-                let folded = fold(known[bin], hidden, visible);
-                known[bin] = folded.x;
-                shares = (shares & ~(0xffu << (8u * i))) | (folded.y << (8u * i));
-                records[counts] = 0u;
-                records[counts + 1u] = 0u;
+                known[bin] = fold(known[bin], hidden, visible);
+                atomicStore(&records[counts], 0u);
+                atomicStore(&records[counts + 1u], 0u);
             }
+            atomicAdd(&sums[0], known[bin] & 0xffffu);
+            atomicAdd(&sums[1], known[bin] >> 16u);
+        }
+        workgroupBarrier();
+        var larger = 0x01010101u * code_of(atomicLoad(&sums[0]), atomicLoad(&sums[1]), LIGHT_FIRST, LIGHT_FULL_SHARE);
+        if row < rows_of_cells() && touched != NO_BLOCK {
+            larger = learnt[shares_at(touched - 1u, lane)];
+        }
+        var shares = 0u;
+        for (var i = 0u; i < 4u; i++) {
+            let seen = known[row * LIGHT_BINS + 4u * lane + i];
+            let code = code_of(seen & 0xffffu, seen >> 16u, LIGHT_PRIOR, (larger >> (8u * i)) & 0xffu);
+            shares |= max(code, LIGHT_MIN_SHARE) << (8u * i);
         }
         learnt[share_word] = shares;
     } else if claim != 0u {
@@ -70,16 +139,32 @@ fn visibility_fold(
     }
     if lane == 0u {
         let tag = 4u * LIGHT_TABLE_HEAD + row;
-        let idle = tag + rows;
-        if is_touched || claim != 0u {
+        let idle = tag + rows_of_all();
+        if touched != 0u {
+            learnt[tag] |= LIGHT_LEARNT_BIT;
+            learnt[idle] = 0u;
+            learnt[HAS_LEARNT] = 1u;
+        } else if claim != 0u {
+            learnt[tag] = claim & ~LIGHT_LEARNT_BIT;
             learnt[idle] = 0u;
         } else {
             learnt[idle] = max(learnt[idle], learnt[idle] + 1u);
         }
-        if !is_touched && claim != 0u {
-            learnt[tag] = claim;
-        }
-        records[row] = 0u;
-        records[rows + row] = 0u;
+        atomicStore(&records[row], 0u);
+        atomicStore(&records[rows_of_all() + row], 0u);
     }
+}
+
+@compute @workgroup_size(128)
+fn visibility_fold_blocks(
+    @builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) group: vec3<u32>,
+) {
+    fold_row(rows_of_cells() + group.x, lane);
+}
+
+@compute @workgroup_size(128)
+fn visibility_fold_cells(
+    @builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) group: vec3<u32>,
+) {
+    fold_row(group.x, lane);
 }

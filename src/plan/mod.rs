@@ -134,10 +134,10 @@ use top::TopBuild;
 use tree_store::TreeStore;
 use uniforms::Uniforms;
 use visibility::VisibilityStore;
-pub use visibility::visibility_kernel;
+pub use visibility::visibility_kernels;
 
 /// All kernels that plans dispatch. A kernel need not use all of its bindings. [`cut_kernels`] has those that build
-/// shared cuts, and [`visibility_kernel`] that of learnt visibility.
+/// shared cuts, and [`visibility_kernels`] those of learnt visibility.
 pub const KERNELS: &[Kernel] = &[
     relayout::RELAYOUT,
     scatter::SCATTER,

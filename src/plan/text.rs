@@ -222,9 +222,14 @@ fn cut_build(effects: Effects, learns: bool) -> String {
     with_constants(&(functions + &variant(include_str!("../../shaders/cut_build.wgsl"), effects, extras)))
 }
 
-/// The stage that folds what was recorded about visibility.
+/// The stages that fold what was recorded about visibility.
 pub(crate) fn wgsl_of_visibility_fold() -> String {
     with_constants(include_str!("../../shaders/visibility_fold.wgsl"))
+}
+
+/// The stage that makes cuts void which know less.
+pub(crate) fn wgsl_of_visibility_void() -> String {
+    [include_str!("../../shaders/cut_grid.wgsl"), include_str!("../../shaders/visibility_void.wgsl")].concat()
 }
 
 /// `light_resample`, and `light_resample_by` if the engine weighs candidates.
@@ -384,7 +389,13 @@ pub(crate) fn constants() -> String {
         ("TABLE_HEAD", visibility::TABLE_HEAD),
         ("UNITS", visibility::UNITS),
         ("MEMORY", visibility::MEMORY),
+        ("FIRST", visibility::FIRST),
         ("PRIOR", visibility::PRIOR),
+        ("RARE", visibility::RARE),
+        ("DOUBT", visibility::DOUBT),
+        ("BLOCK_BITS", visibility::BLOCK_BITS),
+        ("LEARNT_BIT", visibility::LEARNT_BIT),
+        ("USED_BIT", visibility::USED_BIT),
         ("MAX_NEW", visibility::MAX_NEW),
         ("FULL_SHARE", visibility::FULL_SHARE.into()),
         ("MIN_SHARE", visibility::MIN_SHARE.into()),
@@ -616,11 +627,12 @@ mod tests {
         assert_eq!(wgsl(0, Effects::all()), wgsl(0, Effects::all() - Effects::MOVING), "moving lights need no code");
     }
 
-    const LEARNING_NAMES: &str = "light_learnt light_visibility_records light_row_count light_side light_cell light_bin \
-        light_child_bin light_learnt_share light_visible_share light_place_share light_claim_row \
-        light_record_visibility LightCell LightCell.tag LightCell.bucket LightCell.row LightCell.from_center \
+    const LEARNING_NAMES: &str = "light_learnt light_visibility_records light_row_counts light_side light_cell light_bin \
+        light_child_bin light_learnt_share light_visible_share light_place_share light_row_or_claim \
+        light_cell_key light_learnt_row light_row_to_record light_record_visibility LightCellKey LightCellKey.tag \
+        LightCellKey.bucket LightCell LightCell.key LightCell.block LightCell.row LightCell.from_center \
         LightCut.cell LIGHT_NO_ROW LIGHT_WAYS LIGHT_MIN_IDLE LIGHT_BINS LIGHT_BIN_SHIFT LIGHT_COORDINATE_BITS \
-        LIGHT_TAG_SEED LIGHT_TABLE_HEAD LIGHT_MAX_COORDINATE LIGHT_MAX_DIST LIGHT_ROUNDING";
+        LIGHT_TAG_SEED LIGHT_BLOCK_BITS LIGHT_LEARNT_BIT LIGHT_USED_BIT LIGHT_TABLE_HEAD LIGHT_MAX_COORDINATE LIGHT_MAX_DIST LIGHT_ROUNDING";
 
     #[test]
     fn learning_adds_its_names_and_bindings_with_every_effect_and_without_any() {
@@ -636,7 +648,9 @@ mod tests {
             assert_eq!(bindings, 7, "{effects:?}");
         }
         let fold = module(&wgsl_of_visibility_fold());
-        assert_eq!(fold.entry_points[0].workgroup_size, [visibility::BINS as u32 / 4, 1, 1]);
+        for entry in &fold.entry_points {
+            assert_eq!(entry.workgroup_size, [visibility::BINS as u32 / 4, 1, 1], "{}", entry.name);
+        }
     }
 
     const CELL_NAMES: &str = "light_cuts light_cut_cell light_cell_normal light_cell_keys light_shared_cut \

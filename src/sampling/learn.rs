@@ -26,7 +26,7 @@ impl LightSampler<'_> {
         let LightId::Local { instance, light } = light else { return };
         let Some(mut path) = self.leaf_path(instance, light, shading_point) else { return };
         let cell = grid.cell(shading_point);
-        let Some(row) = table.row_or_claim(&cell) else { return };
+        let Some(row) = table.row_to_record(&cell) else { return };
         let mut to_world = self.world_of(&path.tree);
         let mut last = None;
         // Each cluster that holds the light may be a member of the cut.

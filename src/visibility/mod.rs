@@ -2,9 +2,12 @@
 //!
 //! A cell is a cube of the world and one of six sides, or none for a volume. For each cell a row of
 //! the table holds a share for each of [`BINS`] groups of lights, which are told apart by their
-//! direction and distance from the cell. A share multiplies the importance of clusters in the cut, and the
+//! direction and distance. A share multiplies the importance of clusters in the cut, and the
 //! weights of candidates.
-//! Nothing is removed: no share is below 26/256. docs/math.md has the formulas and the sources.
+//! Nothing is removed: no share is below 6/256. docs/math.md has the formulas and the sources.
+//!
+//! Blocks of 4 x 4 x 4 cells have rows as well, which add up those of their cells. A share begins as that of the
+//! block, whose shares begin as its mean: what few records say about a cell is filled up by its neighbours.
 //!
 //! During a frame the table is read, and what is recorded goes to counters. The end of the frame
 //! folds the counters into the shares. All of that adds and compares integers, so the result does
@@ -19,12 +22,14 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use glam::DVec3;
 
 #[cfg(feature = "gpu-plan")]
-pub(crate) use cell::{BIN_SHIFT, COORDINATE_BITS, MAX_DIST, ROUNDING};
-pub(crate) use cell::{BINS, Cell, CellGrid, LearntCell, MAX_COORDINATE, TAG_SEED, bin_of_child, side};
-pub(crate) use fold::FULL_SHARE;
-use fold::{Known, fold};
+pub(crate) use cell::{BIN_SHIFT, BLOCK_BITS, COORDINATE_BITS, MAX_DIST, ROUNDING, USED_BIT};
+pub(crate) use cell::{
+    BINS, Cell, CellGrid, CellKey, LEARNT_BIT, LearntCell, MAX_COORDINATE, TAG_SEED, bin_of_child, side,
+};
 #[cfg(feature = "gpu-plan")]
-pub(crate) use fold::{MAX_NEW, MEMORY, MIN_SHARE, PRIOR, UNITS};
+pub(crate) use fold::{DOUBT, FIRST, MAX_NEW, MEMORY, MIN_SHARE, PRIOR, RARE, UNITS};
+pub(crate) use fold::{FULL_SHARE, Known};
+use fold::{fold, mean_code, share_code};
 
 use crate::error::VisibilityError;
 
@@ -40,9 +45,15 @@ pub(crate) const MIN_IDLE: u32 = 8;
 #[cfg(feature = "gpu-plan")]
 pub(crate) const TABLE_HEAD: u32 = 4;
 
-/// The largest number of cells of [`VisibilityOptions`]. The counters of a GPU then take 64 MiB,
-/// half of what one storage binding of WebGPU holds.
-pub(crate) const MAX_CELLS: usize = 1 << 16;
+/// The largest number of cells of [`VisibilityOptions`]. The counters of a GPU then take 72 MiB, of the 128 that
+/// one storage binding of WebGPU holds.
+pub(crate) const MAX_CELLS: usize = 1 << 14;
+
+/// A table has a row of a block for as many rows of cells.
+const CELLS_FOR_BLOCK: usize = 8;
+
+/// What stands in place of the row of a cell's block if that has none.
+pub(crate) const NO_BLOCK: u32 = u32::MAX;
 
 /// The least and the largest edge of a cell, in metres.
 pub(crate) const EDGES: [f32; 2] = [0.01, 1.0e4];
@@ -66,14 +77,14 @@ impl VisibilityOptions {
     /// Cells with edges of `edge` metres, of which `cells` are known at the same time.
     ///
     /// Shorter edges know more about each place and learn more slowly, because fewer samples share
-    /// a cell. The default is 1 m and 8,192 cells, which take 1.7 kB each. A floor of one square
-    /// metre has one cell, and so has each square metre of a wall. Cells choose among four rows
-    /// each, so a table should have twice as many as there are in sight: with 56 % of its rows
-    /// taken, 5 % of the cells found none.
+    /// a cell. The default is 1 m and 4,096 cells, which take 7.5 kB each with their part of the blocks. A floor of
+    /// one square metre has one cell, and so has each square metre of a wall. Cells choose among four rows
+    /// each, so a table should have twice as many as there are in sight. A cell without a row knows what its block
+    /// of 4 x 4 x 4 cells knows.
     ///
     /// # Errors
     /// [`VisibilityError`] for an edge outside 0.01 to 10,000 m, and for a number of cells that is not
-    /// a power of two from 4 to 65,536.
+    /// a power of two from 4 to 16,384.
     pub const fn new(edge: f32, cells: usize) -> Result<Self, VisibilityError> {
         // NaN is in no range.
         if !(edge >= EDGES[0] && edge <= EDGES[1]) {
@@ -94,11 +105,17 @@ impl VisibilityOptions {
     pub const fn cells(&self) -> usize {
         self.cells
     }
+
+    /// The rows of cells, and then of blocks: each a power of two, and at least a bucket.
+    pub(crate) const fn rows(&self) -> [usize; 2] {
+        let blocks = self.cells / CELLS_FOR_BLOCK;
+        [self.cells, if blocks < WAYS { WAYS } else { blocks }]
+    }
 }
 
 impl Default for VisibilityOptions {
     fn default() -> Self {
-        Self { edge: 1.0, cells: 8192 }
+        Self { edge: 1.0, cells: 4096 }
     }
 }
 
@@ -106,7 +123,8 @@ impl Default for VisibilityOptions {
 ///
 /// A sampler that is made [`with_visibility`](crate::LightSampler::with_visibility) multiplies the
 /// weight of a group of lights by the share of its shadow rays from the same cell that were not
-/// blocked, or by a tenth if that is more. No light loses its probability, so estimates stay
+/// blocked, or by a fortieth if that is more. Where
+/// few rays were traced, those of neighbours count. No light loses its probability, so estimates stay
 /// unbiased whatever the table holds. Probabilities are exact, because a table does not change
 /// while a sampler borrows it.
 ///
@@ -118,13 +136,13 @@ impl Default for VisibilityOptions {
 /// 2. After the frame, call [`VisibilityTable::end_frame`].
 ///
 /// The table forgets: all records of earlier frames together count as at most 64 for each group of
-/// lights in a cell, so doors and lamps may move. It knows places of the world and no lights, so
+/// lights in a cell, and as a quarter once a hidden group comes into sight. So doors and lamps may move. It knows places of the world and no lights, so
 /// instances may come and go. Cells stay where they are when
 /// [`LightWorld::set_origin`](crate::LightWorld::set_origin) moves the origin.
 ///
 /// A cell gets a row of the table in the frame after it was first recorded. If its rows are taken,
-/// it takes that of a cell in which nothing was recorded for 8 frames; until there is one, lights
-/// are chosen there as without a table.
+/// it takes that of a cell in which nothing was recorded for 8 frames; until there is one, it knows what its
+/// neighbours have taught. Where nothing is known, lights are chosen as without a table.
 ///
 /// ```
 /// use girandole::glam::Vec3;
@@ -148,7 +166,7 @@ impl Default for VisibilityOptions {
 /// }
 /// let sampler = world.sampler().with_visibility(&table);
 /// let pmfs: Vec<f32> = sampler.all_lights().map(|light| sampler.pmf(&ground, light)).collect();
-/// assert!((pmfs[0] - 0.1).abs() < 0.02 && (pmfs[1] - 0.9).abs() < 0.02);
+/// assert!(pmfs[0] < 0.1 && pmfs[1] > 0.9);
 /// # Ok::<(), girandole::WorldError>(())
 /// ```
 pub struct VisibilityTable {
@@ -157,7 +175,7 @@ pub struct VisibilityTable {
     id: u64,
     /// How many frames have ended.
     frames: u64,
-    /// The tag of the cell of each row, or 0.
+    /// The tag of the cell or block of each row, or 0: first the cells', then the blocks'.
     tags: Vec<u32>,
     /// Frames without a record, for each row.
     idle: Vec<u32>,
@@ -167,7 +185,7 @@ pub struct VisibilityTable {
     known: Vec<Known>,
     /// The greatest tag of the cells that want a row, for each row; 0 for none.
     claims: Vec<AtomicU32>,
-    /// 1 for rows with new counts.
+    /// For rows with new counts one more than the row of the block, or [`NO_BLOCK`]; 0 for others.
     touched: Vec<AtomicU32>,
     /// The hidden and the visible samples of this frame, [`BINS`] for each row.
     counts: Vec<[AtomicU32; 2]>,
@@ -176,19 +194,20 @@ pub struct VisibilityTable {
 impl VisibilityTable {
     /// Creates a table that knows nothing.
     pub fn new(options: VisibilityOptions) -> Self {
-        let VisibilityOptions { cells, .. } = options;
-        let zeros = || (0..cells).map(|_| AtomicU32::new(0)).collect();
+        let [cells, blocks] = options.rows();
+        let rows = cells + blocks;
+        let zeros = || (0..rows).map(|_| AtomicU32::new(0)).collect();
         Self {
             options,
             id: NEXT_ID.fetch_add(1, Relaxed),
             frames: 0,
-            tags: vec![0; cells],
-            idle: vec![0; cells],
-            shares: vec![FULL_SHARE; cells * BINS],
-            known: vec![Known::default(); cells * BINS],
+            tags: vec![0; rows],
+            idle: vec![0; rows],
+            shares: vec![FULL_SHARE; rows * BINS],
+            known: vec![Known::default(); rows * BINS],
             claims: zeros(),
             touched: zeros(),
-            counts: (0..cells * BINS).map(|_| [AtomicU32::new(0), AtomicU32::new(0)]).collect(),
+            counts: (0..rows * BINS).map(|_| [AtomicU32::new(0), AtomicU32::new(0)]).collect(),
         }
     }
 
@@ -199,34 +218,61 @@ impl VisibilityTable {
 
     /// The number of cells that have a row. O(cells of the table).
     pub fn cell_count(&self) -> usize {
-        self.tags.iter().filter(|tag| **tag != 0).count()
+        self.tags[..self.options.cells].iter().filter(|tag| **tag != 0).count()
     }
 
     /// Ends a frame: what was recorded since the last call becomes part of what samplers read.
     ///
     /// The result does not depend on the order or the threads of the records. O(cells of the
-    /// table), and 128 small sums for each cell in which something was recorded.
+    /// table), and 512 small sums for each cell in which something was recorded.
     pub fn end_frame(&mut self) {
         self.frames += 1;
-        for row in 0..self.tags.len() {
-            let is_touched = std::mem::take(self.touched[row].get_mut()) != 0;
+        let cells = self.options.cells;
+        for row in 0..cells {
+            self.add_to_block(row);
+        }
+        for row in (cells..self.tags.len()).chain(0..cells) {
+            let is_touched = std::mem::take(self.touched[row].get_mut());
             let claim = std::mem::take(self.claims[row].get_mut());
             let bins = row * BINS..(row + 1) * BINS;
-            if is_touched {
+            if is_touched != 0 {
+                self.tags[row] |= LEARNT_BIT;
                 self.idle[row] = 0;
-                for bin in bins {
+                for bin in bins.clone() {
                     let [hidden, visible] = self.counts[bin].each_mut().map(|count| std::mem::take(count.get_mut()));
                     if hidden | visible != 0 {
-                        (self.known[bin], self.shares[bin]) = fold(self.known[bin], visible, hidden);
+                        self.known[bin] = fold(self.known[bin], visible, hidden);
                     }
                 }
+                let block = (row < cells && is_touched != NO_BLOCK).then(|| (is_touched as usize - 1) * BINS);
+                let mean = mean_code(&self.known[bins.clone()]);
+                for (group, bin) in bins.enumerate() {
+                    let larger = block.map_or(mean, |block| self.shares[block + group]);
+                    self.shares[bin] = share_code(self.known[bin], larger);
+                }
             } else if claim != 0 {
-                self.tags[row] = claim;
+                self.tags[row] = claim & !LEARNT_BIT;
                 self.idle[row] = 0;
                 self.known[bins.clone()].fill(Known::default());
                 self.shares[bins].fill(FULL_SHARE);
             } else {
                 self.idle[row] = self.idle[row].saturating_add(1);
+            }
+        }
+    }
+
+    /// Adds the counts of a cell to those of its block.
+    fn add_to_block(&mut self, row: usize) {
+        let touched = *self.touched[row].get_mut();
+        if touched == 0 || touched == NO_BLOCK {
+            return;
+        }
+        let block = touched as usize - 1;
+        *self.touched[block].get_mut() = touched;
+        for group in 0..BINS {
+            let counts = self.counts[row * BINS + group].each_mut().map(|count| *count.get_mut());
+            for (sum, count) in self.counts[block * BINS + group].iter_mut().zip(counts) {
+                *sum.get_mut() = sum.get_mut().wrapping_add(count);
             }
         }
     }
@@ -241,19 +287,20 @@ impl VisibilityTable {
         CellGrid::new(self.options.edge, origin)
     }
 
-    /// What is known about a cell; `None` if it has no row.
+    /// What is known about a cell or else about its block; `None` if nothing is.
     #[inline]
     pub(crate) fn cell(&self, cell: &Cell) -> Option<LearntCell<'_>> {
-        let row = self.row(cell)?;
+        let row = self.learnt_row(cell)?;
         let shares = self.shares[row * BINS..].first_chunk()?;
         Some(LearntCell { shares, from_center: cell.from_center, edge: self.options.edge })
     }
 
-    /// The row of a cell.
+    /// The row in which something is known about a cell.
     #[inline]
-    fn row(&self, cell: &Cell) -> Option<usize> {
-        let first = self.bucket(cell);
-        (first..first + WAYS).find(|row| self.tags[*row] == cell.tag)
+    fn learnt_row(&self, cell: &Cell) -> Option<usize> {
+        self.buckets(cell)
+            .into_iter()
+            .find_map(|(bucket, tag)| (bucket..bucket + WAYS).find(|row| self.tags[*row] == tag))
     }
 
     /// Differs between tables.
@@ -261,24 +308,32 @@ impl VisibilityTable {
         self.id
     }
 
-    /// The number of the last frame that has changed what is known about a cell, from 1 on; 0 if it has no row.
+    /// The number of the last frame that has changed what is known about a cell, from 1 on; 0 if nothing is.
     pub(crate) fn last_change(&self, cell: &Cell) -> u64 {
-        self.row(cell).map_or(0, |row| self.frames - u64::from(self.idle[row]))
+        self.learnt_row(cell).map_or(0, |row| self.frames - u64::from(self.idle[row]))
     }
 
-    /// The row of a cell for records. If there is none, asks for one from the next frame on.
-    pub(crate) fn row_or_claim(&self, cell: &Cell) -> Option<usize> {
-        let found = self.row(cell);
+    /// The row that counts the records of a cell in this frame: its own, or that of its block. Claims rows for those
+    /// that have none.
+    pub(crate) fn row_to_record(&self, cell: &Cell) -> Option<usize> {
+        let [row, block] = self.buckets(cell).map(|(bucket, tag)| self.row_or_claim(bucket, tag));
+        let found = row.or(block)?;
+        self.touched[found].store(block.map_or(NO_BLOCK, |block| block as u32 + 1), Relaxed);
+        Some(found)
+    }
+
+    /// The row of a tag in a bucket. If there is none, asks for one from the next frame on.
+    fn row_or_claim(&self, first: usize, tag: u32) -> Option<usize> {
+        let rows = first..first + WAYS;
+        let found = rows.clone().find(|row| self.tags[*row] | LEARNT_BIT == tag);
         if found.is_none() {
-            let first = self.bucket(cell);
-            let rows = first..first + WAYS;
             // Cells that come at once begin at different rows, so that most of them find one.
-            let mut turned = (0..WAYS).map(|way| first + (cell.tag as usize % WAYS + way) % WAYS);
+            let mut turned = (0..WAYS).map(|way| first + (tag as usize / 4 % WAYS + way) % WAYS);
             let free = turned.find(|row| self.tags[*row] == 0);
             // The first of the most idle ones: `max_by_key` would return the last.
             let idlest = || rows.rev().max_by_key(|row| self.idle[*row]).filter(|row| self.idle[*row] >= MIN_IDLE);
             if let Some(row) = free.or_else(idlest) {
-                self.claims[row].fetch_max(cell.tag, Relaxed);
+                self.claims[row].fetch_max(tag, Relaxed);
             }
         }
         found
@@ -286,7 +341,6 @@ impl VisibilityTable {
 
     /// Counts a sample of a light in a bin of a row.
     pub(crate) fn count(&self, row: usize, bin: usize, is_visible: bool) {
-        self.touched[row].store(1, Relaxed);
         self.counts[row * BINS + bin][usize::from(is_visible)].fetch_add(1, Relaxed);
     }
 
@@ -297,10 +351,12 @@ impl VisibilityTable {
         self.tags.iter().chain(&self.idle).copied().chain(shares).collect()
     }
 
-    /// The first row of a cell's bucket.
+    /// The first rows of the buckets of a cell and of its block, and their tags.
     #[inline]
-    fn bucket(&self, cell: &Cell) -> usize {
-        cell.hash as usize & (self.tags.len() - WAYS)
+    fn buckets(&self, cell: &Cell) -> [(usize, u32); 2] {
+        let [cells, blocks] = self.options.rows();
+        let bucket = |key: CellKey, rows: usize| key.hash as usize & (rows - WAYS);
+        [(bucket(cell.key, cells), cell.key.tag), (cells + bucket(cell.block, blocks), cell.block.tag)]
     }
 }
 

@@ -17,9 +17,9 @@ const SUM_TOLERANCE: f64 = 1.0e-4;
 /// Two rounded products of as many ratios, one downward and one upward.
 const PMF_TOLERANCE: f32 = 1.0e-4;
 
-/// The least share that a table knows: 26/256. A cut weighs two groups by it at worst, so a
+/// The least share that a table knows: 6/256. A cut weighs two groups by it at worst, so a
 /// probability falls to this part of itself at most.
-const MIN_SHARE: f32 = 26.0 / 256.0;
+const MIN_SHARE: f32 = 6.0 / 256.0;
 
 /// What hides lights from shading points in these tests: a half of all directions, which differs
 /// from cube to cube.
@@ -112,7 +112,7 @@ fn where_everything_is_visible_the_bits_stay_the_same() {
 }
 
 #[test]
-fn probabilities_are_exact_sum_to_one_at_most_and_keep_a_tenth_of_themselves() {
+fn probabilities_are_exact_sum_to_one_at_most_and_keep_a_part_of_themselves() {
     let mut rng = Rng(71);
     let (mut changed, mut total) = (0, 0);
     for _ in 0..3 {
@@ -286,7 +286,7 @@ fn pmf_of_hidden_lamp(at: DVec3, origins: &[DVec3]) -> Vec<f32> {
 #[test]
 fn cells_stay_in_place_far_from_zero_and_when_the_origin_moves() {
     let near = pmf_of_hidden_lamp(DVec3::new(0.3, 0.3, 0.3), &[DVec3::ZERO])[0];
-    assert!((0.08..0.14).contains(&near), "the hidden lamp has about a tenth of the draws: {near}");
+    assert!((0.02..0.04).contains(&near), "the hidden lamp has about a fortieth of the draws: {near}");
     let at = DVec3::new(1.0e7 + 0.3, 0.3, -1.0e7 + 0.3);
     let origins = [at.floor(), at + DVec3::new(0.2, -50.0, 3.0), at.floor() + 1024.0, at.floor()];
     for pmf in pmf_of_hidden_lamp(at, &origins) {

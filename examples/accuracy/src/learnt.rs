@@ -12,9 +12,9 @@ use testbed::direct_light::view::Surface;
 use testbed::scene::{Material, SceneError};
 
 /// The edge of a cell in metres, and the number of cells: those of the street in docs/benchmarks.md.
-const CELLS: (f32, usize) = (1.0, 65_536);
+const CELLS: (f32, usize) = (1.0, 16_384);
 /// The bytes of a cell: see [`VisibilityOptions::new`].
-const CELL_BYTES: usize = 1_680;
+const CELL_BYTES: usize = 7_500;
 /// Seeds the samples of frames that teach, between those of pictures and of references.
 const SEED: u32 = 500_000;
 

@@ -1,7 +1,7 @@
 //! The kernels that are compiled.
 
 use girandole::Effects;
-use girandole::plan::{self, CutFallback, KERNELS, ShaderParts, cut_kernels, visibility_kernel};
+use girandole::plan::{self, CutFallback, KERNELS, ShaderParts, cut_kernels, visibility_kernels};
 
 /// A kernel of the library, or one that only calls a function of it.
 pub struct Subject {
@@ -78,7 +78,7 @@ fn call(@builtin(global_invocation_id) id: vec3<u32>) {
 
 /// All kernels: those of uploads and of the top level, and the functions that engines call.
 pub fn all() -> Vec<Subject> {
-    let own = KERNELS.iter().copied().chain([visibility_kernel()]).map(|kernel| Subject {
+    let own = KERNELS.iter().copied().chain(visibility_kernels()).map(|kernel| Subject {
         kernel: kernel.entry(),
         effects: "",
         entry: kernel.entry(),

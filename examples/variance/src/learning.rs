@@ -244,17 +244,17 @@ pub fn run(count: usize, effort: Effort, out: &Path) -> Result<(), SceneError> {
     let table = |edge: f32, cells: usize| {
         VisibilityOptions::new(edge, cells).map(VisibilityTable::new).map_err(|error| SceneError(error.to_string()))
     };
-    for (place, cells) in [(places::rooms()?, 8_192), (places::street()?, 65_536)] {
+    for (place, cells) in [(places::rooms()?, 4_096), (places::street()?, 16_384)] {
         let sampler = place.world.sampler();
         let ids: Vec<LightId> = sampler.all_lights().collect();
         let receivers = receivers(&place, &sampler, &ids, count)?;
-        let is_rooms = cells == 8_192;
+        let is_rooms = cells == 4_096;
         let learner =
             |name| Learner { name, sampler, receivers: &receivers, place: &place, is_all_visible: false, effort };
         let forms = [(0.5, false), (1.0, false), (1.0, true), (2.0, false)];
         for (edge, shares_cuts) in forms.into_iter().filter(|(edge, _)| is_rooms || *edge >= 1.0) {
             let learner = learner(&place.name);
-            let mut learnt = table(edge, cells.max(32_768 * usize::from(edge < 1.0)))?;
+            let mut learnt = table(edge, cells.max(16_384 * usize::from(edge < 1.0)))?;
             let rows = learner.measure(&mut learnt, &format!("{edge} m, "), shares_cuts)?;
             let cuts =
                 shares_cuts.then(|| learner.cuts(sampler.with_visibility(&learnt)).map_err(refused)).transpose()?;

@@ -419,7 +419,9 @@ fn cells_know_what_shadow_rays_have_taught_as_on_the_cpu() {
         let chosen: Vec<Input> = read(&device, &queue, &records);
         let outputs: Vec<Output> = chosen.iter().map(|input| bytemuck::cast(input.u)).collect();
         let [_, built, kept, ..] = rig.report();
-        assert!(built > 100 && kept == 0, "frame {frame}: {built} {kept}");
+        // In the first frame cells get rows and nothing is learnt, so the second keeps its cuts.
+        let (most, none) = if frame == 1 { (kept, built) } else { (built, kept) };
+        assert!(most > 100 && none == 0, "frame {frame}: {built} {kept}");
         let sampler = world.sampler().with_splits(SplitCount::NONE).with_visibility(&learnt).with_cuts(&table);
         // As above, and a mean position within rounding of the border between two groups may count in the other one.
         let count = others(&sampler, &at, &outputs);
@@ -445,6 +447,16 @@ fn cells_know_what_shadow_rays_have_taught_as_on_the_cpu() {
     assert_eq!(rig.run(&[], &at).len(), at.len());
     let void: Vec<u32> = read(&device, &queue, rig.table());
     assert_eq!(void[WORDS_AT as usize / 4], 0);
+    // A fold without records keeps the cuts.
+    let validity_after = |rig: &mut Rig| {
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        rig.pass(&mut encoder, &rig.mark, rig.lights.mark_bind_group(), &at);
+        rig.lights.build_cuts(&mut encoder);
+        rig.lights.fold_visibility(&mut encoder);
+        queue.submit([encoder.finish()]);
+        read::<u32>(&device, &queue, rig.table())[WORDS_AT as usize / 4]
+    };
+    assert_eq!(validity_after(&mut rig), 1);
 }
 
 /// The effects of the world of these tests, and glossy points.

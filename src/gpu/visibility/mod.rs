@@ -17,7 +17,7 @@ impl GpuLights {
     /// Makes a table of learnt visibility that knows nothing, or drops the present one for `None`.
     /// Before the first call there is none.
     ///
-    /// Takes 1.7 kB of GPU memory for each cell. [`VisibilityTable`](crate::VisibilityTable) says
+    /// Takes 7.5 kB of GPU memory for each cell. [`VisibilityTable`](crate::VisibilityTable) says
     /// when to use one, what it learns and how it forgets; the GPU does the same.
     ///
     /// # Errors

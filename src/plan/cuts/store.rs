@@ -93,13 +93,6 @@ impl CutStore {
         }
     }
 
-    /// The same by a clear, which on wgpu stays in order with the commands before it; a write goes ahead of them.
-    pub fn clear_validity(&self, commands: &mut Commands) {
-        if let Some(table) = &self.table {
-            commands.zero(table.cells, WORDS_AT..WORDS_AT + 4);
-        }
-    }
-
     /// Writes the grid, if it has changed.
     fn send_grid(&mut self, commands: &mut Commands) {
         let Some(table) = &mut self.table else { return };

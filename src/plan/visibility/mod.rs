@@ -1,4 +1,4 @@
-//! Learnt visibility on the GPU: shaders record what shadow rays found, a kernel folds the records into a table
+//! Learnt visibility on the GPU: shaders record what shadow rays found, kernels fold the records into a table
 //! once a frame, and the next frame's choices read it.
 //!
 //! docs/visibility.md says when to use it.
@@ -6,5 +6,5 @@
 mod planner;
 mod store;
 
-pub use store::visibility_kernel;
+pub use store::visibility_kernels;
 pub(super) use store::{Table, VisibilityStore};

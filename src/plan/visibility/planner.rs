@@ -11,7 +11,7 @@ impl LightPlanner {
     /// Reserves a table of learnt visibility that knows nothing, which replaces the present one; `None` drops it. At
     /// first there is no table.
     ///
-    /// Takes 1.7 kB of GPU memory for each cell. [`VisibilityTable`](crate::VisibilityTable) says when to use
+    /// Takes 7.5 kB of GPU memory for each cell. [`VisibilityTable`](crate::VisibilityTable) says when to use
     /// one, what it learns and how it forgets; the GPU does the same.
     ///
     /// # Errors
@@ -36,15 +36,13 @@ impl LightPlanner {
     /// What makes the records of a frame part of the table, and shared cuts void that were built before. Play it
     /// once a frame, behind the passes that record. There is nothing to do without a table, and before the first plan.
     ///
-    /// One dispatch of [`visibility_kernel`](super::super::visibility_kernel), of a workgroup for each cell of the
-    /// table; most end at once.
+    /// Dispatches [`visibility_kernels`](super::super::visibility_kernels), with a workgroup for each cell of the
+    /// table; most end at once. If nothing was recorded, nothing changes, and cuts stay.
     pub fn fold_visibility(&self) -> Commands {
         let mut commands = Commands::default();
         if let Some(bindings) = self.bindings() {
-            self.visibility.fold(&mut commands, bindings[0]);
-            if !commands.is_empty() {
-                self.cuts.clear_validity(&mut commands);
-            }
+            let cuts = self.cuts.table().map(|table| table.cells);
+            self.visibility.fold(&mut commands, bindings[0], cuts);
         }
         commands
     }
@@ -70,7 +68,8 @@ mod tests {
         let options = VisibilityOptions::new(2.0, 64).expect("valid");
         let plan = planner.reserve_visibility(Some(options)).expect("it fits").plan();
         let sizes: Vec<u64> = plan.new_buffers.iter().map(|new| new.bytes).collect();
-        assert_eq!(sizes, [64 + 8 * 64 + 128 * 64, 8 * 64 + 8 * 128 * 64, 4 * 128 * 64]);
+        // 64 rows of cells and eight of blocks.
+        assert_eq!(sizes, [64 + 8 * 72 + 512 * 72, 8 * 72 + 8 * 512 * 72, 4 * 512 * 72]);
         assert!(planner.fold_visibility().is_empty(), "no lights are bound yet");
         frame(&mut planner, &world);
         let [learnt, _] = planner.visibility_table().expect("a table");
@@ -87,12 +86,17 @@ mod tests {
         planner.lose();
         assert_eq!(written(&frame(&mut planner, &world).upload), 64);
 
-        // A dispatch of a workgroup for each cell; and a word of the table of cuts, if there is one.
-        let fold = planner.fold_visibility();
-        let Some(Command::Dispatch { workgroups, .. }) = fold.iter().next() else { panic!("{fold:?}") };
-        assert_eq!((fold.len(), workgroups), (1, [64, 1, 1]));
+        let dispatches = |commands: &Commands| {
+            let dispatch = |command| match command {
+                Command::Dispatch { kernel, workgroups, .. } => (kernel.entry(), workgroups[0]),
+                _ => panic!("{command:?}"),
+            };
+            commands.iter().map(dispatch).collect::<Vec<_>>()
+        };
+        let fold = [("visibility_gather", 64), ("visibility_fold_blocks", 8), ("visibility_fold_cells", 64)];
+        assert_eq!(dispatches(&planner.fold_visibility()), fold);
         drop(planner.reserve_cuts(Some(CutOptions::default())).expect("it fits").plan());
-        assert!(matches!(planner.fold_visibility().iter().nth(1), Some(Command::Clear { bytes: 4, .. })));
+        assert_eq!(dispatches(&planner.fold_visibility())[3..], [("visibility_void", 1)]);
         assert_eq!(planner.build_cuts().len(), 3);
         // Cuts may know what a table knew that is dropped.
         let plan = planner.reserve_visibility(None).expect("nothing is made").plan();
@@ -103,7 +107,7 @@ mod tests {
     #[test]
     fn a_table_beyond_the_largest_buffer_is_refused() {
         let options = VisibilityOptions::new(2.0, 2048).expect("valid");
-        let needed = 8 * 2048 + 8 * 128 * 2048;
+        let needed = 8 * 2304 + 8 * 512 * 2304;
         for (limit, fits) in [(needed, true), (needed - 4, false), (needed / 10, false)] {
             let mut planner = LightPlanner::new(PlanLimits::new(limit));
             let result = planner.reserve_visibility(Some(options)).map(|_| ());

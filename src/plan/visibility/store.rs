@@ -13,22 +13,33 @@ use crate::visibility::{BINS, CellGrid, TABLE_HEAD, VisibilityOptions};
 /// The parameters at the start of the table; `shaders/visibility.wgsl` reads them.
 type Head = [u32; 4 * TABLE_HEAD as usize];
 
-/// Folds what was recorded: a workgroup for each row.
-const FOLD: Kernel = Kernel::new(
-    "visibility_fold",
+const FOLD_BINDINGS: &[Binding] = &[PARAMS, Binding::ReadWrite, Binding::ReadWrite, Binding::ReadWrite];
+
+const PARAMS: Binding = Binding::Uniform { bytes: size_of::<ParamsRecord>() as u32 };
+
+/// Adds what was recorded in cells to their blocks: a workgroup for each row of a cell.
+const GATHER: Kernel = Kernel::new("visibility_gather", "visibility", FOLD_BINDINGS, text::wgsl_of_visibility_fold);
+
+/// Folds the records of blocks: a workgroup for each row of a block.
+const FOLD_BLOCKS: Kernel =
+    Kernel::new("visibility_fold_blocks", "visibility", FOLD_BINDINGS, text::wgsl_of_visibility_fold);
+
+/// Folds the records of cells: a workgroup for each row of a cell.
+const FOLD_CELLS: Kernel =
+    Kernel::new("visibility_fold_cells", "visibility", FOLD_BINDINGS, text::wgsl_of_visibility_fold);
+
+/// Makes cuts void that know less: one invocation.
+const VOID: Kernel = Kernel::new(
+    "visibility_void",
     "visibility",
-    &[
-        Binding::Uniform { bytes: size_of::<ParamsRecord>() as u32 },
-        Binding::ReadWrite,
-        Binding::ReadWrite,
-        Binding::ReadWrite,
-    ],
-    text::wgsl_of_visibility_fold,
+    &[PARAMS, Binding::ReadWrite, Binding::ReadWrite],
+    text::wgsl_of_visibility_void,
 );
 
-/// The kernel of [`LightPlanner::fold_visibility`](super::super::LightPlanner::fold_visibility).
-pub fn visibility_kernel() -> Kernel {
-    FOLD
+/// The kernels of [`LightPlanner::fold_visibility`](super::super::LightPlanner::fold_visibility). The last is
+/// dispatched if there are shared cuts.
+pub fn visibility_kernels() -> [Kernel; 4] {
+    [GATHER, FOLD_BLOCKS, FOLD_CELLS, VOID]
 }
 
 /// A table of learnt visibility, if there is one, and the origin of its cells.
@@ -53,8 +64,9 @@ pub(in crate::plan) struct Table {
 
 /// The bytes of what samples read, of the records, and of what only the fold knows.
 fn sizes(options: VisibilityOptions) -> [u64; 3] {
-    let (cells, groups) = (options.cells() as u64, (options.cells() * BINS) as u64);
-    [size_of::<Head>() as u64 + 8 * cells + groups, 8 * cells + 8 * groups, 4 * groups]
+    let rows = options.rows().iter().sum::<usize>() as u64;
+    let groups = rows * BINS as u64;
+    [size_of::<Head>() as u64 + 8 * rows + groups, 8 * rows + 8 * groups, 4 * groups]
 }
 
 impl VisibilityStore {
@@ -104,11 +116,16 @@ impl VisibilityStore {
         }
     }
 
-    /// Adds the fold. `params` is the uniform of shaders.
-    pub fn fold(&self, commands: &mut Commands, params: BufferId) {
-        if let Some(table) = &self.table {
-            let buffers = [params, table.learnt, table.records, table.known];
-            commands.dispatch(FOLD, &buffers, 0, table.options.cells() as u32);
+    /// Adds the fold. `params` is the uniform of shaders, and `cuts` a table of shared cuts.
+    pub fn fold(&self, commands: &mut Commands, params: BufferId, cuts: Option<BufferId>) {
+        let Some(table) = &self.table else { return };
+        let buffers = [params, table.learnt, table.records, table.known];
+        let [cells, blocks] = table.options.rows().map(|rows| rows as u32);
+        for (kernel, rows) in [(GATHER, cells), (FOLD_BLOCKS, blocks), (FOLD_CELLS, cells)] {
+            commands.dispatch(kernel, &buffers, 0, rows);
+        }
+        if let Some(cuts) = cuts {
+            commands.dispatch(VOID, &[params, table.learnt, cuts], 0, 1);
         }
     }
 }
@@ -124,11 +141,12 @@ impl Table {
     }
 }
 
-/// The edge, its inverse and the number of rows; the origin in its cell; the cell of the origin.
+/// The edge, its inverse, the number of rows of cells, and whether something was learnt; the origin in its cell and
+/// the number of rows of blocks; the cell of the origin.
 fn head(options: &VisibilityOptions, origin: DVec3) -> Head {
     let grid = CellGrid::new(options.edge(), origin);
     let [x, y, z] = grid.offset.to_array().map(f32::to_bits);
     let [i, j, k] = grid.first;
-    let rows = options.cells() as u32;
-    [grid.edge.to_bits(), grid.cells_per_metre.to_bits(), rows, 0, x, y, z, 0, i, j, k, 0, 0, 0, 0, 0]
+    let [cells, blocks] = options.rows().map(|rows| rows as u32);
+    [grid.edge.to_bits(), grid.cells_per_metre.to_bits(), cells, 0, x, y, z, blocks, i, j, k, 0, 0, 0, 0, 0]
 }
