@@ -10,7 +10,7 @@
 // all.
 @group(0) @binding(3) var<storage, read_write> known: array<u32>;
 
-// Whether a cell has no block. As in visibility.wgsl.
+// Stands in place of the row of a block if a cell has none, as LIGHT_NO_ROW in visibility.wgsl does.
 const NO_BLOCK: u32 = 0xffffffffu;
 // Set if something was recorded since cuts were last made void.
 const HAS_LEARNT: u32 = 3u;

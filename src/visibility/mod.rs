@@ -123,9 +123,8 @@ impl Default for VisibilityOptions {
 ///
 /// A sampler that is made [`with_visibility`](crate::LightSampler::with_visibility) multiplies the
 /// weight of a group of lights by the share of its shadow rays from the same cell that were not
-/// blocked, or by a fortieth if that is more. Where
-/// few rays were traced, those of neighbours count. No light loses its probability, so estimates stay
-/// unbiased whatever the table holds. Probabilities are exact, because a table does not change
+/// blocked, or by a fortieth if that is more. Where few rays were traced, those of neighbours count.
+/// No light loses its probability, so estimates stay unbiased whatever the table holds. Probabilities are exact, because a table does not change
 /// while a sampler borrows it.
 ///
 /// Use it where walls hide most lights, as in houses; in streets it gains little
@@ -136,8 +135,8 @@ impl Default for VisibilityOptions {
 /// 2. After the frame, call [`VisibilityTable::end_frame`].
 ///
 /// The table forgets: all records of earlier frames together count as at most 64 for each group of
-/// lights in a cell, and as a quarter once a hidden group comes into sight. So doors and lamps may move. It knows places of the world and no lights, so
-/// instances may come and go. Cells stay where they are when
+/// lights in a cell, and as a quarter of that once a hidden group comes into sight. So doors and lamps
+/// may move. It knows places of the world and no lights, so instances may come and go. Cells stay where they are when
 /// [`LightWorld::set_origin`](crate::LightWorld::set_origin) moves the origin.
 ///
 /// A cell gets a row of the table in the frame after it was first recorded. If its rows are taken,
@@ -232,10 +231,10 @@ impl VisibilityTable {
             self.add_to_block(row);
         }
         for row in (cells..self.tags.len()).chain(0..cells) {
-            let is_touched = std::mem::take(self.touched[row].get_mut());
+            let touched = std::mem::take(self.touched[row].get_mut());
             let claim = std::mem::take(self.claims[row].get_mut());
             let bins = row * BINS..(row + 1) * BINS;
-            if is_touched != 0 {
+            if touched != 0 {
                 self.tags[row] |= LEARNT_BIT;
                 self.idle[row] = 0;
                 for bin in bins.clone() {
@@ -244,10 +243,12 @@ impl VisibilityTable {
                         self.known[bin] = fold(self.known[bin], visible, hidden);
                     }
                 }
-                let block = (row < cells && is_touched != NO_BLOCK).then(|| (is_touched as usize - 1) * BINS);
-                let mean = mean_code(&self.known[bins.clone()]);
-                for (group, bin) in bins.enumerate() {
-                    let larger = block.map_or(mean, |block| self.shares[block + group]);
+                let larger: [u8; BINS] = if row < cells && touched != NO_BLOCK {
+                    std::array::from_fn(|group| self.shares[(touched as usize - 1) * BINS + group])
+                } else {
+                    [mean_code(&self.known[bins.clone()]); BINS]
+                };
+                for (bin, larger) in bins.zip(larger) {
                     self.shares[bin] = share_code(self.known[bin], larger);
                 }
             } else if claim != 0 {
