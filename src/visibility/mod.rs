@@ -124,8 +124,8 @@ impl Default for VisibilityOptions {
 /// A sampler that is made [`with_visibility`](crate::LightSampler::with_visibility) multiplies the
 /// weight of a group of lights by the share of its shadow rays from the same cell that were not
 /// blocked, or by a fortieth if that is more. Where few rays were traced, those of neighbours count.
-/// No light loses its probability, so estimates stay unbiased whatever the table holds. Probabilities are exact, because a table does not change
-/// while a sampler borrows it.
+/// No light loses its probability, so estimates stay unbiased whatever the table holds. Probabilities
+/// are exact, because a table does not change while a sampler borrows it.
 ///
 /// Use it where walls hide most lights, as in houses; in streets it gains little
 /// (docs/benchmarks.md).

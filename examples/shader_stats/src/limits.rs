@@ -26,7 +26,7 @@ const fn limit(kernel: &'static str, effects: &'static str, most: [u64; 3]) -> L
 /// Registers, bytes of scratch memory for each lane, and instructions. Registers and scratch memory
 /// are those that were measured; instructions are rounded up. Mesa
 /// 22.3.6, 2026-11-26, by `cargo run --release -p shader_stats -- --out FILE.csv`.
-pub const LIMITS: [Limit; 53] = [
+pub const LIMITS: [Limit; 56] = [
     limit("relayout", "", [16, 0, 100]),
     limit("scatter", "", [8, 0, 100]),
     limit("top_leaves", "", [56, 0, 700]),

@@ -64,8 +64,8 @@ impl LightPlanner {
     /// [`LightWorld::set_glossy_sampling`](crate::LightWorld::set_glossy_sampling). Cells keep their cuts while
     /// plans have nothing to send, unless more points of them are known now; glossy ones also while the eye is
     /// where it was. With [learnt visibility](LightPlanner::reserve_visibility), cells choose lights by that too, and
-    /// are built again after each [`LightPlanner::fold_visibility`] that found records. Which cells are refused, if there are too many,
-    /// depends on the order in which the GPU works.
+    /// are built again after each [`LightPlanner::fold_visibility`] that found records. Which cells are refused, if
+    /// there are too many, depends on the order in which the GPU works.
     ///
     /// Three dispatches: one for the places of the table, one of a single invocation, and one of a workgroup
     /// for each cell that is built. Their kernels are [`cut_kernels`](super::super::cut_kernels).
