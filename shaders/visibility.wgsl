@@ -126,19 +126,23 @@ fn light_visible_share(
     return light_learnt_share(cell.row, light_child_bin(packed, view, instance, local, cell.from_center));
 }
 
+// From the shading point, or the middle of a segment, to a sample's point on a light. Twin of `Incident::toward`.
+fn light_toward_sample(shading_point: LightShadingPoint, chosen: LightSample) -> vec3<f32> {
+    var toward = chosen.direction * chosen.dist;
+    // #if SEGMENTS
+    if light_is_segment(shading_point) {
+        toward += shading_point.segment * (light_along / length(shading_point.segment) - 0.5);
+    }
+    // #endif
+    return toward;
+}
+
 // The learnt share of the place of a sample's light. Twin of `LearntCell::share_toward`.
 fn light_place_share(cell: LightCell, shading_point: LightShadingPoint, candidate: LightSample) -> f32 {
     if cell.row == LIGHT_NO_ROW || candidate.instance == LIGHT_DIRECTIONAL {
         return 1.0;
     }
-    var toward = candidate.direction * candidate.dist;
-    // #if SEGMENTS
-    // As seen from the middle of a segment.
-    if light_is_segment(shading_point) {
-        toward += shading_point.segment * (light_along / length(shading_point.segment) - 0.5);
-    }
-    // #endif
-    return light_learnt_share(cell.row, light_bin(toward + cell.from_center));
+    return light_learnt_share(cell.row, light_bin(light_toward_sample(shading_point, candidate) + cell.from_center));
 }
 
 // The row of a cell or block. If there is none, asks for one from the next frame on. Twin of
@@ -189,8 +193,8 @@ fn light_row_to_record(cell: LightCell) -> u32 {
     return row;
 }
 
-// Records whether a light that was sampled is visible: whether a shadow ray to the point that
-// light_sample chose met nothing. Nothing is recorded for directional lights, for instances that
+// Records whether a sample's point on a light is visible: whether a shadow ray to it met nothing. For a
+// segment `chosen` is the last sample that was drawn. Nothing is recorded for directional lights, for instances that
 // are gone, and for samples whose pmf is 0. It takes effect when the frame is folded. Twin of
 // `LightSampler::record_visibility`.
 fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample, is_visible: bool) {
@@ -216,7 +220,8 @@ fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample
     if place == LIGHT_NO_PARENT {
         return;
     }
-    var last = LIGHT_BINS;
+    var last = light_bin(light_toward_sample(shading_point, chosen) + cell.from_center);
+    atomicAdd(&light_visibility_records[counts + 2u * last], 1u);
     loop {
         if instance != LIGHT_NO_INSTANCE && light_leaves_tree(place) {
             place = light_place_above(instance, place);

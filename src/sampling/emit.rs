@@ -13,6 +13,7 @@ use crate::instance::transform::InstanceTransform;
 use crate::light::{Light, Shape, range_window, spot_falloff};
 use crate::math::dice::clamp_unit;
 use crate::math::solid_angle::NearSurface;
+use crate::shading::segment::LocalSegment;
 use crate::shading::shading_point::ShadingPoint;
 
 /// The light that arrives at a shading point from a point on a light, not yet shadowed.
@@ -35,6 +36,14 @@ pub struct Incident {
     /// arrives: the other fields are as seen from there, and `pdf` is multiplied by the density per
     /// metre of that distance. 0 for a point.
     pub along: f32,
+}
+
+impl Incident {
+    /// From the shading point, or the middle of its segment, to the point on the light.
+    pub(crate) fn toward(&self, segment: Option<&LocalSegment>) -> Vec3 {
+        let start = segment.map_or(Vec3::ZERO, |segment| segment.unit * (self.along - segment.half));
+        start + self.direction * self.dist
+    }
 }
 
 /// The squared distance, in square metres, below which a point on a light counts as sending

@@ -15,7 +15,7 @@ use crate::math::dice::{U_STEP, clamp_unit};
 use crate::math::simd::{VectorJob, with_vectors};
 use crate::sampling::counts::{CandidateCount, MAX_CANDIDATES};
 use crate::sampling::cut::{CutSource, InstanceTrees};
-use crate::sampling::emit::{Incident, MIN_PDF};
+use crate::sampling::emit::MIN_PDF;
 use crate::sampling::sample::{LightSample, LightSampler, with_cut};
 use crate::sampling::walk::{Outcome, draw};
 use crate::shading::importance::LocalShadingPoint;
@@ -132,15 +132,14 @@ impl LightSampler<'_> {
         let outcomes = with_cut!(self, shading_point, |source, directional_lux, instance_trees| {
             with_vectors(DrawManyJob { source, directional_lux, u, count, instance_trees })
         });
-        let learnt = self.learnt(shading_point).map(|learnt| (learnt, LocalSegment::of(shading_point)));
+        // A single candidate needs no weight.
+        let learnt = if count > 1 { self.learnt(shading_point) } else { None };
+        let learnt = learnt.map(|learnt| (learnt, LocalSegment::of(shading_point)));
         // Without the learnt share, a candidate that is bright and hidden would be kept after all.
         let mut weight = |sample: &LightSample| {
-            let Incident { direction, dist, along, .. } = sample.incident;
-            let share = learnt.as_ref().filter(|_| dist < f32::INFINITY).map_or(1.0, |(learnt, segment)| {
-                // The light as seen from the shading point, which is the middle of a segment.
-                let start = segment.map_or(Vec3::ZERO, |segment| segment.unit * (along - segment.half));
-                learnt.share_toward(start + direction * dist)
-            });
+            let learnt = learnt.as_ref().filter(|_| sample.incident.dist < f32::INFINITY);
+            let share =
+                learnt.map_or(1.0, |(learnt, segment)| learnt.share_toward(sample.incident.toward(segment.as_ref())));
             share * weight(sample)
         };
         let mut samples = [const { None }; MAX_CANDIDATES as usize];

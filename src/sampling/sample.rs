@@ -304,7 +304,7 @@ impl<'a> LightSampler<'a> {
     }
 
     /// Returns the same sampler with learnt visibility: lights that shadow rays did not reach from
-    /// the neighbourhood of a shading point are chosen less often, down to a tenth as often.
+    /// the neighbourhood of a shading point are chosen less often, down to a fortieth as often.
     ///
     /// All methods use it, with exact probabilities: call them with the same table for one
     /// estimate. Where the table knows nothing, they return the same bits as without it. A sample

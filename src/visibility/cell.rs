@@ -184,9 +184,15 @@ impl LearntCell<'_> {
 impl LearntCell<'_> {
     /// The learnt share of the group of lights at a place, given as the vector to it from the shading point.
     pub fn share_toward(&self, toward: Vec3) -> f32 {
-        let [bin] = bins(&(toward + self.from_center).to_array().map(|coordinate| [coordinate]), self.edge);
-        share(self.shares[bin as usize % BINS])
+        share(self.shares[bin_toward(toward, self.from_center, self.edge) % BINS])
     }
+}
+
+/// The group of lights at a place, given as the vector to it from the shading point. The other arguments are
+/// those of [`LearntCell`].
+pub(crate) fn bin_toward(toward: Vec3, from_center: Vec3, edge: f32) -> usize {
+    let [bin] = bins(&(toward + from_center).to_array().map(|coordinate| [coordinate]), edge);
+    bin as usize
 }
 
 /// The group of one child of a node, as [`LearntCell::shares`] finds it.
@@ -199,8 +205,7 @@ pub(crate) fn bin_of_child(
     edge: f32,
 ) -> usize {
     let toward = local.child(node, slot).toward;
-    let [bin] = bins(&from_center(toward, cell.from_center, to_world).map(|coordinate| [coordinate]), edge);
-    bin as usize
+    bin_toward(from_center(toward, cell.from_center, to_world).into(), Vec3::ZERO, edge)
 }
 
 /// From the middle of a block to the end of a vector that starts at the shading point, in the space

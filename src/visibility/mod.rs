@@ -24,7 +24,7 @@ use glam::DVec3;
 #[cfg(feature = "gpu-plan")]
 pub(crate) use cell::{BIN_SHIFT, BLOCK_BITS, COORDINATE_BITS, MAX_DIST, ROUNDING, USED_BIT};
 pub(crate) use cell::{
-    BINS, Cell, CellGrid, CellKey, LEARNT_BIT, LearntCell, MAX_COORDINATE, TAG_SEED, bin_of_child, side,
+    BINS, Cell, CellGrid, CellKey, LEARNT_BIT, LearntCell, MAX_COORDINATE, TAG_SEED, bin_of_child, bin_toward, side,
 };
 #[cfg(feature = "gpu-plan")]
 pub(crate) use fold::{DOUBT, FIRST, MAX_NEW, MEMORY, MIN_SHARE, PRIOR, RARE, UNITS};
@@ -159,7 +159,7 @@ impl Default for VisibilityOptions {
 ///     for i in 0..8 {
 ///         let sample = sampler.sample(&ground, [(i as f32 + 0.5) / 8.0, 0.5, 0.5, 0.5]).expect("a lamp");
 ///         let is_visible = sample.incident.direction.x > 0.0; // a wall hides the other lamp
-///         sampler.record_visibility(&ground, sample.light, is_visible);
+///         sampler.record_visibility(&ground, &sample, is_visible);
 ///     }
 ///     table.end_frame();
 /// }
@@ -237,19 +237,21 @@ impl VisibilityTable {
             if touched != 0 {
                 self.tags[row] |= LEARNT_BIT;
                 self.idle[row] = 0;
-                for bin in bins.clone() {
-                    let [hidden, visible] = self.counts[bin].each_mut().map(|count| std::mem::take(count.get_mut()));
+                for (known, counts) in self.known[bins.clone()].iter_mut().zip(&mut self.counts[bins.clone()]) {
+                    let [hidden, visible] = counts.each_mut().map(|count| std::mem::take(count.get_mut()));
                     if hidden | visible != 0 {
-                        self.known[bin] = fold(self.known[bin], visible, hidden);
+                        *known = fold(*known, visible, hidden);
                     }
                 }
                 let larger: [u8; BINS] = if row < cells && touched != NO_BLOCK {
-                    std::array::from_fn(|group| self.shares[(touched as usize - 1) * BINS + group])
+                    let first = (touched as usize - 1) * BINS;
+                    std::array::from_fn(|group| self.shares[first + group])
                 } else {
                     [mean_code(&self.known[bins.clone()]); BINS]
                 };
-                for (bin, larger) in bins.zip(larger) {
-                    self.shares[bin] = share_code(self.known[bin], larger);
+                for ((share, known), larger) in self.shares[bins.clone()].iter_mut().zip(&self.known[bins]).zip(larger)
+                {
+                    *share = share_code(*known, larger);
                 }
             } else if claim != 0 {
                 self.tags[row] = claim & !LEARNT_BIT;
@@ -270,9 +272,10 @@ impl VisibilityTable {
         }
         let block = touched as usize - 1;
         *self.touched[block].get_mut() = touched;
-        for group in 0..BINS {
-            let counts = self.counts[row * BINS + group].each_mut().map(|count| *count.get_mut());
-            for (sum, count) in self.counts[block * BINS + group].iter_mut().zip(counts) {
+        // Rows of cells come before those of blocks.
+        let (cells, blocks) = self.counts.split_at_mut(block * BINS);
+        for (sums, counts) in blocks.iter_mut().zip(&mut cells[row * BINS..(row + 1) * BINS]) {
+            for (sum, count) in sums.iter_mut().zip(counts.each_mut().map(|count| *count.get_mut())) {
                 *sum.get_mut() = sum.get_mut().wrapping_add(count);
             }
         }

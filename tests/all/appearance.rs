@@ -276,7 +276,7 @@ fn learnt_visibility_and_segments_follow_masks() {
         let sampler = world.sampler().with_visibility(&table);
         for _ in 0..32 {
             let Some(sample) = sampler.sample(&at, [rng.unit(), rng.unit(), 0.5, 0.5]) else { continue };
-            sampler.record_visibility(&at, sample.light, sample.incident.direction.x > 0.0);
+            sampler.record_visibility(&at, &sample, sample.incident.direction.x > 0.0);
         }
         table.end_frame();
     }

@@ -374,8 +374,8 @@ fn cells_know_what_shadow_rays_have_taught_and_are_built_again_when_they_teach_m
         let expected = if frame == 1 { [0, 1] } else { [1, 0] };
         assert_eq!(build(&mut cuts, &learnt), expected, "{frame}");
         let sampler = world.sampler().with_cuts(&cuts).with_visibility(&learnt);
-        let pick = sampler.pick(&at, [(frame as f32 * 0.618) % 1.0, 0.5]).expect("a lamp");
-        sampler.record_visibility(&at, pick.light, pick.light != hidden);
+        let sample = sampler.sample(&at, [(frame as f32 * 0.618) % 1.0, 0.5, 0.5, 0.5]).expect("a lamp");
+        sampler.record_visibility(&at, &sample, sample.light != hidden);
         learnt.end_frame();
     }
     let pmf = |cuts: &CutTable| world.sampler().with_cuts(cuts).pmf(&at, hidden);
@@ -399,8 +399,8 @@ fn probabilities_are_exact_whatever_was_learnt() {
     for _ in 0..20 {
         let sampler = world.sampler().with_visibility(&learnt);
         for at in &at {
-            if let Some(pick) = sampler.pick(at, [rng.unit(), rng.unit()]) {
-                sampler.record_visibility(at, pick.light, rng.unit() < 0.3);
+            if let Some(sample) = sampler.sample(at, [rng.unit(), rng.unit(), 0.5, 0.5]) {
+                sampler.record_visibility(at, &sample, rng.unit() < 0.3);
             }
         }
         learnt.end_frame();

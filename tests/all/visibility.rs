@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::{
-    CandidateCount, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy, ShadingPoint,
+    CandidateCount, Light, LightId, LightSample, LightSampler, LightTree, LightWorld, Placement, Policy, ShadingPoint,
     VisibilityOptions, VisibilityTable,
 };
 use rayon::prelude::*;
@@ -34,7 +34,7 @@ fn teach(world: &LightWorld, table: &mut VisibilityTable, points: &[ShadingPoint
         let sampler = world.sampler().with_visibility(table);
         for at in points {
             if let Some(sample) = sampler.sample(at, [rng.unit(), rng.unit(), rng.unit(), rng.unit()]) {
-                sampler.record_visibility(at, sample.light, is_visible(at.position, sample.incident.direction));
+                sampler.record_visibility(at, &sample, is_visible(at.position, sample.incident.direction));
             }
         }
         table.end_frame();
@@ -54,8 +54,8 @@ fn teach_alike(
     for _ in 0..frames {
         let sampler = world.sampler().with_visibility(table);
         for at in points {
-            if let Some(pick) = sampler.pick(at, [rng.unit(), rng.unit()]) {
-                (0..records).for_each(|_| sampler.record_visibility(at, pick.light, is_visible));
+            if let Some(sample) = sampler.sample(at, [rng.unit(), rng.unit(), 0.5, 0.5]) {
+                (0..records).for_each(|_| sampler.record_visibility(at, &sample, is_visible));
             }
         }
         table.end_frame();
@@ -243,7 +243,7 @@ fn what_is_learnt_does_not_depend_on_the_threads() {
                     let mut rng = Rng(1 + i as u64 * 64 + u64::from(frame));
                     if let Some(sample) = sampler.sample(at, [rng.unit(), rng.unit(), rng.unit(), rng.unit()]) {
                         let is_visible = is_visible(at.position, sample.incident.direction);
-                        sampler.record_visibility(at, sample.light, is_visible);
+                        sampler.record_visibility(at, &sample, is_visible);
                     }
                 });
             });
@@ -270,9 +270,9 @@ fn pmf_of_hidden_lamp(at: DVec3, origins: &[DVec3]) -> Vec<f32> {
     let point = |world: &LightWorld| ShadingPoint::surface((at - world.origin()).as_vec3(), Vec3::Y);
     for i in 0..200 {
         let (sampler, point) = (world.sampler().with_visibility(&table), point(&world));
-        let pick = sampler.pick(&point, [(i as f32 * 0.618) % 1.0, 0.5]).expect("a lamp");
-        let is_visible = Some(pick.light) == sampler.all_lights().next();
-        sampler.record_visibility(&point, pick.light, is_visible);
+        let sample = sampler.sample(&point, [(i as f32 * 0.618) % 1.0, 0.5, 0.5, 0.5]).expect("a lamp");
+        let is_visible = Some(sample.light) == sampler.all_lights().next();
+        sampler.record_visibility(&point, &sample, is_visible);
         table.end_frame();
     }
     let pmf = |origin: &DVec3| {
@@ -304,12 +304,16 @@ fn directional_lights_stale_lights_and_samplers_without_a_table_record_nothing()
     let at = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
     let directional = world.directionals().next().map(LightId::Directional).expect("a sun");
     let lost = LightId::Local { instance, light: 5 };
-    world.sampler().record_visibility(&at, LightId::Local { instance, light: 0 }, true);
+    let first = LightId::Local { instance, light: 0 };
+    let local = world.sampler().all_lights().find_map(|light| world.sampler().sample_light(&at, light, [0.5; 2]));
+    let incident = local.expect("a light in sight");
+    let sample = |light| LightSample { light, pmf: 1.0, incident, user_data: 0 };
+    world.sampler().record_visibility(&at, &sample(first), true);
     let sampler = world.sampler().with_visibility(&table);
-    [directional, lost].into_iter().for_each(|light| sampler.record_visibility(&at, light, true));
+    [directional, lost].into_iter().for_each(|light| sampler.record_visibility(&at, &sample(light), true));
     world.remove_instance(instance).expect("it lives");
     let sampler = world.sampler().with_visibility(&table);
-    sampler.record_visibility(&at, LightId::Local { instance, light: 0 }, true);
+    sampler.record_visibility(&at, &sample(first), true);
     table.end_frame();
     assert_eq!(table.cell_count(), 0);
 }

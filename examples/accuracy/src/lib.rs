@@ -9,7 +9,6 @@ pub mod simplified;
 
 pub mod settings;
 pub mod samplers;
-pub mod learnt;
 pub mod noise;
 pub mod pictures;
 
@@ -24,6 +23,8 @@ pub mod extracts;
 pub mod page;
 
 pub mod rival_scenes;
+pub mod contests;
+pub mod learning;
 pub mod rivals;
 
 pub mod run;

@@ -25,10 +25,13 @@
 //!     [--size WxH] [--pictures N]
 //! ```
 //!
-//! The second form compares published samplers with the library in six procedural scenes, and in one of a
+//! The second form compares published samplers with the library in seven procedural scenes, and in one of a
 //! file. It prints relMSE times time at 16 samples per pixel over that of the library, with confidence
 //! intervals, lists the samplers that come closer than the goal, and writes `rivals.csv` (`rivals.rs`
 //! explains the columns).
+//!
+//! With `--learning` in place of `--rivals`, the program measures what learnt visibility buys in the same
+//! scenes, and writes `learning.csv` and two films as SVG (`learning.rs`).
 //!
 //! All work is done by threads of the CPU; times are those of one core. Read them as ratios within
 //! one run, since machines and their load differ. Only uploads use a GPU, or a software Vulkan
@@ -40,13 +43,14 @@
 //! may rise before it falls.
 
 use accuracy::options::Options;
-use accuracy::rivals;
 use accuracy::run::run;
+use accuracy::{learning, rivals};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    testbed::common::exit::run_program(|options: &Options| match options.rivals {
-        true => rivals::run(options),
-        false => run(options).map(drop),
+    testbed::common::exit::run_program(|options: &Options| match options {
+        Options { rivals: true, .. } => rivals::run(options),
+        Options { learning: true, .. } => learning::run(options),
+        _ => run(options).map(drop),
     })
 }

@@ -1,6 +1,5 @@
 //! Measures all settings of a run.
 
-use super::learnt::{ByVisibility, Learnt};
 use super::noise::{Points, SamplerNoise};
 use super::options::{Options, Plan};
 use super::pictures::{Errors, errors, errors_of_all, times_of_all};
@@ -12,7 +11,7 @@ use super::simplified::without;
 use super::table::{Row, mark_front};
 use girandole::glam::Vec3;
 use girandole::light::luminance;
-use girandole::{CandidateCount, LightWorld, SplitCount};
+use girandole::{CandidateCount, LightWorld};
 use std::collections::{HashMap, HashSet};
 use testbed::common::progress::progress;
 use testbed::direct_light::converged;
@@ -246,7 +245,7 @@ impl Bench<'_> {
         };
         let beyond = || SceneError("a count beyond its limit".into());
         let mut world_times = self.world_times;
-        let (mut other, mut learnt, mut diffuse, mut open) = (None, None, None, None);
+        let (mut other, mut diffuse, mut open) = (None, None, None);
         match change {
             Change::Upkeep(upkeep) => {
                 let Played { stage, times, .. } =
@@ -260,25 +259,12 @@ impl Bench<'_> {
                 stage.world.set_solid_angle_sampling(true);
                 other = Some(stage.world);
             }
-            Change::LearntVisibility => {
-                let splits = SplitCount::new(splits).map_err(|_| beyond())?;
-                let candidates = CandidateCount::new(candidates).map_err(|_| beyond())?;
-                let lights = self.world.sampler().with_splits(splits);
-                let taught = Learnt::new(&self.view.renderer(), lights, candidates, self.plan.frames)?;
-                world_times.update += taught.end_ms;
-                learnt = Some((taught, lights, candidates));
-            }
             Change::Without(effect, _) => other = Some(without(self.world, effect)?),
             Change::NoShadows => open = Some(self.view.without_shadows()?),
             Change::NoGloss => diffuse = Some(matte(self.view.scene.clone())),
             Change::Nothing => {}
         }
-        let mut draw: Box<dyn Draw + '_> = match &learnt {
-            Some((learnt, lights, candidates)) => {
-                Box::new(ByVisibility { lights: lights.with_visibility(&learnt.table), candidates: *candidates })
-            }
-            None => resampled(other.as_ref().unwrap_or(self.world), splits, candidates).ok_or_else(beyond)?,
-        };
+        let mut draw = resampled(other.as_ref().unwrap_or(self.world), splits, candidates).ok_or_else(beyond)?;
         let mut unchanged = resampled(self.world, splits, candidates).ok_or_else(beyond)?;
         let mut renderer = self.view.renderer();
         let now = renderer.stage_times(&mut [unchanged.as_mut()], self.plan.timed_pixels);
@@ -290,9 +276,7 @@ impl Bench<'_> {
         };
         let per_sample = changed.scaled(times[&setting.sampler].total() / now.total());
         let (errors, _) = errors(&renderer, draw.as_mut(), setting.samples, self.plan.pictures, self.reference);
-        let mut row = self.row(setting, world_times, per_sample, errors);
-        row.memory_bytes = learnt.as_ref().map_or(0, |(learnt, ..)| learnt.memory_bytes());
-        Ok(row)
+        Ok(self.row(setting, world_times, per_sample, errors))
     }
 
     /// The best samplers to compare with, by falling error, and the library, in the time that samples of

@@ -7,6 +7,7 @@ use super::pictures::Errors;
 use super::settings::{Change, DEFAULT, KNOB_SAMPLES, MOST_LIGHTS, Sampler};
 use super::table::{COLUMNS, Row};
 use testbed::common::table::short;
+use testbed::direct_light::cells::TAUGHT;
 use testbed::measuring::crops::{Crop, Crops};
 use testbed::measuring::score::Estimate;
 
@@ -316,9 +317,8 @@ fn method(options: &Options, measured: &Measured) -> String {
          by as many samples as a frame of 1920 × 1080 has."
             .into(),
         format!(
-            "Learnt visibility was taught by {} frames of the same view, with {KNOB_SAMPLES} samples per pixel each. Its time \
-             includes that of its records. With solid angles, the world has played again.",
-            plan.frames
+            "Learnt cuts share cuts and know what {TAUGHT} frames of the same view with one sample per pixel have taught \
+             about shadows. Their time includes that of records. With solid angles, the world has played again."
         ),
         "Lights at infinity are left out, because they belong to no tree. Every sample of a pixel meets one of four fixed \
          surfaces, so the errors are those of light alone."

@@ -7,36 +7,22 @@
 //! prepares for a frame. Rounds go in turn, and the fastest counts. Building trees is free for all.
 
 use super::answers::Ratio;
+use super::contests::{Arena, Closeness, Contest, GOALS, contests};
 use super::options::Options;
-use super::pictures::errors;
-use super::rival_scenes::{Lamps, street, tunnel, yard};
-use super::samplers::{Prepared, Samplers};
-use super::scene_view::SceneView;
+use super::samplers::Samplers;
 use super::settings::{self, Sampler, counted};
 use girandole::CandidateCount;
-use girandole::glam::Vec3;
 use std::fs;
 use testbed::common::progress::progress;
 use testbed::common::table::{Table, markdown_head, short};
-use testbed::direct_light::cells::SharedCells;
-use testbed::direct_light::converged;
+use testbed::direct_light::cells::{CellSettings, SharedCells, TAUGHT};
 use testbed::direct_light::draw::{Draw, Resampled, ResampledWithGloss};
-use testbed::direct_light::renderer::Renderer;
-use testbed::direct_light::sobol::sobol;
-use testbed::direct_light::stage::prepare;
 use testbed::direct_light::times::StageTimes;
 use testbed::measuring::score::Estimate;
-use testbed::scene::procedural::{self, CityOptions, Size};
-use testbed::scene::{SceneError, Stage};
+use testbed::scene::SceneError;
 
 /// Samples per pixel.
 const SAMPLES: f64 = 16.0;
-/// Seeds the reference, above the seeds of pictures.
-const REFERENCE_SEED: u32 = 1_000_000;
-/// The products of rivals should be at least so many times that of the library; on a scene of a file
-/// the second.
-const GOALS: [f64; 2] = [3.0, 2.0];
-
 /// The columns of `rivals.csv`: errors with their 95 % confidence intervals, nanoseconds of one sample on
 /// one core, and the product of relMSE and time over that of the library's one tree and of its two levels.
 const COLUMNS: [&str; 11] = [
@@ -54,30 +40,15 @@ const COLUMNS: [&str; 11] = [
 ];
 
 /// The library's rows; the first two are what the others are compared with.
-const OWN: [&str; 5] = [
+const OWN: [&str; 7] = [
     "Girandole, one tree",
     "Girandole",
     "Girandole, 8 candidates",
     "Girandole, shared cuts",
     "Girandole, shared cuts, 8 candidates",
+    "Girandole, learnt cuts",
+    "Girandole, learnt cuts, 8 candidates",
 ];
-
-/// A scene, and how it is rendered.
-struct Contest {
-    name: String,
-    stage: Stage,
-    /// Whether materials become diffuse. If not, the library is told how surfaces reflect.
-    is_matte: bool,
-    goal: f64,
-}
-
-/// How closely a run measures.
-struct Closeness {
-    size: (u32, u32),
-    seeds: u32,
-    timed_pixels: usize,
-    yard_lights: usize,
-}
 
 /// A sampler in a scene.
 struct Entry {
@@ -97,37 +68,9 @@ impl Entry {
     }
 }
 
-/// The scenes of a run. A glTF file of the options comes last.
-fn contests(options: &Options, closeness: &Closeness) -> Result<Vec<Contest>, SceneError> {
-    let lights = closeness.yard_lights;
-    let city = || procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1 });
-    let contest = |name: &str, stage: Stage, is_matte| Contest { name: name.into(), stage, is_matte, goal: GOALS[0] };
-    let mut all = vec![
-        contest("panels", yard(Lamps::Panels, lights)?, true),
-        contest("points", yard(Lamps::Points, lights)?, true),
-        contest("tunnel", tunnel()?, true),
-        contest("glossy street", street()?, false),
-        contest("city S, matte", city()?, true),
-        contest("city S, glossy", city()?, false),
-    ];
-    if options.scene.gltf.is_some() {
-        let stage = options.scene.load(closeness.size)?;
-        all.push(Contest { name: options.scene.name(), stage, is_matte: options.matte, goal: GOALS[1] });
-    }
-    Ok(all)
-}
-
 /// Measures all scenes, prints the tables and writes `rivals.csv`.
 pub fn run(options: &Options) -> Result<(), SceneError> {
-    let closeness = match options.quick {
-        true => Closeness { size: (32, 18), seeds: 2, timed_pixels: 100, yard_lights: 1_000 },
-        false => Closeness { size: (128, 72), seeds: 8, timed_pixels: 4_000, yard_lights: 10_000 },
-    };
-    let closeness = Closeness {
-        size: options.size.unwrap_or(closeness.size),
-        seeds: options.pictures.unwrap_or(closeness.seeds),
-        ..closeness
-    };
+    let closeness = Closeness::new(options);
     let out = &options.out;
     fs::create_dir_all(out).map_err(|error| SceneError(format!("cannot create {}: {error}", out.display())))?;
     let mut table = Table::create(&out.join("rivals.csv"), &COLUMNS).map_err(SceneError)?;
@@ -166,13 +109,9 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
 
 /// All samplers in one scene; the library's first.
 fn measure(contest: Contest, closeness: &Closeness) -> Result<Vec<Entry>, SceneError> {
-    let Stage { scene, world, .. } = prepare(contest.stage, 0.0)?;
-    let view = SceneView::new(&scene, contest.is_matte, closeness.size)?;
-    let prepared = Prepared::new(&world)?;
-    let samplers = Samplers::new(&world, &prepared, &view)?;
-    let renderer = Renderer { numbers: sobol, ..view.renderer() };
-    let reference = converged::picture(&renderer, &world.sampler(), &prepared.ids, REFERENCE_SEED);
-
+    let arena = Arena::new(contest.stage, contest.is_matte, closeness.size)?;
+    let Arena { view, world, prepared, .. } = &arena;
+    let samplers = Samplers::new(world, prepared, view)?;
     let own = |lights, candidates| -> Box<dyn Draw + '_> {
         match contest.is_matte {
             true => Box::new(Resampled { lights, candidates }),
@@ -185,9 +124,13 @@ fn measure(contest: Contest, closeness: &Closeness) -> Result<Vec<Entry>, SceneE
         own(world.sampler(), CandidateCount::ONE),
         own(world.sampler(), CandidateCount::of::<8>()),
     ];
-    for candidates in [CandidateCount::ONE, CandidateCount::of::<8>()] {
-        let how = (!contest.is_matte, candidates);
-        draws.push(Box::new(SharedCells::new(&world, (&view.view, &view.scene), how)));
+    let candidates = [CandidateCount::ONE, CandidateCount::of::<8>()];
+    for (taught, candidates) in
+        [None, Some(TAUGHT)].into_iter().flat_map(|taught| candidates.map(|count| (taught, count)))
+    {
+        let settings = CellSettings { has_gloss: !contest.is_matte, candidates, taught };
+        let cells = SharedCells::new(world, (&view.view, &view.scene), settings);
+        draws.push(Box::new(cells.map_err(|error| SceneError(error.to_string()))?));
     }
     let mut names: Vec<String> = OWN.map(Into::into).into();
     for sampler in settings::others() {
@@ -197,15 +140,11 @@ fn measure(contest: Contest, closeness: &Closeness) -> Result<Vec<Entry>, SceneE
         names.push(Sampler::name(sampler));
     }
     let errors: Vec<Estimate> =
-        draws.iter_mut().map(|draw| error(&renderer, draw.as_mut(), closeness, &reference)).collect();
+        draws.iter_mut().map(|draw| arena.error(draw.as_mut(), SAMPLES, closeness.seeds).0).collect();
     let mut timed: Vec<&mut dyn Draw> = draws.iter_mut().map(|draw| &mut **draw as &mut dyn Draw).collect();
-    let times = renderer.stage_times(&mut timed, closeness.timed_pixels);
+    let times = arena.renderer().stage_times(&mut timed, closeness.timed_pixels);
     let entries = names.into_iter().zip(errors).zip(times);
     Ok(entries.map(|((sampler, error), times)| Entry { sampler, error, times }).collect())
-}
-
-fn error(renderer: &Renderer<'_>, draw: &mut dyn Draw, closeness: &Closeness, reference: &[Vec3]) -> Estimate {
-    errors(renderer, draw, SAMPLES, closeness.seeds, reference).0.rel_mse
 }
 
 /// The line of the CSV file.
@@ -254,6 +193,8 @@ fn losses(columns: &[(String, Vec<Entry>)], goals: &[f64]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::rival_scenes::{Lamps, street, tunnel, yard};
+    use super::super::scene_view::SceneView;
     use super::*;
 
     #[test]

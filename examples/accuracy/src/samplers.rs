@@ -7,7 +7,7 @@ use girandole::{
     CandidateCount, FrameBudget, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy, ShadingPoint,
     SplitCount,
 };
-use testbed::direct_light::cells::SharedCells;
+use testbed::direct_light::cells::{CellSettings, SharedCells, TAUGHT};
 use testbed::direct_light::draw::{
     Draw, Frame, Resampled, ResampledByBrdf, ResampledWithGloss, Single, SingleWithGloss, Streaming,
 };
@@ -75,9 +75,10 @@ impl<'a> Samplers<'a> {
                 let lights = self.world.sampler().with_splits(SplitCount::new(splits).ok()?);
                 Box::new(ResampledWithGloss { lights, candidates: CandidateCount::new(candidates).ok()? })
             }
-            Sampler::SharedCuts { candidates, has_gloss } => {
-                let how = (has_gloss, CandidateCount::new(candidates).ok()?);
-                Box::new(SharedCells::new(self.world, (&self.view.view, &self.view.scene), how))
+            Sampler::SharedCuts { candidates, has_gloss, learns } => {
+                let candidates = CandidateCount::new(candidates).ok()?;
+                let settings = CellSettings { has_gloss, candidates, taught: learns.then_some(TAUGHT) };
+                Box::new(SharedCells::new(self.world, (&self.view.view, &self.view.scene), settings).ok()?)
             }
             Sampler::OneLevel { splits, candidates } => resampled(&self.prepared.one_level, splits, candidates)?,
             Sampler::Published(name) => {

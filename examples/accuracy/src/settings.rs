@@ -15,8 +15,9 @@ pub enum Sampler {
     ByBrdf { splits: usize, candidates: u32 },
     /// The library with its two levels, which are told how surfaces reflect.
     WithGloss { splits: usize, candidates: u32 },
-    /// The library with its two levels and cuts that the pixels of a cell share.
-    SharedCuts { candidates: u32, has_gloss: bool },
+    /// The library with its two levels and cuts that the pixels of a cell share, which may know what earlier
+    /// frames taught about shadows.
+    SharedCuts { candidates: u32, has_gloss: bool, learns: bool },
     /// The library with one tree over all lights.
     OneLevel { splits: usize, candidates: u32 },
     /// One of the samplers to compare with, by its name in `measuring/samplers.rs`.
@@ -39,9 +40,10 @@ impl Sampler {
             Self::TwoLevels { splits, candidates } => tree("Girandole", splits, candidates),
             Self::ByBrdf { splits, candidates } => tree("Girandole", splits, candidates) + " by BRDF",
             Self::WithGloss { splits, candidates } => tree("Girandole", splits, candidates) + " with gloss",
-            Self::SharedCuts { candidates, has_gloss } => {
+            Self::SharedCuts { candidates, has_gloss, learns } => {
+                let cuts = if learns { "learnt cuts" } else { "shared cuts" };
                 let gloss = if has_gloss { " with gloss" } else { "" };
-                format!("Girandole, shared cuts / {}{gloss}", counted(candidates as usize, "candidate"))
+                format!("Girandole, {cuts} / {}{gloss}", counted(candidates as usize, "candidate"))
             }
             Self::OneLevel { splits, candidates } => tree("Girandole, one tree", splits, candidates),
             Self::Published("pbrt") => "pbrt-v4's formula".into(),
@@ -80,8 +82,6 @@ pub enum Change {
     Upkeep(Upkeep),
     /// Large and near surfaces are sampled by solid angle.
     SolidAngles,
-    /// Choices follow learnt visibility, which earlier frames taught.
-    LearntVisibility,
     /// No shadow rays.
     NoShadows,
     /// Diffuse materials.
@@ -115,7 +115,6 @@ impl Setting {
             Change::Upkeep(Upkeep::AlwaysRebuild) => " / always rebuild".into(),
             Change::Upkeep(Upkeep::Budgeted(us)) => format!(" / budget {us} us"),
             Change::SolidAngles => " / solid angles".into(),
-            Change::LearntVisibility => " / learnt visibility".into(),
             Change::NoShadows => " / no shadows".into(),
             Change::NoGloss => " / no gloss".into(),
             Change::Without(_, effect) => format!(" / no {effect}"),
@@ -132,11 +131,14 @@ pub fn resampled_default(is_quick: bool) -> Sampler {
 }
 
 /// The default with cuts that the pixels of a cell share.
-pub const SHARED: Sampler = Sampler::SharedCuts { candidates: 1, has_gloss: false };
+pub const SHARED: Sampler = Sampler::SharedCuts { candidates: 1, has_gloss: false, learns: false };
+
+/// The same with learnt visibility.
+pub const LEARNT: Sampler = Sampler::SharedCuts { candidates: 1, has_gloss: false, learns: true };
 
 /// The library's samplers that are shown in equal time.
-pub fn own_in_equal_time(is_quick: bool) -> [Sampler; 3] {
-    [DEFAULT, resampled_default(is_quick), SHARED]
+pub fn own_in_equal_time(is_quick: bool) -> [Sampler; 4] {
+    [DEFAULT, resampled_default(is_quick), SHARED, LEARNT]
 }
 
 /// The candidates of [`resampled_default`], which are also weighed by BRDF.
@@ -182,7 +184,9 @@ fn of_library(is_quick: bool) -> Vec<Setting> {
             }
             if candidates == 1 || candidates == resampled_candidates(is_quick) {
                 add(Sampler::WithGloss { splits: 6, candidates });
-                [false, true].into_iter().for_each(|has_gloss| add(Sampler::SharedCuts { candidates, has_gloss }));
+                for (has_gloss, learns) in [(false, false), (false, true), (true, false), (true, true)] {
+                    add(Sampler::SharedCuts { candidates, has_gloss, learns });
+                }
             }
             if matches!(candidates, 1 | 8) {
                 add(Sampler::OneLevel { splits: 6, candidates });
@@ -220,8 +224,7 @@ fn of_frames(effects: Effects, is_matte: bool, is_quick: bool) -> Vec<Setting> {
     let simpler = simpler.map(|(effect, name)| Change::Without(effect, name));
     let gloss = (!is_matte).then_some(Change::NoGloss);
     let solid_angles = effects.contains(Effects::AREAS).then_some(Change::SolidAngles);
-    let switches = solid_angles.into_iter().chain([Change::LearntVisibility]);
-    let changes = upkeeps.chain(switches).chain([Change::NoShadows]).chain(gloss).chain(simpler);
+    let changes = upkeeps.chain(solid_angles).chain([Change::NoShadows]).chain(gloss).chain(simpler);
     changes.map(|change| Setting { sampler: DEFAULT, samples: KNOB_SAMPLES, change }).collect()
 }
 

@@ -4,10 +4,10 @@
 //! |---|---|
 //! | `setting` | sampler, samples per pixel (spp), and what else differs from the default |
 //! | `time_ms` | the time of a frame on one core: the sum of the next six columns |
-//! | `update_ms` | refits, rebuilds and their choice; a mean over the frames. Learnt visibility adds the end of a frame of its table |
+//! | `update_ms` | refits, rebuilds and their choice; a mean over the frames. |
 //! | `upload_ms` | the call that uploads what changed; empty without a device |
 //! | `top_level_ms` | the build of the top level |
-//! | `choosing_ms` | drawing lights and points on them, with what the sampler prepares for a frame; with learnt visibility also its records |
+//! | `choosing_ms` | drawing lights and points on them, with what the sampler prepares for a frame and learns from it |
 //! | `shadow_rays_ms`, `shading_ms` | shadow rays; the BRDF and the product of all factors |
 //! | `sigma` | relative standard deviation of one sample's illuminance without shadows |
 //! | `sigma_visible` | the same with shadows |

@@ -26,10 +26,10 @@ use testbed::scene::SceneError;
 use testbed::scene::rng::Rng;
 
 /// Rays from each eye in a frame. They are spread over all directions, as thinly as the pixels of a
-/// picture of 23 by 13 with a field of view of 70 degrees.
-const RAYS: usize = 4_096;
+/// picture of 12 by 7 with a field of view of 70 degrees.
+const RAYS: usize = 1_024;
 /// The frames after which noise is measured. Cells get their rows in the first one.
-const FRAMES: [usize; 6] = [1, 2, 5, 17, 33, 65];
+const FRAMES: [usize; 6] = [1, 2, 8, 20, 65, 257];
 /// The edge of cells that share cuts, in metres.
 const CUT_EDGE: f32 = 0.5;
 /// Estimates at each receiver by which the noise of several candidates is measured.
@@ -99,7 +99,7 @@ impl Learner<'_> {
         let ray = |(at, u): &(ShadingPoint, [f32; 4])| {
             let sample = sampler.sample(at, *u)?;
             let is_visible = self.is_all_visible || !shadows.is_shadowed(at, &sample.incident);
-            sampler.record_visibility(at, sample.light, is_visible);
+            sampler.record_visibility(at, &sample, is_visible);
             Some(())
         };
         let samples = surfaces.par_iter().filter_map(ray).count();
@@ -191,7 +191,7 @@ impl Learner<'_> {
         let with = self.sampler.with_visibility(table);
         let with = cuts.map_or(with, |cuts| with.with_cuts(cuts));
         let mut fastest = [f64::INFINITY; 3];
-        let light = self.sampler.all_lights().next();
+        let sample = self.receivers.first().and_then(|at| self.sampler.sample(&at.shading_point, [0.5; 4]));
         let mut time = |which: usize, run: &mut dyn FnMut(&ShadingPoint, [f32; 2])| {
             let mut rng = Rng::new(SEED, which as u64);
             let start = Instant::now();
@@ -204,8 +204,8 @@ impl Learner<'_> {
             time(0, &mut |at, u| _ = black_box(self.sampler.pick(at, u)));
             time(1, &mut |at, u| _ = black_box(with.pick(at, u)));
             time(2, &mut |at, u| {
-                if let Some(light) = light {
-                    with.record_visibility(at, light, u[0] < 0.5);
+                if let Some(sample) = &sample {
+                    with.record_visibility(at, sample, u[0] < 0.5);
                 }
             });
         }

@@ -18,7 +18,7 @@ use crate::sampling::counts::SplitCount;
 use crate::sampling::cuts::camera;
 use crate::sampling::cuts::shared::NodeId;
 use crate::sampling::cuts::table::CutTable;
-use crate::sampling::sample::LightSampler;
+use crate::sampling::sample::{LightSample, LightSampler};
 use crate::scheduler::FrameBudget;
 use crate::shading::gloss::Gloss;
 use crate::shading::shading_point::ShadingPoint;
@@ -73,11 +73,8 @@ const CHOOSE: &str = "
 
 const CHOOSE_AND_RECORD: &str = "
         let pick = light_pick(at, inputs[id.x].u.xy);
+        let chosen = light_sample(at, vec4(inputs[id.x].u.xy, 0.25, 0.75));
         inputs[id.x].u = bitcast<vec4<f32>>(vec4(pick.instance, pick.light, bitcast<u32>(pick.pmf), 0u));
-        var chosen: LightSample;
-        chosen.instance = pick.instance;
-        chosen.light = pick.light;
-        chosen.pmf = pick.pmf;
         light_record_visibility(at, chosen, (pick.instance + pick.light / 4u) % 3u == 0u);";
 
 const COUNT: &str = "
@@ -438,7 +435,11 @@ fn cells_know_what_shadow_rays_have_taught_as_on_the_cpu() {
         for (input, output) in at.iter().zip(&outputs).filter(|(_, output)| output.pmf > 0.0) {
             let Some(instance) = world.instance_at(output.instance) else { continue };
             let is_visible = (output.instance + output.light / 4).is_multiple_of(3);
-            sampler.record_visibility(&point(input), LightId::Local { instance, light: output.light }, is_visible);
+            let (at, light) = (point(input), LightId::Local { instance, light: output.light });
+            if let Some(incident) = sampler.sample_light(&at, light, [0.25, 0.75]) {
+                let sample = LightSample { light, pmf: output.pmf, incident, user_data: 0 };
+                sampler.record_visibility(&at, &sample, is_visible);
+            }
         }
         learnt.end_frame();
     }

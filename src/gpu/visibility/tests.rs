@@ -10,7 +10,7 @@ use super::*;
 use crate::keys::LightId;
 use crate::math::dice::hash;
 use crate::sampling::counts::CandidateCount;
-use crate::sampling::sample::LightSampler;
+use crate::sampling::sample::{LightSample, LightSampler};
 use crate::shading::shading_point::ShadingPoint;
 use crate::visibility::{TABLE_HEAD, VisibilityTable};
 
@@ -54,15 +54,24 @@ const PICK_AND_RECORD: &str = "
         var pmf = 0.0;
         if pick.pmf > 0.0 { pmf = light_pmf(at, pick.instance, pick.light); }
         outputs[id.x] = vec4(pick.instance, pick.light, bitcast<u32>(pick.pmf), bitcast<u32>(pmf));
-        var chosen: LightSample;
+        var chosen = light_sample(at, vec4(input.u, 0.25, 0.75));
         chosen.instance = input.instance;
         chosen.light = input.light;
-        chosen.pmf = 1.0;
         light_record_visibility(at, chosen, input.is_visible != 0u);";
 
 const RESAMPLE: &str = "
         let kept = light_resample(at, input.u.xyyx, input.u.x, 8u);
         outputs[id.x] = vec4(kept.chosen.instance, kept.chosen.light, bitcast<u32>(kept.weight), 0u);";
+
+/// What the shader records.
+fn record(sampler: &LightSampler<'_>, input: &Input) {
+    let (at, [a, b], world) = (point(input), input.u, sampler.world);
+    let drawn = sampler.sample(&at, [a, b, 0.25, 0.75]);
+    if let (Some(sample), Some(instance)) = (drawn, world.instance_at(input.instance)) {
+        let light = LightId::Local { instance, light: input.light };
+        sampler.record_visibility(&at, &LightSample { light, ..sample }, input.is_visible != 0);
+    }
+}
 
 /// Shading points, which are the same in each frame, and what each of them sees in this one.
 fn inputs(sampler: &LightSampler<'_>, frame: u32) -> Vec<Input> {
@@ -183,11 +192,7 @@ fn the_gpu_learns_and_chooses_as_the_cpu_does() {
             assert!((output.pmf_of_light / output.pmf - 1.0).abs() < 1.0e-4, "{output:?}");
             chosen += 1;
         }
-        for input in inputs.iter().filter(|input| input.instance != u32::MAX) {
-            let instance = world.instance_at(input.instance).expect("it lives");
-            let light = LightId::Local { instance, light: input.light };
-            sampler.record_visibility(&point(input), light, input.is_visible != 0);
-        }
+        inputs.iter().for_each(|input| record(&sampler, input));
         table.end_frame();
         let learnt: Vec<u32> =
             read(&device, &queue, lights.player.buffer(lights.planner.visibility_table().expect("a table")[0]));
@@ -248,11 +253,7 @@ fn candidates_are_kept_by_what_is_learnt_as_on_the_cpu() {
         let sampler = world.sampler().with_visibility(&table);
         let inputs = inputs(&sampler, frame);
         run(&mut lights, &learn, &inputs);
-        for input in inputs.iter().filter(|input| input.instance != u32::MAX) {
-            let instance = world.instance_at(input.instance).expect("it lives");
-            let light = LightId::Local { instance, light: input.light };
-            sampler.record_visibility(&point(input), light, input.is_visible != 0);
-        }
+        inputs.iter().for_each(|input| record(&sampler, input));
         table.end_frame();
     }
     let (with, without) = (world.sampler().with_visibility(&table), world.sampler());

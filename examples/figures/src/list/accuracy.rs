@@ -161,7 +161,6 @@ pub const UPKEEP: Figure = table(
                 "Girandole / 6 splits / 1 candidate / 4 spp / always rebuild",
                 "Girandole / 6 splits / 1 candidate / 4 spp / budget 100 us",
                 "Girandole / 6 splits / 1 candidate / 4 spp / solid angles",
-                "Girandole / 6 splits / 1 candidate / 4 spp / learnt visibility",
             ],
         )],
         cells: &[
@@ -181,7 +180,6 @@ pub const UPKEEP: Figure = table(
             ("Girandole / 6 splits / 1 candidate / 4 spp / always rebuild", "always rebuild"),
             ("Girandole / 6 splits / 1 candidate / 4 spp / budget 100 us", "a budget of 100 µs"),
             ("Girandole / 6 splits / 1 candidate / 4 spp / solid angles", "solid angles"),
-            ("Girandole / 6 splits / 1 candidate / 4 spp / learnt visibility", "learnt visibility"),
         ],
         ..BOTH
     }],
@@ -197,6 +195,38 @@ pub const RIVALS: Figure = table(
         cells: &[cell("", "over_one_tree", Digits(2))],
         ..VIEW
     }],
+);
+
+pub const LEARNT: Figure = table(
+    "learnt-cuts",
+    PAGE,
+    &[View {
+        from: &["learnt/learning.csv"],
+        keep: &[("candidates", &["1", "8", "best"])],
+        keys: &[("scene", "scene"), ("candidates", "candidates")],
+        across: Some("samples"),
+        cells: &[
+            cell("", "gain", Digits(2)),
+            cell("relMSE without", "rel_mse_without", Digits(2)).only("1 sample"),
+            cell("with", "rel_mse_with", Digits(2)).only("1 sample"),
+            cell("ns without", "ns_without", Digits(3)).only("1 sample"),
+            cell("with", "ns_with", Digits(3)).only("1 sample"),
+        ],
+        ..VIEW
+    }],
+);
+
+const FILM_TEXT: &str = "The same view in the first, fourth and sixteenth frame with four samples per pixel, without and with what is \
+     learnt, which has less noise from frame to frame";
+
+pub const FILM_OF_ROOMS: Figure =
+    picture("film-rooms", "docs/visibility.md", ("learnt/learning_ten_rooms.svg", "learning_ten_rooms.svg"), FILM_TEXT);
+
+pub const FILM_OF_STREET: Figure = picture(
+    "film-street",
+    "docs/visibility.md",
+    ("learnt/learning_glossy_street.svg", "learning_glossy_street.svg"),
+    FILM_TEXT,
 );
 
 pub const LEFT_OUT: Figure = table(

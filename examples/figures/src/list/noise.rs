@@ -276,8 +276,8 @@ pub const LEARNING: Figure = table(
             ("table", "0.5 m"),
             ("table", "2 m"),
             ("table", "1 m, 1 frames"),
-            ("table", "1 m, 17 frames"),
-            ("table", "1 m, 33 frames"),
+            ("table", "1 m, 20 frames"),
+            ("table", "1 m, 65 frames"),
         ],
         keys: &[("scene", "scene"), ("table", "cells and frames")],
         cells: &[

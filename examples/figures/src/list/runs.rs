@@ -106,6 +106,16 @@ pub const RUNS: &[Run] = &[
         ..RUN
     },
     Run {
+        name: "learnt",
+        program: "accuracy",
+        arguments: "--learning",
+        quick: Some("--learning --quick"),
+        scene: Scene::Added,
+        is_timed: true,
+        seconds: 600,
+        ..RUN
+    },
+    Run {
         name: "budget",
         program: "budget",
         arguments: "--scene S10,M100 --strategies girandole,round,oracle --shares 0.02,0.1,0.5 --shading-points 120 --frames 240",

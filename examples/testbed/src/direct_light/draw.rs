@@ -7,7 +7,7 @@ use crate::render::shading::{brdf, specular_reflectance};
 use crate::scene::Material;
 use girandole::glam::Vec3;
 use girandole::light::luminance;
-use girandole::{CandidateCount, Gloss, Incident, LightId, LightSample, LightSampler};
+use girandole::{CandidateCount, Gloss, Incident, LightId, LightSample, LightSampler, Reservoir};
 
 /// A point on a light, and the factor that turns its light into an estimate of the light by all
 /// lights.
@@ -17,8 +17,16 @@ pub struct Drawn {
     /// One over the probability density of the point, or the unbiased estimate of it by a
     /// reservoir.
     pub weight: f32,
-    /// The light's index, for samplers that learn from what they have drawn; 0 for others.
+    /// The light's index, for samplers that read [`Found`]; 0 for others.
     pub light: u32,
+    /// The light's name, for samplers of the library.
+    pub id: Option<LightId>,
+}
+
+impl From<Reservoir> for Drawn {
+    fn from(Reservoir { chosen, weight, .. }: Reservoir) -> Self {
+        Self { incident: chosen.incident, weight, light: 0, id: Some(chosen.light) }
+    }
 }
 
 /// A sample of a pixel.
@@ -57,7 +65,13 @@ pub trait Draw: Send + Sync {
     /// Draws a point for a surface. `None` where the draw ends without light: the sample is black.
     fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn>;
 
-    /// Prepares a frame. Called before its samples are drawn.
+    /// Learns what the shadow ray of a draw has found. Called for each draw that has one.
+    fn learn(&self, _: &Surface, _: &Sample, _: &Drawn, _is_visible: bool) {}
+
+    /// Takes in what the frame before has taught, in a time that does not grow with the picture.
+    fn fold(&mut self, _: &Frame<'_>) {}
+
+    /// Prepares a frame. Called before its samples are drawn, and after [`Draw::fold`].
     fn prepare(&mut self, _: &Frame<'_>) {}
 
     /// The frames in which a sampler learns before its pictures begin.
@@ -87,7 +101,7 @@ impl Draw for Single<'_> {
         let [a, b, x, y, _] = sample.u;
         let pick = self.chooser.choose(&surface.shading_point, [a, b])?;
         let incident = self.lights.sample_light(&surface.shading_point, pick.light, [x, y])?;
-        Some(Drawn { incident, weight: 1.0 / (incident.pdf * pick.pmf), light: 0 })
+        Some(Drawn { incident, weight: 1.0 / (incident.pdf * pick.pmf), light: 0, id: None })
     }
 }
 
@@ -113,8 +127,7 @@ pub struct Resampled<'a> {
 
 impl Draw for Resampled<'_> {
     fn draw(&self, surface: &Surface, _: &Material, sample: &Sample) -> Option<Drawn> {
-        let reservoir = self.lights.resample(&surface.shading_point, sample.u, self.candidates)?;
-        Some(Drawn { incident: reservoir.chosen.incident, weight: reservoir.weight, light: 0 })
+        self.lights.resample(&surface.shading_point, sample.u, self.candidates).map(Into::into)
     }
 }
 
@@ -128,8 +141,7 @@ pub struct ResampledByBrdf<'a> {
 impl Draw for ResampledByBrdf<'_> {
     fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn> {
         let target = |light: &LightSample| luminance(reflected(surface, material, &light.incident));
-        let reservoir = self.lights.resample_by(&surface.shading_point, sample.u, self.candidates, target)?;
-        Some(Drawn { incident: reservoir.chosen.incident, weight: reservoir.weight, light: 0 })
+        self.lights.resample_by(&surface.shading_point, sample.u, self.candidates, target).map(Into::into)
     }
 }
 
@@ -143,8 +155,7 @@ pub struct ResampledWithGloss<'a> {
 impl Draw for ResampledWithGloss<'_> {
     fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn> {
         let at = surface.shading_point.with_gloss(gloss(surface, material));
-        let reservoir = self.lights.resample(&at, sample.u, self.candidates)?;
-        Some(Drawn { incident: reservoir.chosen.incident, weight: reservoir.weight, light: 0 })
+        self.lights.resample(&at, sample.u, self.candidates).map(Into::into)
     }
 }
 
@@ -187,7 +198,7 @@ impl Draw for Streaming<'_> {
             }
         }
         let (incident, target) = kept?;
-        Some(Drawn { incident, weight: total / (self.candidates as f32 * target), light: 0 })
+        Some(Drawn { incident, weight: total / (self.candidates as f32 * target), light: 0, id: None })
     }
 }
 

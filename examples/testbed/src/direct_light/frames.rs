@@ -5,6 +5,7 @@ use super::renderer::Renderer;
 use crate::common::lattice::{Dimension, random};
 use girandole::glam::Vec3;
 use rayon::prelude::*;
+use std::time::Instant;
 
 /// The frames of a picture by one way to draw.
 pub struct Frames<'a, 's> {
@@ -28,9 +29,14 @@ impl<'a, 's> Frames<'a, 's> {
         frames
     }
 
-    /// Prepares the next frame.
-    pub fn prepare(&mut self) {
-        self.draw.prepare(&Frame { seed: self.seed, number: self.number, found: &self.found });
+    /// Prepares the next frame. Returns the seconds of [`Draw::fold`] and of [`Draw::prepare`].
+    pub fn prepare(&mut self) -> [f64; 2] {
+        let frame = Frame { seed: self.seed, number: self.number, found: &self.found };
+        let start = Instant::now();
+        self.draw.fold(&frame);
+        let folded = Instant::now();
+        self.draw.prepare(&frame);
+        [folded - start, folded.elapsed()].map(|time| time.as_secs_f64())
     }
 
     /// The way to draw the samples of the frame that was prepared, and its number.

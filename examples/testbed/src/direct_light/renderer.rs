@@ -62,7 +62,12 @@ impl Renderer<'_> {
         let sample = Sample { pixel, frame, u: (self.numbers)(pixel, frame, seed) };
         let Some(drawn) = draw.draw(surface, self.material(surface), &sample) else { return NOTHING };
         let light = self.reflected(surface, &drawn.incident) * drawn.weight;
-        if light.max_element() <= 0.0 || self.is_shadowed(surface, &drawn.incident) {
+        if light.max_element() <= 0.0 {
+            return NOTHING;
+        }
+        let is_visible = !self.is_shadowed(surface, &drawn.incident);
+        draw.learn(surface, &sample, &drawn, is_visible);
+        if !is_visible {
             return NOTHING;
         }
         (light, Found { light: drawn.light, luminance: luminance(light) })

@@ -3,6 +3,7 @@
 use super::draw::{Draw, Sample};
 use super::frames::Frames;
 use super::renderer::Renderer;
+use super::rivals::FULL_HD;
 use super::view::{Pixel, SUBPIXELS, Surface};
 use std::time::Instant;
 
@@ -20,7 +21,8 @@ const TIMING_SEED: u32 = 3;
 /// picture.
 #[derive(Clone, Copy, Debug)]
 pub struct StageTimes {
-    /// Drawing a light and a point on it, and its share of what the sampler prepares for a frame.
+    /// Drawing a light and a point on it, learning what its shadow ray finds, and its share of what the sampler
+    /// prepares for a frame.
     pub choosing: f64,
     /// Shadow rays, which only samples that reflect light need.
     pub shadow_rays: f64,
@@ -63,18 +65,18 @@ impl Renderer<'_> {
         let parts: Vec<&[(usize, &Surface)]> = timed.chunks(PART).collect();
         let mut fastest = vec![vec![StageTimes::UNKNOWN; parts.len()]; draws.len()];
         let mut preparing = vec![f64::INFINITY; draws.len()];
-        let shares: Vec<f64> = draws.iter().map(|draw| draw.samples_per_preparation(full.len() as f64)).collect();
+        let pixels = full.len() as f64;
+        let shares: Vec<f64> = draws.iter().map(|draw| draw.samples_per_preparation(pixels)).collect();
         let mut frames: Vec<Frames<'_, '_>> =
             draws.iter_mut().map(|draw| Frames::new(self, *draw, TIMING_SEED)).collect();
         for round in 0..ROUNDS {
             for (i, (frames, fastest)) in frames.iter_mut().zip(&mut fastest).enumerate() {
                 if round < PREPARING_ROUNDS {
-                    let start = Instant::now();
-                    match &pool {
+                    let [folding, rest] = match &pool {
                         Some(pool) => pool.install(|| frames.prepare()),
                         None => frames.prepare(),
                     };
-                    preparing[i] = preparing[i].min(start.elapsed().as_secs_f64() / shares[i]);
+                    preparing[i] = preparing[i].min(folding / pixels.max(FULL_HD) + rest / shares[i]);
                 }
                 for (part, fastest) in parts.iter().zip(fastest) {
                     self.time_part(frames.prepared(), part, round as u32, fastest);
@@ -105,23 +107,26 @@ impl Renderer<'_> {
         for (index, surface) in part {
             let pixel = *index as u32;
             let sample = Sample { pixel, frame, u: (self.numbers)(pixel, round, TIMING_SEED) };
-            drawn.push(draw.draw(surface, self.material(surface), &sample));
+            drawn.push((sample, draw.draw(surface, self.material(surface), &sample)));
         }
         let chosen = Instant::now();
-        for ((_, surface), drawn) in part.iter().zip(&drawn) {
+        for ((_, surface), (_, drawn)) in part.iter().zip(&drawn) {
             let light = drawn.as_ref().map(|drawn| self.reflected(surface, &drawn.incident) * drawn.weight);
             lit.push(light.unwrap_or_default());
         }
         let shaded = Instant::now();
-        let mut unshadowed = 0;
-        for (((_, surface), drawn), light) in part.iter().zip(&drawn).zip(&lit) {
+        let mut found = Vec::with_capacity(PART);
+        for (((_, surface), (sample, drawn)), light) in part.iter().zip(&drawn).zip(&lit) {
             if let Some(drawn) = drawn.as_ref().filter(|_| light.max_element() > 0.0) {
-                unshadowed += u32::from(!self.is_shadowed(surface, &drawn.incident));
+                found.push((surface, sample, drawn, !self.is_shadowed(surface, &drawn.incident)));
             }
         }
-        std::hint::black_box(unshadowed);
-        fastest.choosing = fastest.choosing.min((chosen - start).as_secs_f64());
+        let traced = Instant::now();
+        for (surface, sample, drawn, is_visible) in found {
+            draw.learn(surface, sample, drawn, is_visible);
+        }
+        fastest.choosing = fastest.choosing.min((chosen - start + traced.elapsed()).as_secs_f64());
         fastest.shading = fastest.shading.min((shaded - chosen).as_secs_f64());
-        fastest.shadow_rays = fastest.shadow_rays.min(shaded.elapsed().as_secs_f64());
+        fastest.shadow_rays = fastest.shadow_rays.min((traced - shaded).as_secs_f64());
     }
 }

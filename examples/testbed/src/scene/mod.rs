@@ -13,8 +13,9 @@
 //! 2. `palette`, `part` and `assembly`: materials, and meshes that are built together with their
 //!    lights (`rng` is in `examples/testbed/src/common/pcg.rs`);
 //! 3. `designs`: buildings, street furniture, signs and vehicles;
-//! 4. the loaders, in any order; each folder's `mod.rs` states the order of its files;
-//! 5. `size_argument`: the sizes of the procedural city on a command line.
+//! 4. `rooms`: a house for measurements;
+//! 5. the loaders, in any order; each folder's `mod.rs` states the order of its files;
+//! 6. `size_argument`: the sizes of the procedural city on a command line.
 
 pub mod texture;
 mod stage;
@@ -25,6 +26,7 @@ pub mod assembly;
 
 pub mod designs;
 
+pub mod rooms;
 #[cfg(feature = "native")]
 pub mod gltf_scene;
 pub mod procedural;

@@ -9,7 +9,6 @@
 //! Read the files in the order of the list below, in which data passes through them. They refer to
 //! `crate::city`, `testbed::common`, `testbed::direct_light` and `testbed::measuring`.
 
-pub mod rooms;
 pub mod places;
 
 pub mod receivers;

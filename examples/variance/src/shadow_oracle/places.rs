@@ -1,12 +1,12 @@
 //! The scenes that are measured, and the eyes from which their surfaces are seen.
 
-use super::rooms;
 use girandole::LightWorld;
 use girandole::glam::{Vec3, vec3};
 use std::path::Path;
 use testbed::direct_light::stage::prepare;
 use testbed::render::geometry::Geometry;
 use testbed::scene::procedural::{self, CityOptions, Size};
+use testbed::scene::rooms;
 use testbed::scene::{Scene, SceneError, Stage, gltf_scene};
 
 /// How long the scenes have moved, in seconds.

@@ -76,7 +76,7 @@ impl Draw for SharedCuts<'_> {
         let (light, pmf) = self.tree.pick(node, &surface.shading_point, wide([a, b]))?;
         let incident =
             self.lights.sampler.sample_light(&surface.shading_point, self.lights.ids[light as usize], [x, y])?;
-        Some(Drawn { incident, weight: cut.len() as f32 / (incident.pdf * pmf), light })
+        Some(Drawn { incident, weight: cut.len() as f32 / (incident.pdf * pmf), light, id: None })
     }
 
     fn samples_per_preparation(&self, pixels: f64) -> f64 {

@@ -5,11 +5,12 @@
 
 use girandole::glam::{Affine3A, Vec2, Vec3, vec2, vec3};
 use girandole::{FrameBudget, Light, LightWorld, Policy};
-use testbed::scene::assembly::{Assembly, Design};
-use testbed::scene::palette::{COOL, Glow, NEUTRAL, Palette, SOFT};
-use testbed::scene::part::Part;
-use testbed::scene::rng::Rng;
-use testbed::scene::{Scene, SceneError};
+
+use super::assembly::{Assembly, Design};
+use super::palette::{COOL, Glow, NEUTRAL, Palette, SOFT};
+use super::part::Part;
+use super::rng::Rng;
+use super::{Camera, Scene, SceneError};
 
 /// Number of rooms.
 const ROOMS: usize = 10;
@@ -27,6 +28,10 @@ const DOOR: Vec2 = vec2(1.0, 2.1);
 const PITCH: f32 = ROOM.x + WALL;
 /// Distance of eyes from the floor, metres.
 const EYE_HEIGHT: f32 = 1.7;
+/// The camera: its room, from where to where it looks in that, and its vertical field of view in radians.
+const CAMERA_ROOM: usize = 4;
+const CAMERA: [Vec3; 2] = [vec3(-1.7, EYE_HEIGHT, 2.75), vec3(0.6, 1.1, -3.0)];
+const FIELD_OF_VIEW: f32 = 1.1;
 /// Distance of the emissive faces from ceilings and walls, metres.
 const GAP: f32 = 0.01;
 /// The levels to which the lamps of a room may be dimmed. Daylight is not dimmed.
@@ -83,6 +88,9 @@ pub fn rooms(are_open: bool) -> Result<(Scene, LightWorld, Vec<Vec3>), SceneErro
     eyes.extend([0.25, 0.75].map(|share| vec3(length * share, EYE_HEIGHT, 0.0)));
     let Assembly { mut scene, mut world } = assembly;
     scene.materials = palette.materials;
+    // From the far corner of a room to its door, through which the corridor is seen.
+    let [eye, target] = CAMERA.map(|at| room_to_world(CAMERA_ROOM).transform_point3(at));
+    scene.camera = Camera { eye, target, vertical_fov: FIELD_OF_VIEW, up: Vec3::Y };
     world.update(FrameBudget::UNLIMITED);
     Ok((scene, world, eyes))
 }
@@ -229,7 +237,7 @@ fn cabinet(palette: &mut Palette) -> Part {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use testbed::render::geometry::Geometry;
+    use crate::render::geometry::Geometry;
 
     #[test]
     fn walls_block_and_doors_do_not() {
