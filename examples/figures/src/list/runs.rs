@@ -108,11 +108,11 @@ pub const RUNS: &[Run] = &[
     Run {
         name: "learnt",
         program: "accuracy",
-        arguments: "--learning",
+        arguments: "--learning --pictures 4",
         quick: Some("--learning --quick"),
         scene: Scene::Added,
         is_timed: true,
-        seconds: 600,
+        seconds: 500,
         ..RUN
     },
     Run {

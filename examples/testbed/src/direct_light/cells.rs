@@ -60,9 +60,9 @@ impl<'a> SharedCells<'a> {
         Ok(Self { world, view, scene, settings, cuts, learnt: options.map(VisibilityTable::new) })
     }
 
-    /// Whether cells are built in a frame. Those that teach are frames of an engine, which builds in each.
+    /// Whether cells are built in a frame.
     fn is_built_in(&self, frame: &Frame<'_>) -> bool {
-        frame.number < self.warm_up() || frame.number.is_multiple_of(FRAMES)
+        frame.number == self.warm_up() || frame.number.is_multiple_of(FRAMES)
     }
 
     fn shading_point(&self, surface: &Surface, material: &Material) -> ShadingPoint {
@@ -81,10 +81,10 @@ fn taught<'a>(world: &'a LightWorld, learnt: Option<&'a VisibilityTable>) -> Lig
 
 impl Draw for SharedCells<'_> {
     fn fold(&mut self, frame: &Frame<'_>) {
-        let is_built = self.is_built_in(frame);
+        let is_folded = frame.number < self.warm_up() || self.is_built_in(frame);
         match &mut self.learnt {
             Some(table) if frame.number == 0 => table.clear(),
-            Some(table) if is_built => table.end_frame(),
+            Some(table) if is_folded => table.end_frame(),
             _ => {}
         }
     }
