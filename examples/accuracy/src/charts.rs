@@ -1,7 +1,7 @@
 //! The plots of the page.
 
 use super::answers::{Answers, BUDGETS, is_plain};
-use super::settings::{Change, DEFAULT, SHARED, Sampler, resampled_default};
+use super::settings::{Change, DEFAULT, LEARNT, SHARED, Sampler, resampled_default};
 use super::table::Row;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -110,6 +110,7 @@ pub fn alternatives(rows: &[Row], others: &[Sampler], answers: &Answers, is_quic
     let mut curves: Vec<Curve> = others.iter().copied().zip(COLORS).map(curve).collect();
     curves.push(Curve { is_dashed: true, ..curve((resampled_default(is_quick), PALETTE[5])) });
     curves.push(Curve { is_dashed: true, ..curve((SHARED, PALETTE[1])) });
+    curves.push(curve((LEARNT, RGBColor(120, 120, 120))));
     curves.push(curve((DEFAULT, PALETTE[5])));
     let all = || curves.iter().flat_map(|curve| &curve.points);
     let ranges = (around(all().map(|at| at.0)), around(all().map(|at| at.1)));
@@ -138,7 +139,7 @@ pub fn stages(rows: &[Row], others: &[Sampler], shaded_pixels: f64, is_quick: bo
     };
     let splits = |splits| Sampler::TwoLevels { splits, candidates: 1 };
     let one_tree = Sampler::OneLevel { splits: 6, candidates: 1 };
-    let own = [splits(0), DEFAULT, resampled_default(is_quick), SHARED, one_tree];
+    let own = [splits(0), DEFAULT, resampled_default(is_quick), SHARED, LEARNT, one_tree];
     let bars: Vec<(String, [f64; 3])> = own
         .into_iter()
         .chain(others.iter().copied())

@@ -143,7 +143,7 @@ fn a_quick_run_writes_a_table_plots_and_a_page_that_needs_nothing_else() {
     let all_lights = front.iter().any(|row| row.setting.sampler == Sampler::AllLights);
     let plot = fs::read_to_string(out.join("error_over_time.svg")).expect("a plot");
     assert!(all_lights && plot.contains("all lights: relMSE") && !plot.contains("\n100\n"));
-    assert_eq!(fs::read_to_string(out.join("equal_time.svg")).expect("a figure").matches("<image").count(), 10);
+    assert_eq!(fs::read_to_string(out.join("equal_time.svg")).expect("a figure").matches("<image").count(), 11);
     fs::remove_dir_all(&out).expect("the test made it");
 }
 

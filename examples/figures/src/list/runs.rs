@@ -111,6 +111,7 @@ pub const RUNS: &[Run] = &[
         arguments: "--learning --pictures 4",
         quick: Some("--learning --quick"),
         scene: Scene::Added,
+        has_fewer_rows: true,
         is_timed: true,
         seconds: 500,
         ..RUN
