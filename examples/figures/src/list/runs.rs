@@ -108,12 +108,11 @@ pub const RUNS: &[Run] = &[
     Run {
         name: "learnt",
         program: "accuracy",
-        arguments: "--learning --pictures 4",
+        arguments: "--learning --pictures 4 --size 96x54",
         quick: Some("--learning --quick"),
-        scene: Scene::Added,
         has_fewer_rows: true,
         is_timed: true,
-        seconds: 500,
+        seconds: 400,
         ..RUN
     },
     Run {
