@@ -23,6 +23,9 @@ const REFERENCE_SEED: u32 = 1_000_000;
 /// the second.
 pub const GOALS: [f64; 2] = [3.0, 2.0];
 
+/// Scenes in which most lights are hidden: only [`learning`](super::learning) renders them.
+pub const HIDDEN: [&str; 2] = ["bent tunnel", "ten rooms"];
+
 /// A scene, and how it is rendered.
 pub struct Contest {
     pub name: String,

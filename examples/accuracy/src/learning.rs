@@ -1,4 +1,4 @@
-//! `--learning`: what learnt visibility buys cells that share cuts, for the scenes of `--rivals`.
+//! `--learning`: what learnt visibility buys cells that share cuts, for the scenes of `--rivals` and two more.
 //!
 //! [`TAUGHT`] frames with one sample per pixel have taught. The gain is the product of relMSE and time without what is
 //! learnt over that with it. Times include records, and the fold of the table and the build of cells by as

@@ -25,13 +25,13 @@
 //!     [--size WxH] [--pictures N]
 //! ```
 //!
-//! The second form compares published samplers with the library in eight procedural scenes, and in one of a
+//! The second form compares published samplers with the library in six procedural scenes, and in one of a
 //! file. It prints relMSE times time at 16 samples per pixel over that of the library, with confidence
 //! intervals, lists the samplers that come closer than the goal, and writes `rivals.csv` (`rivals.rs`
 //! explains the columns).
 //!
 //! With `--learning` in place of `--rivals`, the program measures what learnt visibility buys in the same
-//! scenes (`--quick` in two of them), and writes `learning.csv` and two films as SVG (`learning.rs`).
+//! scenes and two more (`--quick` in two), and writes `learning.csv` and two films as SVG (`learning.rs`).
 //!
 //! All work is done by threads of the CPU; times are those of one core. Read them as ratios within
 //! one run, since machines and their load differ. Only uploads use a GPU, or a software Vulkan

@@ -7,7 +7,7 @@
 //! prepares for a frame. Rounds go in turn, and the fastest counts. Building trees is free for all.
 
 use super::answers::Ratio;
-use super::contests::{Arena, Closeness, Contest, GOALS, contests};
+use super::contests::{Arena, Closeness, Contest, GOALS, HIDDEN, contests};
 use super::options::Options;
 use super::samplers::Samplers;
 use super::settings::{self, Sampler, counted};
@@ -15,7 +15,7 @@ use girandole::CandidateCount;
 use std::fs;
 use testbed::common::progress::progress;
 use testbed::common::table::{Table, markdown_head, short};
-use testbed::direct_light::cells::{CellSettings, SharedCells, TAUGHT};
+use testbed::direct_light::cells::{CellSettings, SharedCells};
 use testbed::direct_light::draw::{Draw, Resampled, ResampledWithGloss};
 use testbed::direct_light::times::StageTimes;
 use testbed::measuring::score::Estimate;
@@ -40,14 +40,12 @@ const COLUMNS: [&str; 11] = [
 ];
 
 /// The library's rows; the first two are what the others are compared with.
-const OWN: [&str; 7] = [
+const OWN: [&str; 5] = [
     "Girandole, one tree",
     "Girandole",
     "Girandole, 8 candidates",
     "Girandole, shared cuts",
     "Girandole, shared cuts, 8 candidates",
-    "Girandole, learnt cuts",
-    "Girandole, learnt cuts, 8 candidates",
 ];
 
 /// A sampler in a scene.
@@ -74,7 +72,8 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
     let out = &options.out;
     fs::create_dir_all(out).map_err(|error| SceneError(format!("cannot create {}: {error}", out.display())))?;
     let mut table = Table::create(&out.join("rivals.csv"), &COLUMNS).map_err(SceneError)?;
-    let contests = contests(options, &closeness)?;
+    let mut contests = contests(options, &closeness)?;
+    contests.retain(|contest| !HIDDEN.contains(&contest.name.as_str()));
     let goals: Vec<f64> = contests.iter().map(|contest| contest.goal).collect();
     let bar = progress("scenes", contests.len() as u64);
     let mut columns: Vec<(String, Vec<Entry>)> = Vec::new();
@@ -124,11 +123,8 @@ fn measure(contest: Contest, closeness: &Closeness) -> Result<Vec<Entry>, SceneE
         own(world.sampler(), CandidateCount::ONE),
         own(world.sampler(), CandidateCount::of::<8>()),
     ];
-    let candidates = [CandidateCount::ONE, CandidateCount::of::<8>()];
-    for (taught, candidates) in
-        [None, Some(TAUGHT)].into_iter().flat_map(|taught| candidates.map(|count| (taught, count)))
-    {
-        let settings = CellSettings { has_gloss: !contest.is_matte, candidates, taught };
+    for candidates in [CandidateCount::ONE, CandidateCount::of::<8>()] {
+        let settings = CellSettings { has_gloss: !contest.is_matte, candidates, taught: None };
         let cells = SharedCells::new(world, (&view.view, &view.scene), settings);
         draws.push(Box::new(cells.map_err(|error| SceneError(error.to_string()))?));
     }
