@@ -22,8 +22,9 @@ impl LightSampler<'_> {
     /// recorded. Any threads may call this at once; additions to shared counters are all that they
     /// contend for.
     ///
-    /// The cost is one node for each level above the light, a third of a sample. Where a frame has many samples in
-    /// each cell, as in pictures of 1920 x 1080 pixels, record one in 16, which teach within a few frames.
+    /// The cost is one node for each level above the light, about a quarter of a sample without shared
+    /// cuts. Where a frame has many samples in each cell, as in pictures of 1920 x 1080 pixels, record
+    /// one in 16: these teach within a few frames.
     pub fn record_visibility(&self, shading_point: &ShadingPoint, sample: &LightSample, is_visible: bool) {
         let Some((table, grid)) = &self.visibility else { return };
         let LightId::Local { instance, light } = sample.light else { return };

@@ -8,6 +8,7 @@ use super::samplers::Prepared;
 use super::scene_view::SceneView;
 use girandole::LightWorld;
 use girandole::glam::Vec3;
+use testbed::direct_light::cells::{CellSettings, SharedCells};
 use testbed::direct_light::converged;
 use testbed::direct_light::draw::Draw;
 use testbed::direct_light::renderer::Renderer;
@@ -89,7 +90,8 @@ pub struct Arena {
     pub view: SceneView,
     pub world: LightWorld,
     pub prepared: Prepared,
-    reference: Vec<Vec3>,
+    /// The mean of all lights.
+    pub reference: Vec<Vec3>,
 }
 
 impl Arena {
@@ -108,9 +110,10 @@ impl Arena {
         Renderer { numbers: sobol, ..self.view.renderer() }
     }
 
-    /// The mean of all lights.
-    pub fn reference(&self) -> &[Vec3] {
-        &self.reference
+    /// Cells that share cuts.
+    pub fn cells(&self, settings: CellSettings) -> Result<SharedCells<'_>, SceneError> {
+        let cells = SharedCells::new(&self.world, (&self.view.view, &self.view.scene), settings);
+        cells.map_err(|error| SceneError(error.to_string()))
     }
 
     /// The relMSE of several pictures, and the first of them.

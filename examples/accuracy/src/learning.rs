@@ -7,12 +7,12 @@
 use super::contests::{Arena, Closeness, Contest, contests};
 use super::options::Options;
 use super::settings::counted;
+use girandole::CandidateCount;
 use girandole::glam::Vec3;
-use girandole::{CandidateCount, VisibilityError};
 use std::fs;
 use testbed::common::progress::progress;
 use testbed::common::table::{Table, markdown_head, short};
-use testbed::direct_light::cells::{CellSettings, SharedCells, TAUGHT};
+use testbed::direct_light::cells::{CellSettings, TAUGHT};
 use testbed::direct_light::draw::Draw;
 use testbed::measuring::crops::{Crops, Window};
 use testbed::render::metering::meter;
@@ -101,7 +101,7 @@ fn measure(
     let mut draws = Vec::new();
     for candidates in CANDIDATES {
         for taught in [None, Some(TAUGHT)] {
-            draws.push(cells(arena, CellSettings { has_gloss: !is_matte, candidates, taught }).map_err(refused)?);
+            draws.push(arena.cells(CellSettings { has_gloss: !is_matte, candidates, taught })?);
         }
     }
     let errors: Vec<[f64; SAMPLES.len()]> = draws
@@ -116,27 +116,19 @@ fn measure(
     Ok((0..CANDIDATES.len()).map(both).collect())
 }
 
-fn cells(arena: &Arena, settings: CellSettings) -> Result<SharedCells<'_>, VisibilityError> {
-    SharedCells::new(&arena.world, (&arena.view.view, &arena.view.scene), settings)
-}
-
-fn refused(error: impl ToString) -> SceneError {
-    SceneError(error.to_string())
-}
-
 /// Pictures of the same view in several frames, first without and then with what is learnt.
 fn film(arena: &mut Arena, is_matte: bool, closeness: &Closeness) -> Result<Crops, SceneError> {
     (arena.view.scene.exposure, arena.view.scene.is_metered) = (1.0, true);
     meter(&mut arena.view.scene, &arena.view.geometry, &arena.world, closeness.size);
     let (width, exposure) = (arena.view.view.width, arena.view.scene.exposure);
-    let window = Window::of_most_contrast(arena.reference(), width, (width, width));
+    let window = Window::of_most_contrast(&arena.reference, width, (width, width));
     let to_screen = |pixel: Vec3| agx((pixel * exposure).max(Vec3::ZERO));
     let mut all = Vec::new();
     for learns in [false, true] {
         for frame in FRAMES {
             let taught = learns.then_some(frame - 1);
             let settings = CellSettings { has_gloss: !is_matte, candidates: CandidateCount::ONE, taught };
-            let mut draw = cells(arena, settings).map_err(refused)?;
+            let mut draw = arena.cells(settings)?;
             let (error, picture) = arena.error(&mut draw, FILM_SAMPLES, closeness.seeds);
             let title = format!("Frame {frame}, {}", if learns { "learnt" } else { "without" });
             let caption = format!("relMSE {}", short(error.mean));

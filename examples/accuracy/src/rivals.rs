@@ -15,7 +15,7 @@ use girandole::CandidateCount;
 use std::fs;
 use testbed::common::progress::progress;
 use testbed::common::table::{Table, markdown_head, short};
-use testbed::direct_light::cells::{CellSettings, SharedCells};
+use testbed::direct_light::cells::CellSettings;
 use testbed::direct_light::draw::{Draw, Resampled, ResampledWithGloss};
 use testbed::direct_light::times::StageTimes;
 use testbed::measuring::score::Estimate;
@@ -125,8 +125,7 @@ fn measure(contest: Contest, closeness: &Closeness) -> Result<Vec<Entry>, SceneE
     ];
     for candidates in [CandidateCount::ONE, CandidateCount::of::<8>()] {
         let settings = CellSettings { has_gloss: !contest.is_matte, candidates, taught: None };
-        let cells = SharedCells::new(world, (&view.view, &view.scene), settings);
-        draws.push(Box::new(cells.map_err(|error| SceneError(error.to_string()))?));
+        draws.push(Box::new(arena.cells(settings)?));
     }
     let mut names: Vec<String> = OWN.map(Into::into).into();
     for sampler in settings::others() {
