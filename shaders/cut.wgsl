@@ -40,7 +40,7 @@ struct LightCut {
     // The sum of the importances of unresolved candidates; after the last split what each of them is
     // multiplied by.
     unresolved: f32,
-    // #if LEARNS
+    // #if POINT_LEARNS
     cell: LightCell,
     // #endif
 }
@@ -220,7 +220,7 @@ fn light_take(
     estimate: LightImportance,
 ) {
     var lux = estimate.lux;
-    // #if LEARNS
+    // #if POINT_LEARNS
     if weighing.in_cut {
         lux *= light_visible_share(packed, view, instance, local, (*cut).cell);
     }
@@ -289,7 +289,7 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
         return;
     }
     // #endif
-    // #if LEARNS
+    // #if POINT_LEARNS
     (*cut).cell = light_cell(shading_point);
     // #endif
     // #if UNSPLIT

@@ -156,7 +156,10 @@ fn cut_build(
     // #endif
 
     // #if LEARNS
-    let learnt = light_cell(point);
+    var learnt = light_cell(point);
+    if is_center {
+        learnt.row = LIGHT_NO_ROW;
+    }
     // #endif
 
     // Split until no split is worth its time, or as often as there is room.

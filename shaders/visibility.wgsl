@@ -22,7 +22,7 @@ struct LightCell {
     block: LightCellKey,
     // The row in which something is known, or LIGHT_NO_ROW.
     row: u32,
-    // From the middle of the block to the shading point, in metres.
+    // From the middle of the block's groups to the shading point, in metres.
     from_center: vec3<f32>,
 }
 
@@ -69,7 +69,7 @@ fn light_cell(shading_point: LightShadingPoint) -> LightCell {
     let in_block = vec3<f32>(at & vec3((1u << LIGHT_BLOCK_BITS) - 1u));
     cell.key = light_cell_key(at, side, 0u, rows.x);
     cell.block = light_cell_key(block, side, rows.x, rows.y);
-    cell.from_center = place - (cube - in_block + f32(1u << (LIGHT_BLOCK_BITS - 1u))) * grid.x;
+    cell.from_center = place - (cube - in_block + LIGHT_BLOCK_MIDDLE) * grid.x;
     cell.row = light_learnt_row(cell.key, 0u);
     if cell.row == LIGHT_NO_ROW {
         cell.row = light_learnt_row(cell.block, 0u);

@@ -165,7 +165,7 @@ const MAX_STEPS: u32 = 1024;
 pub(crate) struct Extras {
     /// Counts the nodes that an invocation reads.
     pub counts: bool,
-    /// Reads and records learnt visibility.
+    /// Reads and records learnt visibility. Where cells share cuts, those of single points do not.
     pub learns: bool,
     /// Reads the buffers of the last frame.
     pub previous: bool,
@@ -183,6 +183,7 @@ impl Extras {
         match name {
             "COUNTS" => Some(self.counts),
             "LEARNS" => Some(self.learns),
+            "POINT_LEARNS" => Some(self.learns && self.cells.is_none()),
             "PREVIOUS" => Some(self.previous),
             "CELLS" => Some(self.cells.is_some()),
             "SPLITS" => Some(self.cells != Some(CutFallback::Walk)),
@@ -485,6 +486,7 @@ pub(crate) fn constants() -> String {
         ("MAX_COORDINATE", visibility::MAX_COORDINATE),
         ("MAX_DIST", visibility::MAX_DIST),
         ("ROUNDING", visibility::ROUNDING),
+        ("BLOCK_MIDDLE", visibility::BLOCK_MIDDLE),
     ] {
         // As f64: the shortest digits of the greatest f32 are above it, which Tint refuses.
         let _ = writeln!(text, "const LIGHT_{name}: f32 = {:e};", f64::from(value));
@@ -632,7 +634,8 @@ mod tests {
         light_cell_key light_learnt_row light_row_to_record light_record_visibility LightCellKey LightCellKey.tag \
         LightCellKey.bucket LightCell LightCell.key LightCell.block LightCell.row LightCell.from_center \
         LightCut.cell LIGHT_NO_ROW LIGHT_WAYS LIGHT_MIN_IDLE LIGHT_BINS LIGHT_BIN_SHIFT LIGHT_COORDINATE_BITS \
-        LIGHT_TAG_SEED LIGHT_BLOCK_BITS LIGHT_LEARNT_BIT LIGHT_USED_BIT LIGHT_TABLE_HEAD LIGHT_MAX_COORDINATE LIGHT_MAX_DIST LIGHT_ROUNDING";
+        LIGHT_TAG_SEED LIGHT_BLOCK_BITS LIGHT_LEARNT_BIT LIGHT_USED_BIT LIGHT_TABLE_HEAD LIGHT_MAX_COORDINATE LIGHT_MAX_DIST LIGHT_ROUNDING \
+        LIGHT_BLOCK_MIDDLE";
 
     #[test]
     fn learning_adds_its_names_and_bindings_with_every_effect_and_without_any() {

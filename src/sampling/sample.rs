@@ -227,7 +227,10 @@ macro_rules! with_cut {
             },
             None => {
                 let $source = $sampler.own_cut($shading_point, $directional_lux);
-                match (masks, $sampler.learnt($shading_point)) {
+                // Where cells share cuts, those alone know what is learnt: looking it up for the few points without
+                // a cell took longer than it gained.
+                let learnt = if $sampler.cuts.is_none() { $sampler.learnt($shading_point) } else { None };
+                match (masks, learnt) {
                     (Some(masks), learnt) => {
                         let $trees = &trees.with_masks(masks, learnt);
                         $run

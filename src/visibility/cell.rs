@@ -20,8 +20,9 @@ pub(crate) const BIN_SHIFT: u32 = u32::BITS - BINS.ilog2();
 /// Cells along the edge of a block, as a power of two: blocks have 4 x 4 x 4 cells.
 pub(crate) const BLOCK_BITS: u32 = 2;
 
-/// Half of the edge of a block, in cells.
-const HALF_BLOCK: f32 = (1 << (BLOCK_BITS - 1)) as f32;
+/// From the corner of a block to the middle of its groups, in cells: half of its edge, and a little more, since
+/// lamps at round coordinates would lie on the borders of groups.
+pub(crate) const BLOCK_MIDDLE: f32 = (1 << (BLOCK_BITS - 1)) as f32 + 0.1183;
 
 /// The lowest bit of a tag is set once something was recorded in a row. Until then the row is not read.
 pub(crate) const LEARNT_BIT: u32 = 1;
@@ -56,7 +57,7 @@ pub(crate) struct Cell {
     pub key: CellKey,
     /// That of the block that holds the cell.
     pub block: CellKey,
-    /// From the middle of the block to the shading point, in metres.
+    /// From the middle of the block's groups to the shading point, in metres.
     pub from_center: Vec3,
 }
 
@@ -110,7 +111,7 @@ impl CellGrid {
         // Blocks are signed cells, shifted.
         let block = at.map(|coordinate| (coordinate as i32 >> BLOCK_BITS) as u32);
         let in_block = Vec3::from(at.map(|coordinate| (coordinate & ((1 << BLOCK_BITS) - 1)) as f32));
-        let center = (cube - in_block + HALF_BLOCK) * self.edge;
+        let center = (cube - in_block + BLOCK_MIDDLE) * self.edge;
         Cell { key: CellKey::new(at, side), block: CellKey::new(block, side), from_center: place - center }
     }
 }

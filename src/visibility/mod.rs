@@ -22,7 +22,7 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use glam::DVec3;
 
 #[cfg(feature = "gpu-plan")]
-pub(crate) use cell::{BIN_SHIFT, BLOCK_BITS, COORDINATE_BITS, MAX_DIST, ROUNDING, USED_BIT};
+pub(crate) use cell::{BIN_SHIFT, BLOCK_BITS, BLOCK_MIDDLE, COORDINATE_BITS, MAX_DIST, ROUNDING, USED_BIT};
 pub(crate) use cell::{
     BINS, Cell, CellGrid, CellKey, LEARNT_BIT, LearntCell, MAX_COORDINATE, TAG_SEED, bin_of_child, bin_toward, side,
 };

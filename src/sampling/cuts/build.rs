@@ -65,8 +65,8 @@ struct Sketch<'s, 'a, 'p> {
     count: usize,
     /// The illuminance by directional lights at each point.
     directional: [f32; VIEWS],
-    /// What is learnt about each point.
-    learnt: [Option<LearntCell<'a>>; VIEWS],
+    /// What is learnt about each point. The middle is of no surface.
+    learnt: [Option<LearntCell<'a>>; POINTS],
 }
 
 /// Builds the cut of a cell. It has no nodes if no light reaches any of the points.
@@ -100,11 +100,13 @@ fn sketch<'s, 'a, 'p>(sampler: &'s LightSampler<'a>, cell: &'s CellPoints<'p>) -
         priority: [0.0; WIDTH],
         lit: 0,
     };
-    let (directional, learnt) = ([0.0; VIEWS], [None; VIEWS]);
+    let (directional, learnt) = ([0.0; VIEWS], [None; POINTS]);
     let mut sketch = Sketch { sampler, cell, opened: [opened; SHARED_NODES], count: 0, directional, learnt };
     for view in sketch.views() {
-        let point = sketch.point(view);
-        (sketch.directional[view], sketch.learnt[view]) = (sampler.directional_lux(point), sampler.learnt(point));
+        sketch.directional[view] = sampler.directional_lux(sketch.point(view));
+    }
+    for (learnt, point) in sketch.learnt.iter_mut().zip(cell.points) {
+        *learnt = sampler.learnt(point);
     }
     let mut next = NodeId { instance: NO_INSTANCE, node: 0 };
     while sketch.add(next).is_some() && sketch.count < SHARED_NODES {
@@ -130,13 +132,19 @@ impl<'a> Sketch<'_, 'a, '_> {
     fn add(&mut self, id: NodeId) -> Option<()> {
         let mut opened = Opened { id, ..self.opened[self.count] };
         let mut doubts = [[0.0; WIDTH]; POINTS];
+        // Points in the same row see each child in the same group.
+        let mut last: Option<(LearntCell<'a>, Lanes)> = None;
         for view in self.views() {
             let point = self.point(view);
             let tree = self.sampler.view_at(id.instance, point)?;
             let record = tree.nodes.get(id.node as usize)?;
             let ChildImportances { mut importance, doubt } = self.importances(&tree, id.node, record, point);
-            if let Some(learnt) = &self.learnt[view] {
-                let shares = learnt.shares(record, &tree.local, &self.sampler.world_of(&tree));
+            if let Some(Some(learnt)) = self.learnt.get(view) {
+                let (_, shares) = match last {
+                    Some(known) if std::ptr::eq(known.0.shares, learnt.shares) => known,
+                    _ => (*learnt, learnt.shares(record, &tree.local, &self.sampler.world_of(&tree))),
+                };
+                last = Some((*learnt, shares));
                 for slot in 0..WIDTH {
                     importance[slot] *= shares[slot];
                 }
