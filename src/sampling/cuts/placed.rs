@@ -87,7 +87,7 @@ impl<'a> LightSampler<'a> {
     /// probabilities: call them with the same table, as built, for one estimate.
     ///
     /// Where the table has no cut for the cell of a shading point, or was built before the last change of
-    /// the world, the sampler returns the same bits as without it. Choices from a cut follow the [learnt
+    /// the world, the sampler returns the same bits as without it and without learnt visibility. Choices from a cut follow the [learnt
     /// visibility](Self::with_visibility) that the table was [built](crate::CutTable::build) with; the sampler's own then
     /// only weighs the candidates of [`resample`](Self::resample).
     pub fn with_cuts(self, table: &'a CutTable) -> Self {
