@@ -21,8 +21,9 @@
 //! | 1000 to 1001 | [`VisibilityError`] |
 //! | 1100 to 1106 | `tree::BakeError` |
 //! | 1200 to 1201 | [`CutError`] |
+//! | 1300 to 1303 | [`SkyError`] |
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use crate::keys::{DirectionalKey, InstanceKey, RegionKey, TreeKey};
 
@@ -444,6 +445,59 @@ impl VisibilityError {
         match self {
             Self::Edge { .. } => 1000,
             Self::Cells { .. } => 1001,
+        }
+    }
+}
+
+/// Why a [`Sky`](crate::Sky), or a part of one, was refused. Codes 1300 to 1303.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SkyError {
+    /// The pixels are no whole rows, none, or too many.
+    #[error("{pixels} pixels are not 1 to {max} whole rows of {width}, which must be 1 to {max}")]
+    Size {
+        /// The given width.
+        width: usize,
+        /// The given number of pixels.
+        pixels: usize,
+        /// The largest width and height.
+        max: usize,
+    },
+    /// A pixel is negative, not finite or too bright.
+    #[error("pixel {pixel} is {value}; each channel must be from 0 to {max}")]
+    Pixel {
+        /// The index of the pixel.
+        pixel: usize,
+        /// The given pixel.
+        value: Vec3,
+        /// The greatest value allowed.
+        max: f32,
+    },
+    /// A part of the map leaves it, or has another number of pixels.
+    #[error("{pixels} pixels are no part of {size:?} at {corner:?} in a map of {map:?}")]
+    Part {
+        /// The first column and row of the part.
+        corner: [usize; 2],
+        /// The columns and rows of the part.
+        size: [usize; 2],
+        /// The given number of pixels.
+        pixels: usize,
+        /// The columns and rows of the map.
+        map: [usize; 2],
+    },
+    /// The world has no sky.
+    #[error("the world has no sky")]
+    NoSky,
+}
+
+impl SkyError {
+    /// The stable code, see [`error`](self).
+    pub fn code(&self) -> u32 {
+        match self {
+            Self::Size { .. } => 1300,
+            Self::Pixel { .. } => 1301,
+            Self::Part { .. } => 1302,
+            Self::NoSky => 1303,
         }
     }
 }

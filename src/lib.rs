@@ -140,6 +140,7 @@ pub mod error;
 mod math;
 pub mod cluster;
 pub mod light;
+mod sky;
 pub mod tree;
 pub mod policy;
 pub mod scheduler;
@@ -161,7 +162,7 @@ mod documented;
 mod f64_reference;
 
 pub use effects::{EffectCounts, Effects};
-pub use error::{BudgetError, CountError, CutError, LightError, PlacementError, VisibilityError, WorldError};
+pub use error::{BudgetError, CountError, CutError, LightError, PlacementError, SkyError, VisibilityError, WorldError};
 pub use glam;
 pub use instance::appearance::MAX_FACTOR;
 pub use instance::placement::{MAX_DISTANCE, MAX_SCALE, Placement};
@@ -181,6 +182,7 @@ pub use sampling::sample::{LightPick, LightSample, LightSampler};
 pub use scheduler::FrameBudget;
 pub use shading::gloss::Gloss;
 pub use shading::shading_point::ShadingPoint;
+pub use sky::Sky;
 pub use tree::{Attribute, Attributes, LightTree};
 pub use visibility::{VisibilityOptions, VisibilityTable};
 #[cfg(feature = "gpu")]

@@ -272,7 +272,7 @@ impl LightPlanner {
         let Some(key) = world.instance_at(slot) else { return InstanceRecord::NONE };
         let Some(instance) = world.instance(key) else { return InstanceRecord::NONE };
         // No generation either, if it is hidden.
-        let Some(placed) = instance.shown() else { return InstanceRecord::NONE };
+        let Some(placed) = instance.shown().filter(|_| !instance.is_sky) else { return InstanceRecord::NONE };
         let state = self.trees.residency.get(slot_of(instance.tree));
         let parts = self.instances.parts.range(slot);
         let stands_in = state.form == Form::StandIns;

@@ -56,6 +56,12 @@ pub(crate) trait InstanceTrees<'a> {
     /// no such leaf, or if the tree has no nodes.
     fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, ChildRef)>;
 
+    /// The tree of the sky, which has nodes: a second root beside the top level. `None` if the shading point sees no
+    /// sky.
+    fn sky(&self) -> Option<TreeView<'a>> {
+        None
+    }
+
     /// The learnt visible share of each child of a node, in (0, 1]; `None` if nothing is learnt
     /// here. Shares multiply importances in the cut, and nowhere below it: so all that reads
     /// weights from the cut stays exact.
@@ -178,9 +184,10 @@ pub(crate) struct Cut<'a> {
 }
 
 impl<'a> Cut<'a> {
-    /// Splits the root and then, up to `splits` times, the candidate with the greatest doubt. If only one
-    /// child of the root is worth a split, that one is not counted. So a world in one instance, or with
-    /// one lamp far away, is sampled as well as one tree over all lights.
+    /// Splits the root, that of the sky and then, up to `splits` times, the candidate with the greatest doubt. With a
+    /// sky there are at most [`MAX_SPLITS`] with that of its root. Without, if only one child of the root is worth a
+    /// split, that one is not counted. So a world in one instance, or with one lamp far away, is sampled as well as
+    /// one tree over all lights.
     #[inline(always)]
     fn new(source: OwnCut<'a>, instance_trees: &impl InstanceTrees<'a>) -> Self {
         let OwnCut { root, splits, directional_lux } = source;
@@ -199,9 +206,18 @@ impl<'a> Cut<'a> {
         };
         let mut next = (cut.add_tree(root), 0);
         let mut most = splits.get();
+        let mut sky = instance_trees.sky();
         loop {
             let (tree, node) = next;
-            if cut.add_children(tree, node, instance_trees).is_none() || cut.node_count > most {
+            if cut.add_children(tree, node, instance_trees).is_none() {
+                break;
+            }
+            if let Some(sky) = sky.take() {
+                most = (most + 1).min(MAX_SPLITS);
+                next = (cut.add_tree(sky), 0);
+                continue;
+            }
+            if cut.node_count > most {
                 break;
             }
             if cut.node_count == 1 && most > 0 && cut.has_one_doubtful() {

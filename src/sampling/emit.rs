@@ -15,6 +15,7 @@ use crate::math::dice::clamp_unit;
 use crate::math::solid_angle::NearSurface;
 use crate::shading::segment::LocalSegment;
 use crate::shading::shading_point::ShadingPoint;
+use crate::sky::SKY_DIST;
 
 /// The light that arrives at a shading point from a point on a light, not yet shadowed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,7 +23,7 @@ use crate::shading::shading_point::ShadingPoint;
 pub struct Incident {
     /// Unit vector from the shading point to the point on the light.
     pub direction: Vec3,
-    /// Distance to the point in metres; infinity for a directional light.
+    /// Distance to the point in metres; infinity for a directional light and for the sky.
     pub dist: f32,
     /// Radiance in nits for surfaces. For points, spots and directional lights the illuminance, in
     /// lux, of a surface that faces them.
@@ -42,7 +43,7 @@ impl Incident {
     /// From the shading point, or the middle of its segment, to the point on the light.
     pub(crate) fn toward(&self, segment: Option<&LocalSegment>) -> Vec3 {
         let start = segment.map_or(Vec3::ZERO, |segment| segment.unit * (self.along - segment.half));
-        start + self.direction * self.dist
+        start + self.direction * self.dist.min(SKY_DIST)
     }
 }
 

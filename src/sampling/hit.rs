@@ -31,7 +31,8 @@ impl LightSampler<'_> {
     /// the ray meets the scene, and a little more where the scene has the surfaces of lights too. A light is
     /// hit where it sends light to the shading point. So rays pass through the backs of one-sided lights,
     /// through lights out of range, hidden and masked ones, and out of spheres. Lights without size are never
-    /// hit. `None` if nothing is hit, or if the direction is below the shading point's horizon; and for a
+    /// hit. A ray that hits nothing and has a `max_dist` of infinity finds the [sky](crate::LightWorld::set_sky).
+    /// `None` if nothing is hit, or if the direction is below the shading point's horizon; and for a
     /// segment, of which a ray has only one point.
     ///
     /// The cost is that of the nodes whose boxes the ray meets, and of [`LightSampler::pmf`] for the light
@@ -39,7 +40,9 @@ impl LightSampler<'_> {
     pub fn hit(&self, shading_point: &ShadingPoint, direction: Vec3, max_dist: f32) -> Option<LightSample> {
         let is_above = shading_point.normal == Vec3::ZERO || shading_point.normal.dot(direction) > 0.0;
         (is_above && LocalSegment::of(shading_point).is_none()).then_some(())?;
-        let (light, dist) = self.first_hit(shading_point, direction, max_dist)?;
+        let Some((light, dist)) = self.first_hit(shading_point, direction, max_dist) else {
+            return if max_dist == f32::INFINITY { self.hit_sky(shading_point, direction) } else { None };
+        };
         let LightId::Local { instance, light: index } = light else { return None };
         let placed = self.world.instance(instance)?;
         let record = self.world.tree(placed.tree)?.lights().get(index as usize)?;

@@ -37,8 +37,8 @@ impl LightSampler<'_> {
         let mut last = bin_toward(toward, cell.from_center, grid.edge);
         table.count(row, last, is_visible);
         while path.enter_top() {
-            let LeafPath { tree, place, top, .. } = &path;
-            if top.is_none() {
+            let LeafPath { tree, place, .. } = &path;
+            if tree.is_top() {
                 to_world = Mat3::IDENTITY;
             }
             let (node, slot) = (&tree.nodes[*place as usize / WIDTH], *place as usize % WIDTH);

@@ -13,4 +13,5 @@ mod pdf;
 pub(crate) mod quality;
 pub(crate) mod resample;
 pub(crate) mod sample;
+mod sky;
 mod walk;

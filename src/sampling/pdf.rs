@@ -21,7 +21,7 @@ impl LightSampler<'_> {
     /// `point`, for multiple importance sampling of rays that hit lights.
     ///
     /// The density is `pmf * pdf`, per steradian in the world. `point` lies on the light, in metres
-    /// relative to the world's origin; this is not checked. 0 where sampling would find nothing
+    /// relative to the world's origin; this is not checked. For the sky it lies in the direction, at any distance. 0 where sampling would find nothing
     /// (behind a one-sided light, below the shading point's horizon, out of range, inside a
     /// sphere), for lights without size, and for a light that does not exist. Also 0 for a segment,
     /// of which a ray has only one point: call this for points. The cost is that of
@@ -32,6 +32,11 @@ impl LightSampler<'_> {
             return 0.0;
         }
         let Some(placed) = self.world.instance(instance) else { return 0.0 };
+        if placed.is_sky {
+            let toward = point - shading_point.position;
+            let pdf = placed.shown().map_or(0.0, |shown| self.sky_pdf(shown, shading_point, index, toward));
+            return if pdf > 0.0 { pdf * self.pmf(shading_point, light) } else { 0.0 };
+        }
         let tree = self.world.tree(placed.tree);
         let Some(record) = tree.and_then(|tree| tree.lights().get(index as usize)) else { return 0.0 };
         let Some(frame) = placed.shown().map(|placed| placed.frame(self.world.home())) else { return 0.0 };

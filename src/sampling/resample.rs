@@ -10,6 +10,7 @@
 
 use glam::Vec3;
 
+use crate::keys::LightId;
 use crate::light::luminance;
 use crate::math::dice::{U_STEP, clamp_unit};
 use crate::math::simd::{VectorJob, with_vectors};
@@ -137,7 +138,7 @@ impl LightSampler<'_> {
         let learnt = learnt.map(|learnt| (learnt, LocalSegment::of(shading_point)));
         // Without the learnt share, a candidate that is bright and hidden would be kept after all.
         let mut weight = |sample: &LightSample| {
-            let learnt = learnt.as_ref().filter(|_| sample.incident.dist < f32::INFINITY);
+            let learnt = learnt.as_ref().filter(|_| matches!(sample.light, LightId::Local { .. }));
             let share =
                 learnt.map_or(1.0, |(learnt, segment)| learnt.share_toward(sample.incident.toward(segment.as_ref())));
             share * weight(sample)

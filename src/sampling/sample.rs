@@ -5,7 +5,7 @@
 
 use std::fmt;
 
-use glam::Mat3;
+use glam::{Mat3, Vec3};
 
 use crate::instance::part::{Part, SINGLE};
 use crate::keys::{InstanceKey, LightId, slot_of};
@@ -22,11 +22,12 @@ use crate::sampling::walk::{DrawJob, LeafPath, Outcome, PmfJob, PmfQuery, TopPat
 use crate::shading::importance::LocalShadingPoint;
 use crate::shading::segment::LocalSegment;
 use crate::shading::shading_point::ShadingPoint;
+use crate::sky::SKY_DIST;
 use crate::top::TopLevel;
 use crate::top::masks::NodeMasks;
 use crate::tree::{ChildRef, Lanes, LightTree, NO_LEAF, Node, WIDTH};
 use crate::visibility::{CellGrid, LearntCell, VisibilityTable};
-use crate::world::LightWorld;
+use crate::world::{Instance, LightWorld};
 
 /// A light that [`LightSampler::pick`] chose.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -152,6 +153,10 @@ impl<'a> InstanceTrees<'a> for WorldTrees<'a, '_> {
         let (_, tree) = sampler.tree_view(sampler.world.instance_at(slot)?, self.shading_point)?;
         (!tree.nodes.is_empty()).then_some((tree, entry))
     }
+
+    fn sky(&self) -> Option<TreeView<'a>> {
+        self.sampler.sky_view(self.shading_point)
+    }
 }
 
 impl<'a, 's> WorldTrees<'a, 's> {
@@ -171,6 +176,10 @@ impl<'a> InstanceTrees<'a> for LearntWorldTrees<'a, '_> {
         self.trees.tree_view(leaf)
     }
 
+    fn sky(&self) -> Option<TreeView<'a>> {
+        self.trees.sky()
+    }
+
     #[inline(always)]
     fn visible_shares(&self, tree: &TreeView<'a>, node: &Node) -> Option<Lanes> {
         Some(self.learnt.shares(node, &tree.local, &self.trees.sampler.world_of(tree)))
@@ -180,6 +189,10 @@ impl<'a> InstanceTrees<'a> for LearntWorldTrees<'a, '_> {
 impl<'a> InstanceTrees<'a> for MaskedWorldTrees<'a, '_> {
     fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, ChildRef)> {
         self.trees.tree_view(leaf)
+    }
+
+    fn sky(&self) -> Option<TreeView<'a>> {
+        self.trees.sky()
     }
 
     #[inline(always)]
@@ -409,6 +422,9 @@ impl<'a> LightSampler<'a> {
             LightId::Directional(key) => self.world.directional(key).map(|_| Stretch::uniform(segment)),
             LightId::Local { instance, light } => {
                 let placed = self.world.instance(instance)?;
+                if placed.is_sky {
+                    return Some(Stretch::uniform(segment));
+                }
                 let light = self.world.tree(placed.tree)?.lights().get(light as usize)?;
                 Stretch::of(light, &placed.shown()?.frame(self.world.home()), shading_point, segment)
             }
@@ -432,6 +448,10 @@ impl<'a> LightSampler<'a> {
             LightId::Local { instance, light } => {
                 let placed = self.world.instance(instance)?;
                 (placed.appearance.mask & shading_point.mask != 0).then_some(())?;
+                if placed.is_sky {
+                    let incident = self.sample_sky(placed.shown()?, shading_point, light, u)?;
+                    return Some(Incident { radiance: placed.appearance.arriving(incident.radiance)?, ..incident });
+                }
                 let light = self.world.tree(placed.tree)?.lights().get(light as usize)?;
                 let by_solid_angle = self.world.solid_angle_sampling();
                 let frame = &placed.shown()?.frame(self.world.home());
@@ -529,11 +549,10 @@ impl<'a> LightSampler<'a> {
 
     /// The linear part of the map to the world from the space in which a tree is seen.
     pub(crate) fn world_of(&self, tree: &TreeView<'_>) -> Mat3 {
-        if let Some(map) = &tree.local.map {
-            return map.axes;
-        }
-        let instance = self.world.instance_at(tree.instance).and_then(|key| self.world.instance(key));
-        instance.and_then(|instance| instance.shown()).map_or(Mat3::IDENTITY, |placed| placed.linear.linear)
+        let instance = || self.world.instance(self.world.instance_at(tree.instance)?);
+        let of_instance = || Some(instance()?.shown()?.linear.linear);
+        let axes = tree.local.map.map(|map| map.axes).or_else(of_instance).unwrap_or(Mat3::IDENTITY);
+        if instance().is_some_and(|instance| instance.is_sky) { axes * SKY_DIST } else { axes }
     }
 
     /// The top level.
@@ -551,12 +570,13 @@ impl<'a> LightSampler<'a> {
     ) -> Option<LeafPath<'a>> {
         let (lights, tree) = self.tree_view(instance, shading_point)?;
         let place = *lights.leaves().get(light as usize).filter(|place| **place != NO_LEAF)?;
-        let top = TopPath {
+        let Instance { tree: key, is_sky, .. } = *self.world.instance(instance)?;
+        let top = || TopPath {
             tree: self.root(shading_point),
             places: self.top.places(slot_of(instance)),
-            openings: self.world.openings(self.world.instance(instance)?.tree),
+            openings: self.world.openings(key),
         };
-        Some(LeafPath { tree, place, top: Some(top) })
+        Some(LeafPath { tree, place, top: (!is_sky).then(top) })
     }
 
     /// The directional light at a point of the line from 0 to the illuminance by all of them.
@@ -589,8 +609,14 @@ impl<'a> LightSampler<'a> {
     ) -> Option<(&'a LightTree, TreeView<'a>)> {
         let instance = self.world.instance(key)?;
         let tree = self.world.tree(instance.tree)?;
-        let (home, brightness) = (self.world.home(), instance.appearance.brightness());
-        let local = instance.shown()?.local_shading_point(shading_point, home, brightness);
+        let (placed, home, brightness) = (instance.shown()?, self.world.home(), instance.appearance.brightness());
+        let local = if instance.is_sky {
+            // It is as far from every point.
+            let here = ShadingPoint { position: placed.translation(home), segment: Vec3::ZERO, ..*shading_point };
+            placed.local_shading_point(&here, home, brightness)
+        } else {
+            placed.local_shading_point(shading_point, home, brightness)
+        };
         Some((tree, TreeView { nodes: tree.nodes(), local, instance: slot_of(key) }))
     }
 }
@@ -600,7 +626,7 @@ impl<'a> LightSampler<'a> {
 #[allow(clippy::manual_clamp, reason = "not the same for NaN")]
 pub(crate) fn illuminance(light: &DirectionalLight, shading_point: &ShadingPoint) -> f32 {
     let toward = -light.direction.normalize();
-    let cosine = if shading_point.normal == glam::Vec3::ZERO { 1.0 } else { shading_point.normal.dot(toward) };
+    let cosine = if shading_point.normal == Vec3::ZERO { 1.0 } else { shading_point.normal.dot(toward) };
     // At most 1, whatever the length of the normal is, and 0 for NaN.
     let lux = luminance(light.illuminance) * cosine.max(0.0).min(1.0);
     match LocalShadingPoint::gloss_of(shading_point) {

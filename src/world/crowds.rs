@@ -108,7 +108,7 @@ impl ThickBox {
     fn of(key: InstanceKey, scene: &Scene) -> Option<Self> {
         let instance = scene.instances.get(key)?;
         let cluster = scene.trees[instance.tree].tree.cluster();
-        let placed = instance.shown().filter(|_| cluster.flux > 0.0)?;
+        let placed = instance.shown().filter(|_| cluster.flux > 0.0 && !instance.is_sky)?;
         // Without the translation, which f32 would round.
         let aabb = cluster.aabb.transformed(&placed.linear.linear, Vec3::ZERO);
         Some(Self::new(instance.placement.translation + aabb.center().as_dvec3(), aabb.extent()))

@@ -281,7 +281,7 @@ impl LightWorld {
     }
 
     /// Puts a tree whose nodes are up to date in the place of another one, which is returned.
-    fn exchange(&mut self, tree: TreeKey, by: LightTree) -> LightTree {
+    pub(super) fn exchange(&mut self, tree: TreeKey, by: LightTree) -> LightTree {
         let birth = self.scene.births.next();
         let entry = &mut self.scene.trees[tree];
         entry.births = Rare::default();
@@ -331,8 +331,17 @@ impl LightWorld {
         let placement = placement.into();
         let placed = Placed::new(&placement, self.scene.origin.anchor())?;
         let appearance = Appearance::default();
-        let instance =
-            Instance { tree, placement, policy, appearance, placed, birth: 0, index_in_tree: 0, region: None };
+        let instance = Instance {
+            tree,
+            placement,
+            policy,
+            appearance,
+            placed,
+            birth: 0,
+            index_in_tree: 0,
+            region: None,
+            is_sky: false,
+        };
         Ok(self.insert_instance(instance, false))
     }
 
@@ -359,6 +368,7 @@ impl LightWorld {
     pub fn remove_instance(&mut self, key: InstanceKey) -> Result<(), WorldError> {
         let instance = self.scene.instances.remove(key).ok_or(WorldError::NoSuchInstance(key))?;
         self.effects.change(|counts| counts.remove(instance.effects()));
+        self.scene.sky.take_if(|(sky, _)| *sky == key);
         let (crowds, mut edit) = self.crowds();
         crowds.forget(key, instance.tree, &mut edit);
         self.detach(instance.tree, instance.index_in_tree, instance.policy);

@@ -29,6 +29,7 @@ mod requests;
 mod rest;
 mod rest_timers;
 mod scene;
+mod sky;
 mod slot_set;
 mod slot_table;
 mod staged;

@@ -19,8 +19,8 @@ impl Scene {
         parts
     }
 
-    /// The cluster of all lights of an instance, in the world. Empty for a dark tree and for a
-    /// hidden instance.
+    /// The cluster of all lights of an instance, in the world. Empty for a dark tree, a hidden instance and the
+    /// sky.
     pub fn cluster(&self, key: InstanceKey) -> Cluster {
         self.cluster_of(key, &self.trees[self.instances[key].tree].tree.cluster())
     }
@@ -37,11 +37,11 @@ impl Scene {
         }
     }
 
-    /// A cluster of an instance's tree in the world. Empty if it is dark or if the instance is
-    /// hidden.
+    /// A cluster of an instance's tree in the world. Empty if it is dark, or if the instance is hidden or the
+    /// sky.
     fn cluster_of(&self, key: InstanceKey, cluster: &Cluster) -> Cluster {
         let instance = &self.instances[key];
-        let Some(placed) = instance.shown().filter(|_| cluster.flux > 0.0) else {
+        let Some(placed) = instance.shown().filter(|_| cluster.flux > 0.0 && !instance.is_sky) else {
             return Cluster::EMPTY;
         };
         let flux = placed.linear.flux(cluster.punctual_flux, cluster.area_flux, cluster.axis);

@@ -15,14 +15,17 @@ use crate::keys::{DirectionalKey, InstanceKey, RegionKey, TreeKey};
 use crate::light::DirectionalLight;
 use crate::policy::{AttributeHistory, Policy, PolicySet};
 use crate::rare::Rare;
+use crate::sky::Sky;
 use crate::tree::{LightTree, Opening};
 
-/// The trees, instances and directional lights of a world, and the origin of their coordinates.
+/// The trees, instances, directional lights and sky of a world, and the origin of their coordinates.
 #[derive(Default)]
 pub(super) struct Scene {
     pub trees: SlotTable<TreeKey, TreeEntry>,
     pub instances: SlotTable<InstanceKey, Instance>,
     pub directionals: SlotMap<DirectionalKey, DirectionalLight>,
+    /// The map of the sky, and the instance of its patches.
+    pub sky: Option<(InstanceKey, Sky)>,
     pub births: BirthCounter,
     pub origin: Origin,
 }
@@ -86,6 +89,9 @@ pub(crate) struct Instance {
     pub index_in_tree: u32,
     /// The region that it was added with.
     pub region: Option<RegionKey>,
+    /// Its lights are patches of the sky, at a distance of 1 from every shading point. It is no part of the top
+    /// level.
+    pub is_sky: bool,
 }
 
 impl TreeEntry {

@@ -109,7 +109,12 @@ fn sketch<'s, 'a, 'p>(sampler: &'s LightSampler<'a>, cell: &'s CellPoints<'p>) -
         *learnt = sampler.learnt(point);
     }
     let mut next = NodeId { instance: NO_INSTANCE, node: 0 };
+    let mut sky = sampler.sky_view(&cell.center).map(|tree| NodeId { instance: tree.instance, node: 0 });
     while sketch.add(next).is_some() && sketch.count < SHARED_NODES {
+        if let Some(root) = sky.take() {
+            next = root;
+            continue;
+        }
         let Some((index, slot, child)) = sketch.next() else { break };
         sketch.remove(index, slot);
         next = child;

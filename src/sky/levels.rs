@@ -1,0 +1,310 @@
+//! The texels of a map, and the sums of their light over squares of 2, 4, 8 and more.
+//!
+//! Four children lie together in a quad, so that a walk from a square to a texel reads a quad for each level, and
+//! a GPU reads the same words.
+
+use std::f32::consts::PI;
+
+use glam::Vec3;
+
+use crate::light::luminance;
+
+/// The largest number of a shared exponent, with nine bits for a channel.
+const MAX_SHARED: f32 = 65_408.0;
+
+/// How much brighter than the brightest pixel a later one may be: beyond that all pixels are stored anew.
+const HEADROOM: f32 = 128.0;
+
+/// Texels and sums.
+#[derive(Clone)]
+pub(super) struct Levels {
+    size: [usize; 2],
+    /// What stored radiances are multiplied by.
+    scale: f32,
+    /// The levels from that of the texels up. A level has the quads of its squares, in rows of those of the
+    /// level above.
+    levels: Vec<Level>,
+    /// Texels as shared exponents, and then sums in lux as f32, as bits.
+    quads: Vec<[u32; 4]>,
+}
+
+#[derive(Clone, Copy)]
+struct Level {
+    /// Squares in a row, and rows.
+    size: [usize; 2],
+    first_quad: usize,
+}
+
+/// A square of a level: 2^level texels wide.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Square {
+    pub level: usize,
+    pub at: [usize; 2],
+}
+
+impl Square {
+    /// Whether it holds a texel.
+    pub fn contains(&self, texel: [usize; 2]) -> bool {
+        texel.map(|at| at >> self.level) == self.at
+    }
+
+    /// The first place of its texels [in order](in_order), which follow each other.
+    pub fn first_in_order(&self) -> u64 {
+        in_order(self.at.map(|at| at << self.level))
+    }
+}
+
+/// The place of a texel in an order in which all texels of each square follow each other: Morton's.
+pub(super) fn in_order([x, y]: [usize; 2]) -> u64 {
+    (0..u32::BITS).fold(0, |order, bit| {
+        let of = |at: usize| (at as u64 >> bit & 1) << (2 * bit);
+        order | of(x) | of(y) << 1
+    })
+}
+
+impl Levels {
+    /// `pixels` are rows of `size[0]`; all are sound.
+    pub fn new(size: [usize; 2], pixels: &[Vec3]) -> Self {
+        let mut levels = Vec::new();
+        let (mut at, mut quads) = (size, 0);
+        loop {
+            levels.push(Level { size: at, first_quad: quads });
+            let above = at.map(|side| side.div_ceil(2));
+            quads += above[0] * above[1];
+            if at == [1, 1] {
+                break;
+            }
+            at = above;
+        }
+        let mut levels = Self { size, scale: 1.0, levels, quads: vec![[0; 4]; quads] };
+        levels.scale = scale_for(pixels);
+        levels.set([0, 0], size, pixels);
+        levels
+    }
+
+    pub fn size(&self) -> [usize; 2] {
+        self.size
+    }
+
+    /// The number of levels.
+    pub fn count(&self) -> usize {
+        self.levels.len()
+    }
+
+    /// The squares in a row of a level, and the rows.
+    pub fn size_of(&self, level: usize) -> [usize; 2] {
+        self.levels[level].size
+    }
+
+    pub fn memory_bytes(&self) -> usize {
+        size_of::<[u32; 4]>() * self.quads.capacity() + size_of::<Level>() * self.levels.capacity()
+    }
+
+    /// Stores the pixels of a part of the map, which lies within it, and the sums above.
+    pub fn set(&mut self, corner: [usize; 2], size: [usize; 2], pixels: &[Vec3]) {
+        if greatest(pixels) > MAX_SHARED * self.scale {
+            self.store_anew(scale_for(pixels));
+        }
+        for (row, pixels) in pixels.chunks_exact(size[0].max(1)).enumerate() {
+            for (column, pixel) in pixels.iter().enumerate() {
+                let (quad, k) = self.word(0, [corner[0] + column, corner[1] + row]);
+                self.quads[quad][k] = encode(*pixel / self.scale);
+            }
+        }
+        let end = [0, 1].map(|k| corner[k] + size[k]);
+        self.sum(corner, end);
+    }
+
+    /// Stores all texels for another scale.
+    fn store_anew(&mut self, scale: f32) {
+        let ratio = self.scale / scale;
+        let texels = self.levels.get(1).map_or(1, |above| above.first_quad);
+        for quad in &mut self.quads[..texels] {
+            *quad = quad.map(|code| encode(decode(code) * ratio));
+        }
+        self.scale = scale;
+        self.sum([0, 0], self.size);
+    }
+
+    /// Adds up the squares above the texels from `first` to before `end`.
+    fn sum(&mut self, first: [usize; 2], end: [usize; 2]) {
+        let (mut first, mut end) = (first, end);
+        for level in 1..self.levels.len() {
+            (first, end) = (first.map(|at| at / 2), end.map(|at| at.div_ceil(2)));
+            for y in first[1]..end[1] {
+                for x in first[0]..end[0] {
+                    let [a, b, c, d] = self.children(Square { level, at: [x, y] });
+                    let (quad, k) = self.word(level, [x, y]);
+                    self.quads[quad][k] = ((a + b) + (c + d)).to_bits();
+                }
+            }
+        }
+    }
+
+    /// Where the word of a square lies: a quad, and a place in it.
+    fn word(&self, level: usize, at: [usize; 2]) -> (usize, usize) {
+        let Level { size, first_quad } = self.levels[level];
+        let quad = first_quad + (at[1] / 2) * size[0].div_ceil(2) + at[0] / 2;
+        (quad, 2 * (at[1] % 2) + at[0] % 2)
+    }
+
+    /// The light of a square in lux, on a surface that faces it.
+    pub fn lux(&self, square: Square) -> f32 {
+        let (quad, k) = self.word(square.level, square.at);
+        match square.level {
+            0 => self.luminance(square.at) * self.solid_angle(square.at[1]),
+            _ => f32::from_bits(self.quads[quad][k]),
+        }
+    }
+
+    /// The lux of the four squares below a square; 0 beyond the border.
+    fn children(&self, Square { level, at }: Square) -> [f32; 4] {
+        let (quad, _) = self.word(level - 1, at.map(|at| 2 * at));
+        let words = self.quads[quad];
+        if level > 1 {
+            return words.map(f32::from_bits);
+        }
+        // Texels beyond the border are black.
+        let angles = [0, 1].map(|row| self.solid_angle(2 * at[1] + row));
+        std::array::from_fn(|k| luminance(decode(words[k])) * self.scale * angles[k / 2])
+    }
+
+    /// The solid angle of a texel of a row, in steradians.
+    fn solid_angle(&self, row: usize) -> f32 {
+        let [width, height] = self.size.map(|size| size as f32);
+        let middle = PI * (row as f32 + 0.5) / height;
+        (2.0 * PI / width) * 2.0 * middle.sin() * (0.5 * PI / height).sin()
+    }
+
+    /// The radiance of a texel, in nits.
+    pub fn texel(&self, at: [usize; 2]) -> Vec3 {
+        let (quad, k) = self.word(0, at);
+        decode(self.quads[quad][k]) * self.scale
+    }
+
+    pub fn luminance(&self, at: [usize; 2]) -> f32 {
+        let (quad, k) = self.word(0, at);
+        luminance(decode(self.quads[quad][k])) * self.scale
+    }
+
+    /// The texel in a direction of any length.
+    pub fn texel_at(&self, direction: Vec3) -> [usize; 2] {
+        let [width, height] = self.size.map(|size| size as f32);
+        let around = direction.z.atan2(direction.x) / (2.0 * PI) + 0.5;
+        let down = direction.x.hypot(direction.z).atan2(direction.y) / PI;
+        // Casts of NaN give 0.
+        [(around * width) as usize % self.size[0], ((down * height) as usize).min(self.size[1] - 1)]
+    }
+
+    /// The direction of a column and a row, in fractions.
+    pub fn direction(&self, [column, row]: [f32; 2]) -> Vec3 {
+        let [width, height] = self.size.map(|size| size as f32);
+        let (sin_phi, cos_phi) = (2.0 * PI * (column / width - 0.5)).sin_cos();
+        let (sin_theta, cos_theta) = (PI * row / height).sin_cos();
+        Vec3::new(sin_theta * cos_phi, cos_theta, sin_theta * sin_phi)
+    }
+
+    /// Chooses a texel of a square in proportion to its light, and a direction in it. The first number chooses among
+    /// columns, the second among rows.
+    pub fn sample(&self, square: Square, u: [f32; 2]) -> (Vec3, [usize; 2]) {
+        let mut u = u;
+        let Square { mut level, mut at } = square;
+        while level > 0 {
+            let [a, b, c, d] = self.children(Square { level, at });
+            let right = choose(&mut u[0], a + c, b + d);
+            let below = if right { choose(&mut u[1], b, d) } else { choose(&mut u[1], a, c) };
+            at = [2 * at[0] + usize::from(right), 2 * at[1] + usize::from(below)];
+            level -= 1;
+        }
+        let row = self.row_of(at[1], u[1]);
+        (self.direction([at[0] as f32 + u[0], row]), at)
+    }
+
+    /// The row, in fractions, above which a part `u` of a row's solid angle lies.
+    fn row_of(&self, row: usize, u: f32) -> f32 {
+        let step = PI / self.size[1] as f32;
+        // The sine of half the angle from the zenith has a square that is uniform.
+        let square = |row: f32| (0.5 * step * row).sin().powi(2);
+        let (above, below) = (square(row as f32), square(row as f32 + 1.0));
+        let angle = 2.0 * (above + (below - above) * u).clamp(0.0, 1.0).sqrt().asin();
+        (angle / step).clamp(row as f32, row as f32 + 1.0)
+    }
+}
+
+/// Whether the second of two is chosen in proportion to their weights. The number is stretched over the choice.
+fn choose(u: &mut f32, first: f32, second: f32) -> bool {
+    let share = first / (first + second);
+    let is_second = *u >= share || first <= 0.0;
+    let is_second = is_second && second > 0.0;
+    let stretched = if is_second { (*u - share) / (1.0 - share) } else { *u / share };
+    *u = stretched.clamp(0.0, 1.0 - f32::EPSILON);
+    is_second
+}
+
+fn greatest(pixels: &[Vec3]) -> f32 {
+    pixels.iter().fold(0.0, |greatest, pixel| greatest.max(pixel.max_element()))
+}
+
+/// A power of two by which pixels are divided, so that the greatest is at most [`MAX_SHARED`] / [`HEADROOM`].
+fn scale_for(pixels: &[Vec3]) -> f32 {
+    let least = greatest(pixels) * (HEADROOM / MAX_SHARED);
+    least.log2().ceil().exp2().max(f32::MIN_POSITIVE)
+}
+
+/// Three channels with nine bits each and a common exponent: RGB9E5 of Vulkan and WebGPU. At most [`MAX_SHARED`] is
+/// stored.
+fn encode(color: Vec3) -> u32 {
+    let color = color.min(Vec3::splat(MAX_SHARED));
+    let greatest = color.max_element();
+    // The exponent of the greatest channel, rounded, whose steps are 2^(exponent - 24).
+    let exponent = (((greatest.to_bits() >> 23) as i32) - 127 + 16).max(0);
+    let step = |exponent: i32| f32::from_bits(((exponent - 24 + 127) as u32) << 23);
+    let exponent = if (greatest / step(exponent)).round() >= 512.0 { exponent + 1 } else { exponent };
+    let [r, g, b] = color.to_array().map(|channel| (channel / step(exponent)).round() as u32);
+    r | g << 9 | b << 18 | (exponent as u32) << 27
+}
+
+fn decode(code: u32) -> Vec3 {
+    let step = f32::from_bits(((code >> 27) + 103) << 23);
+    Vec3::new((code & 511) as f32, (code >> 9 & 511) as f32, (code >> 18 & 511) as f32) * step
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shared_exponents_keep_nine_bits_of_the_greatest_channel() {
+        for exponent in -14..16 {
+            for part in [1.0, 1.001, 1.3, 1.999, 1.9999] {
+                let greatest = part * (exponent as f32).exp2();
+                let color = Vec3::new(greatest, 0.3 * greatest, 0.0).min(Vec3::splat(MAX_SHARED));
+                let error = (decode(encode(color)) - color).abs().max_element();
+                assert!(error <= color.x / 512.0, "{color} {error}");
+            }
+        }
+        assert_eq!(decode(encode(Vec3::ZERO)), Vec3::ZERO);
+        assert_eq!(decode(encode(Vec3::splat(1.0e9))), Vec3::splat(MAX_SHARED));
+        // Below the least exponent steps are even.
+        assert_eq!(decode(encode(Vec3::splat(3.0 * 2.0_f32.powi(-24)))), Vec3::splat(3.0 * 2.0_f32.powi(-24)));
+    }
+
+    #[test]
+    fn directions_and_texels_agree_and_cover_the_sphere() {
+        for size in [[1, 1], [2, 1], [7, 5], [64, 32], [4096, 2048]] {
+            let levels = Levels::new(size, &vec![Vec3::ONE; size[0] * size[1]]);
+            let steps = |side: usize| (0..side).step_by((side / 50).max(1));
+            for y in steps(size[1]) {
+                for x in steps(size[0]) {
+                    let direction = levels.direction([x as f32 + 0.3, y as f32 + 0.6]);
+                    assert!((direction.length() - 1.0).abs() < 1.0e-6);
+                    assert_eq!(levels.texel_at(direction * 7.0), [x, y], "{size:?}");
+                }
+            }
+            let all: f32 = (0..size[1]).map(|row| levels.solid_angle(row) * size[0] as f32).sum();
+            assert!((all / (4.0 * PI) - 1.0).abs() < 1.0e-5, "{size:?} {all}");
+            let root = Square { level: levels.count() - 1, at: [0, 0] };
+            assert!((levels.lux(root) / (4.0 * PI) - 1.0).abs() < 1.0e-5, "{size:?}");
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! The sky: an environment map whose light is chosen among that of all lamps.
+//!
+//! The map is cut into [`PATCHES`] at most, finer where it is bright, and these are the lights of an ordinary
+//! tree. They stand at a distance of 1 from every shading point: an instance of such a tree is a second
+//! root beside the top level (`sampling/cut.rs`). So patches are chosen as lamps are, by all that arrives. Within
+//! a patch a texel is chosen by its brightness, in the sums of `levels.rs`.
+
+mod levels;
+mod patches;
+
+use std::f32::consts::PI;
+use std::fmt;
+
+use glam::Vec3;
+
+use crate::error::SkyError;
+use crate::light::{Light, MAX_EMISSION};
+use levels::{Levels, in_order};
+use patches::Patch;
+
+/// Stands for the distance to the sky in metres where a number is needed: beyond all lamps.
+pub(crate) const SKY_DIST: f32 = (1 << 20) as f32;
+
+/// The largest width and height of a map.
+pub(crate) const MAX_SIZE: usize = 1 << 15;
+
+/// An environment map: the radiance that arrives from each direction of the sky.
+///
+/// [`LightWorld::set_sky`](crate::LightWorld::set_sky) makes it a light of a world. The map is equirectangular, as
+/// most files of the kind are: rows run from the zenith (+Y) to the nadir, and columns around it. The direction of
+/// column `x` and row `y`, counted from 0 and in fractions, is
+///
+/// ```text
+/// theta = pi * y / height,  phi = 2 * pi * (x / width - 1/2)
+/// direction = (sin(theta) * cos(phi), cos(theta), sin(theta) * sin(phi))
+/// ```
+///
+/// so that the middle of the map is at +X, as in three.js. The placement of its instance turns it. Each pixel has
+/// the same radiance everywhere: it is not interpolated. It is stored with nine bits for each channel,
+/// relative to the brightest one, down to 2⁻³³ of the brightest pixel.
+///
+/// ```
+/// use girandole::glam::Vec3;
+/// use girandole::Sky;
+///
+/// // A sun of one pixel, 30 degrees above the horizon.
+/// let mut pixels = vec![Vec3::splat(500.0); 64 * 32];
+/// pixels[10 * 64 + 32] = Vec3::splat(1.0e6);
+/// let sky = Sky::equirectangular(64, &pixels)?;
+/// assert_eq!(sky.size(), [64, 32]);
+/// assert!(sky.radiance(Vec3::new(3.0_f32.sqrt(), 1.0, 0.1)).x > 9.9e5);
+/// # Ok::<(), girandole::SkyError>(())
+/// ```
+#[derive(Clone)]
+pub struct Sky {
+    levels: Levels,
+    /// In the order of their texels in space.
+    patches: Vec<Patch>,
+}
+
+/// A point of the sky that was chosen: in the space of the map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct SkyPoint {
+    /// A unit vector.
+    pub direction: Vec3,
+    /// In nits.
+    pub radiance: Vec3,
+    /// The density per steradian within the patch.
+    pub pdf: f32,
+}
+
+impl Sky {
+    /// Makes a sky of rows of `width` pixels: radiances in nits, linear Rec. 709, from the zenith down.
+    ///
+    /// O(pixels). It takes 5.3 bytes a pixel.
+    ///
+    /// # Errors
+    /// [`SkyError::Size`] if there are no whole rows, none at all, or more than 32,768 rows or columns;
+    /// [`SkyError::Pixel`] for a pixel that is negative, not finite or above
+    /// [`MAX_EMISSION`](crate::light::MAX_EMISSION).
+    pub fn equirectangular(width: usize, pixels: &[Vec3]) -> Result<Self, SkyError> {
+        let height = pixels.len().checked_div(width).unwrap_or(0);
+        let is_sound = (1..=MAX_SIZE).contains(&width) && (1..=MAX_SIZE).contains(&height);
+        if !is_sound || width * height != pixels.len() {
+            return Err(SkyError::Size { width, pixels: pixels.len(), max: MAX_SIZE });
+        }
+        check(pixels)?;
+        let levels = Levels::new([width, height], pixels);
+        Ok(Self { patches: patches::cut(&levels), levels })
+    }
+
+    /// Stores other pixels in a part of the map: see [`LightWorld::set_sky_part`](crate::LightWorld::set_sky_part).
+    pub(crate) fn set_part(&mut self, corner: [usize; 2], size: [usize; 2], pixels: &[Vec3]) -> Result<(), SkyError> {
+        let map = self.size();
+        let fits = |k: usize| corner[k].checked_add(size[k]).is_some_and(|end| end <= map[k]);
+        if !(fits(0) && fits(1)) || size[0].checked_mul(size[1]) != Some(pixels.len()) {
+            return Err(SkyError::Part { corner, size, pixels: pixels.len(), map });
+        }
+        check(pixels)?;
+        self.levels.set(corner, size, pixels);
+        self.patches = patches::cut(&self.levels);
+        Ok(())
+    }
+
+    /// The columns and rows of the map.
+    pub fn size(&self) -> [usize; 2] {
+        self.levels.size()
+    }
+
+    /// The radiance from a direction in the space of the map, in nits. The direction need not have unit length.
+    pub fn radiance(&self, direction: Vec3) -> Vec3 {
+        self.levels.texel(self.levels.texel_at(direction))
+    }
+
+    /// The memory of the map, in bytes. O(1).
+    pub fn memory_bytes(&self) -> usize {
+        size_of_val(self) + self.levels.memory_bytes() + size_of::<Patch>() * self.patches.capacity()
+    }
+
+    /// The patches as lights at a distance of 1: spheres that hold them, and bring as much light.
+    pub(crate) fn lights(&self) -> Vec<Light> {
+        let sphere = |patch: &Patch| {
+            let radiance = patch.lux / (PI * patch.radius * patch.radius);
+            Light::sphere(patch.mean, patch.radius, Vec3::splat(radiance.min(MAX_EMISSION)))
+        };
+        self.patches.iter().map(sphere).collect()
+    }
+
+    /// Chooses a point of a patch, in proportion to its luminance. `None` for a patch that there is not.
+    pub(crate) fn sample(&self, patch: u32, u: [f32; 2]) -> Option<SkyPoint> {
+        let Patch { place, lux, .. } = *self.patches.get(patch as usize)?;
+        let (direction, texel) = self.levels.sample(place, u);
+        Some(SkyPoint { direction, radiance: self.levels.texel(texel), pdf: self.levels.luminance(texel) / lux })
+    }
+
+    /// The point of the sky in a direction of unit length, and its patch; `None` where the sky is dark.
+    pub(crate) fn point(&self, direction: Vec3) -> Option<(u32, SkyPoint)> {
+        let texel = self.levels.texel_at(direction);
+        let after = self.patches.partition_point(|patch| patch.place.first_in_order() <= in_order(texel));
+        let patch = after.checked_sub(1).filter(|patch| self.patches[*patch].place.contains(texel))?;
+        let pdf = self.levels.luminance(texel) / self.patches[patch].lux;
+        (pdf > 0.0).then_some(())?;
+        Some((patch as u32, SkyPoint { direction, radiance: self.levels.texel(texel), pdf }))
+    }
+}
+
+impl fmt::Debug for Sky {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (size, patches) = (self.size(), self.patches.len());
+        f.debug_struct("Sky").field("size", &size).field("patches", &patches).finish_non_exhaustive()
+    }
+}
+
+fn check(pixels: &[Vec3]) -> Result<(), SkyError> {
+    // NaN is in no range.
+    let is_sound = |pixel: &Vec3| pixel.to_array().iter().all(|channel| (0.0..=MAX_EMISSION).contains(channel));
+    match pixels.iter().position(|pixel| !is_sound(pixel)) {
+        Some(pixel) => Err(SkyError::Pixel { pixel, value: pixels[pixel], max: MAX_EMISSION }),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests;
