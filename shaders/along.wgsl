@@ -115,6 +115,11 @@ fn light_stretch(light: LightRecord, instance: LightInstance, shading_point: Lig
         return LightStretch(0.0, 2.0 * segment.w, 0.0, 0.0, 0.0);
     }
     // #endif
+    // #if SKY
+    if (light.kind & LIGHT_KIND_MASK) == LIGHT_KIND_SKY {
+        return LightStretch(0.0, 2.0 * segment.w, 0.0, 0.0, 0.0);
+    }
+    // #endif
     let source = light_source(light, instance, shading_point);
     let unit = segment.xyz;
     let foot = dot(unit, source.toward);

@@ -40,6 +40,12 @@ struct LightCut {
     // The sum of the importances of unresolved candidates; after the last split what each of them is
     // multiplied by.
     unresolved: f32,
+    // #if UNSPLIT
+    // #if SKY
+    // The part of the total that the top level has.
+    top_total: f32,
+    // #endif
+    // #endif
     // #if POINT_LEARNS
     cell: LightCell,
     // #endif
@@ -83,11 +89,25 @@ fn light_link(links: vec2<u32>, node: u32) -> u32 {
 fn light_cut_place(links: vec2<u32>, number: u32) -> LightPlace {
     var slots = 0u;
     var depth = 0u;
+    // #if SKY
+    var is_below_sky = false;
+    // #endif
     for (var node = number; node != 0u; node = light_link(links, node) / LIGHT_WIDTH) {
+        // #if SKY
+        if light_link(links, node) == LIGHT_SKY_LINK {
+            is_below_sky = true;
+            break;
+        }
+        // #endif
         slots = (slots << 3u) | (light_link(links, node) % LIGHT_WIDTH);
         depth++;
     }
     var place = LightPlace(LIGHT_NO_INSTANCE, 0u);
+    // #if SKY
+    if is_below_sky {
+        place = light_sky_root();
+    }
+    // #endif
     for (; depth != 0u; depth--) {
         place = light_child_place(place, slots % LIGHT_WIDTH);
         slots >>= 3u;
@@ -100,6 +120,11 @@ fn light_split_children(cut: ptr<function, LightCut>, number: u32) -> u32 {
     var split = 0u;
     for (var node = 1u; node < (*cut).node_count; node++) {
         let id = light_link((*cut).links, node);
+        // #if SKY
+        if id == LIGHT_SKY_LINK {
+            continue;
+        }
+        // #endif
         split |= select(0u, 1u << (id % LIGHT_WIDTH), id / LIGHT_WIDTH == number);
     }
     return split;
@@ -297,9 +322,23 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
     let root = LightPlace(LIGHT_NO_INSTANCE, 0u);
     let local = light_local_to_top(shading_point);
     let lanes = light_weigh(cut, root, shading_point, local, LightWeighing(false, true, 0u));
-    let unresolved = light_unresolved_sum(lanes);
-    (*cut).unresolved = light_unresolved_scale(light_resolved_sum(lanes) + directional_lux, unresolved);
+    var unresolved = light_unresolved_sum(lanes);
+    var resolved = light_resolved_sum(lanes) + directional_lux;
+    // #if SKY
+    var sky_lanes = LightLanes(vec4(0.0), vec4(0.0));
+    if light_sees_sky(shading_point) {
+        let in_sky = light_local_to_tree(light_params.sky, shading_point);
+        sky_lanes = light_weigh(cut, light_sky_root(), shading_point, in_sky, LightWeighing(false, true, 0u));
+        unresolved += light_unresolved_sum(sky_lanes);
+        resolved += light_resolved_sum(sky_lanes);
+    }
+    // #endif
+    (*cut).unresolved = light_unresolved_scale(resolved, unresolved);
     (*cut).total = light_sum(light_scale_unresolved(lanes, (*cut).unresolved));
+    // #if SKY
+    (*cut).top_total = (*cut).total;
+    (*cut).total += light_sum(light_scale_unresolved(sky_lanes, (*cut).unresolved));
+    // #endif
     // #endif
     // #if SPLITS
     var local: LightLocalShadingPoint;
@@ -316,6 +355,15 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
         let lanes = light_weigh(cut, place, shading_point, local, LightWeighing(is_split, true, skipped));
         if is_split {
             light_name_node(cut, node, place);
+            // #if SKY
+            if node == 0u && light_sees_sky(shading_point) {
+                // The next node, which is not counted as a split.
+                (*cut).links.x = 0x80000000u | LIGHT_SKY_LINK;
+                (*cut).node_count = 1u;
+                node = 1u;
+                continue;
+            }
+            // #endif
             if light_split_next(cut) {
                 node = (*cut).node_count;
                 continue;

@@ -4,6 +4,8 @@
 // The last point is the middle of the cell.
 const CENTER: u32 = LIGHT_CELL_POINTS;
 const STOP: u32 = 0xffffffffu;
+// In place of the child that the sky's root would be.
+const SECOND_ROOT: u32 = 0xfffffffeu;
 
 // For each node and invocation the importance, and in the end the share of all light.
 var<workgroup> importance: array<f32, 2048>;
@@ -221,7 +223,16 @@ fn cut_build(
         if lane == 0u {
             let key = atomicLoad(&greatest);
             let id = LIGHT_SHARED_BITS - (key & LIGHT_SHARED_BITS);
-            if bitcast<f32>(key & ~LIGHT_SHARED_BITS) <= LIGHT_MIN_SHARED_DOUBT {
+            var is_sky = false;
+            // #if SKY
+            is_sky = count == 1u && light_sees_sky(point);
+            // #endif
+            if is_sky {
+                // #if SKY
+                let root = light_sky_root();
+                next = vec3(root.instance, root.index, SECOND_ROOT);
+                // #endif
+            } else if bitcast<f32>(key & ~LIGHT_SHARED_BITS) <= LIGHT_MIN_SHARED_DOUBT {
                 next.z = STOP;
             } else {
                 let below = light_child_place(nodes[id / LIGHT_WIDTH], id % LIGHT_WIDTH);
@@ -235,7 +246,7 @@ fn cut_build(
             break;
         }
         // The candidate's own children replace it.
-        if slot == chosen.z % LIGHT_WIDTH {
+        if chosen.z != SECOND_ROOT && slot == chosen.z % LIGHT_WIDTH {
             importance[(chosen.z / LIGHT_WIDTH) * 64u + lane] = 0.0;
             column = 0.0;
             for (var node = 0u; node < count; node++) {

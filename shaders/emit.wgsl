@@ -245,11 +245,16 @@ fn light_from_sphere(
 fn light_incident(
     light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, random: vec2<f32>,
 ) -> LightIncident {
-    // #if AREAS
+    // #if AREAS | SKY
     let u = vec2(light_clamp_unit(random.x), light_clamp_unit(random.y));
     // #endif
-    // #if CONES | AREAS | DIRECTIONAL
+    // #if CONES | AREAS | DIRECTIONAL | SKY
     let kind = light.kind & LIGHT_KIND_MASK;
+    // #endif
+    // #if SKY
+    if kind == LIGHT_KIND_SKY {
+        return light_sky_incident(light, instance, shading_point, u);
+    }
     // #endif
     // #if DIRECTIONAL
     if kind == LIGHT_KIND_DIRECTIONAL {

@@ -165,11 +165,12 @@ fn light_first_hit(shading_point: LightShadingPoint, direction: vec3<f32>, max_d
 // #endif
 
 // Returns the first light that a ray from a shading point hits, before `max_dist` metres: the sample that
-// light_sample would have returned for this direction, a unit vector. Its radiance is 0 if there is none.
+// light_sample would have returned for this direction, a unit vector. Its radiance is 0 if there is none. A ray
+// that hits nothing finds the sky if `max_dist` is 1e18 or more.
 // Twin of `LightSampler::hit`.
 fn light_hit(shading_point: LightShadingPoint, direction: vec3<f32>, max_dist: f32) -> LightSample {
     var hit = LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u);
-    // #if AREAS
+    // #if AREAS | SKY
     // #if SEGMENTS
     if light_is_segment(shading_point) {
         return hit;
@@ -179,24 +180,45 @@ fn light_hit(shading_point: LightShadingPoint, direction: vec3<f32>, max_dist: f
     if any(shading_point.normal != vec3(0.0)) && dot(shading_point.normal, ray) <= 0.0 {
         return hit;
     }
+    // #endif
+    // #if AREAS | SKY
+    var slot = LIGHT_NO_INSTANCE;
+    var light = 0u;
+    var incident = light_nothing();
+    // #endif
+    // #if AREAS
     let found = light_first_hit(shading_point, ray, max_dist);
-    if found.instance == LIGHT_NO_INSTANCE {
-        return hit;
+    if found.instance != LIGHT_NO_INSTANCE {
+        slot = found.instance;
+        light = found.light;
+        let instance = light_instance(slot);
+        let record = light_record(instance.light_base + light);
+        incident = LightIncident(ray, found.dist, record.emission, 0.0, false);
+        incident.pdf = light_point_pdf(record, instance, shading_point, ray * found.dist);
+        // #if RANGES
+        incident.radiance *= light_range_window(found.dist * found.dist, record.range);
+        // #endif
     }
-    let instance = light_instance(found.instance);
-    let light = light_record(instance.light_base + found.light);
-    var incident = LightIncident(ray, found.dist, light.emission, 0.0, false);
-    incident.pdf = light_point_pdf(light, instance, shading_point, ray * found.dist);
-    // #if RANGES
-    incident.radiance *= light_range_window(found.dist * found.dist, light.range);
     // #endif
-    // #if FACTORS
-    incident = light_factored(incident, found.instance, instance);
+    // #if SKY
+    if slot == LIGHT_NO_INSTANCE && max_dist >= LIGHT_UNLIMITED_RANGE && light_sees_sky(shading_point) {
+        let instance = light_instance(light_params.sky);
+        let texel = light_sky_texel_at(instance, ray);
+        light = light_patch_of(instance, texel);
+        if light != LIGHT_NO_INSTANCE {
+            slot = light_params.sky;
+            incident = light_sky_from(light_record(instance.light_base + light), texel, instance, shading_point, ray);
+        }
+    }
     // #endif
-    let pmf = light_pmf(shading_point, found.instance, found.light);
-    hit = LightSample(
-        incident.direction, incident.dist, incident.radiance, incident.pdf, pmf, found.instance, found.light, 0u,
-    );
+    // #if AREAS | SKY
+    if slot != LIGHT_NO_INSTANCE {
+        // #if FACTORS
+        incident = light_factored(incident, slot, light_instance(slot));
+        // #endif
+        let pmf = light_pmf(shading_point, slot, light);
+        hit = LightSample(incident.direction, incident.dist, incident.radiance, incident.pdf, pmf, slot, light, 0u);
+    }
     // #endif
     return hit;
 }

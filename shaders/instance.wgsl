@@ -60,7 +60,7 @@ fn light_rigid_to_local(to_world: array<vec4<f32>, 3>) -> array<vec4<f32>, 3> {
 }
 // #endif
 
-// #if AREAS
+// #if AREAS | SKY
 // A vector of the world in the tree's space.
 fn light_into_tree(instance: LightInstance, v: vec3<f32>) -> vec3<f32> {
     var local = light_transposed(instance.to_world, v);
@@ -69,7 +69,9 @@ fn light_into_tree(instance: LightInstance, v: vec3<f32>) -> vec3<f32> {
     // #endif
     return local;
 }
+// #endif
 
+// #if AREAS
 // The largest rounding error of a position in the tree's space, per metre of its coordinates. Twin
 // of `Placed::tree_margin`.
 fn light_tree_margin(instance: LightInstance) -> f32 {
@@ -80,6 +82,9 @@ fn light_tree_margin(instance: LightInstance) -> f32 {
     return LIGHT_POSITION_MARGIN * squeeze + LIGHT_RIGID_TOLERANCE;
 }
 
+// #endif
+
+// #if AREAS | SKY
 // The volume in the world of one cubic metre of the tree's space.
 fn light_volume_scale(instance: LightInstance) -> f32 {
     var volume = 1.0;
@@ -88,7 +93,9 @@ fn light_volume_scale(instance: LightInstance) -> f32 {
     // #endif
     return volume;
 }
+// #endif
 
+// #if AREAS
 // A normal times an area, transformed by the matrix of cofactors. Twin of
 // `InstanceTransform::normal_area`.
 fn light_normal_area(normal_area: vec3<f32>, instance: LightInstance) -> vec3<f32> {

@@ -82,10 +82,10 @@ fn light_point_pdf(
 
 // Returns the density with which light_sample chooses a light and the direction to `point`, for
 // multiple importance sampling of rays that hit lights: pmf * pdf, per steradian. `point` lies on
-// the light, in metres relative to the world's origin. 0 for lights without size, and where
+// the light, in metres relative to the world's origin; for the sky at any distance in the direction. 0 for lights without size, and where
 // light_sample would find nothing.
 fn light_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, point: vec3<f32>) -> f32 {
-    // #if AREAS
+    // #if AREAS | SKY
     // #if SEGMENTS
     if light_is_segment(shading_point) {
         return 0.0;
@@ -95,8 +95,17 @@ fn light_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, point:
         return 0.0;
     }
     let placed = light_instance(instance);
+    let record = light_record(placed.light_base + light);
     let toward = light_limited(point) - shading_point.position;
-    let pdf = light_point_pdf(light_record(placed.light_base + light), placed, shading_point, toward);
+    var pdf = 0.0;
+    // #if AREAS
+    pdf = light_point_pdf(record, placed, shading_point, toward);
+    // #endif
+    // #if SKY
+    if (record.kind & LIGHT_KIND_MASK) == LIGHT_KIND_SKY {
+        pdf = light_sky_pdf(record, placed, shading_point, toward);
+    }
+    // #endif
     if pdf > 0.0 {
         return pdf * light_pmf(shading_point, instance, light);
     }

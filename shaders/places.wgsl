@@ -65,6 +65,11 @@ fn light_local_to_tree(instance: u32, shading_point: LightShadingPoint) -> Light
     }
     // #endif
     local.position = light_transposed(axes, shading_point.position - light_translation(placed.to_world));
+    // #if SKY
+    // It is as far from every point.
+    let is_sky = instance == light_params.sky;
+    local.position = select(local.position, vec3(0.0), is_sky);
+    // #endif
     local.normal = light_normalize_or_zero(light_transposed(axes, shading_point.normal));
     local.has_normal = any(local.normal != vec3(0.0));
     local.margin = LIGHT_POSITION_MARGIN + LIGHT_RIGID_TOLERANCE;
@@ -75,7 +80,11 @@ fn light_local_to_tree(instance: u32, shading_point: LightShadingPoint) -> Light
     local.gloss.bitangent = light_transposed(axes, shading_point.gloss.bitangent);
     // #endif
     // #if SEGMENTS
-    if light_is_segment(shading_point) {
+    var is_segment = light_is_segment(shading_point);
+    // #if SKY
+    is_segment = is_segment && !is_sky;
+    // #endif
+    if is_segment {
         local.segment = light_local_segment(light_transposed(axes, shading_point.segment));
     }
     // #endif

@@ -116,7 +116,8 @@ struct LightParams {
     // The first record of the directional lights, and how many there are.
     directional_base: u32,
     directional_count: u32,
-    padding: u32,
+    // The slot of the sky's instance; LIGHT_NO_INSTANCE if there is none to be seen.
+    sky: u32,
     // The stride of nodes, and the offset of a node's lobes; 0 if they are not stored. All strides
     // and offsets are in units of 16 bytes.
     node_stride: u32,
@@ -131,7 +132,8 @@ struct LightParams {
     solid_angles: u32,
     // The offset of the parts in the buffer of the top level.
     parts: u32,
-    padding_after: u32,
+    // The offset of the sky's map in the same buffer.
+    sky_map: u32,
     // The sector whose centre the origin is; 0 in worlds without sectors.
     home: vec3<i32>,
     // The offset of the masks in the same buffer; 0 if they are not stored. See `NodeMasks` in

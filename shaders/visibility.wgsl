@@ -99,6 +99,9 @@ fn light_child_bin(
     var toward = light_to_mean(packed, view);
     if instance != LIGHT_NO_INSTANCE {
         toward = light_linear(light_instance(instance).to_world, toward);
+        // #if SKY
+        toward *= select(1.0, LIGHT_SKY_DIST, instance == light_params.sky);
+        // #endif
     }
     // #if NON_RIGID
     if local.scaled_instance != LIGHT_NO_INSTANCE {
@@ -128,7 +131,11 @@ fn light_visible_share(
 
 // From the shading point, or the middle of a segment, to a sample's point on a light. Twin of `Incident::toward`.
 fn light_toward_sample(shading_point: LightShadingPoint, chosen: LightSample) -> vec3<f32> {
-    var toward = chosen.direction * chosen.dist;
+    var dist = chosen.dist;
+    // #if SKY
+    dist = min(dist, LIGHT_SKY_DIST);
+    // #endif
+    var toward = chosen.direction * dist;
     // #if SEGMENTS
     if light_is_segment(shading_point) {
         toward += shading_point.segment * (light_along / length(shading_point.segment) - 0.5);

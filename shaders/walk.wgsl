@@ -40,6 +40,14 @@ fn light_descend(
         place = light_cut_place((*cut).links, chosen.slot);
     }
     // #endif
+    // #if UNSPLIT
+    // #if SKY
+    if is_first && point >= (*cut).top_total {
+        start = (*cut).top_total;
+        place = light_sky_root();
+    }
+    // #endif
+    // #endif
     var local: LightLocalShadingPoint;
     // No instance has this slot.
     var local_instance = LIGHT_NO_INSTANCE - 1u;
@@ -137,7 +145,10 @@ fn light_climb(
         // #endif
         var skipped = 0u;
         // #if UNSPLIT
-        let in_cut = in_top && place.index == 0u;
+        var in_cut = in_top && place.index == 0u;
+        // #if SKY
+        in_cut = in_cut || (place.instance == light_params.sky && up / LIGHT_WIDTH == 0u);
+        // #endif
         // #endif
         // #if SPLITS
         let number = light_number_in_cut(cut, place);

@@ -104,6 +104,9 @@ effects! {
     ///
     /// This is a setting: its count is 0 or 1.
     SECTORS,
+    /// The world has a sky that is shown: see [`LightWorld::set_sky`](crate::LightWorld::set_sky). It comes with
+    /// [`Effects::AREAS`].
+    SKY,
 }
 
 impl Effects {

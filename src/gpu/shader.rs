@@ -54,7 +54,8 @@ use crate::plan::{ShaderParts, TargetHook};
 /// fn light_pmf(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
 /// fn light_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, point: vec3<f32>) -> f32
 /// // The first light that a ray hits before `max_dist` metres: the sample that light_sample would have
-/// // returned for this unit vector. Its radiance is 0 if there is none.
+/// // returned for this unit vector. Its radiance is 0 if there is none. A ray that hits nothing finds
+/// // the sky if `max_dist` is 1e18 or more.
 /// fn light_hit(shading_point: LightShadingPoint, direction: vec3<f32>, max_dist: f32) -> LightSample
 /// // The 32 bits that the engine has given to an instance: see `LightWorld::set_user_data`.
 /// fn light_user_data(instance: u32) -> u32

@@ -13,6 +13,7 @@ use crate::instance::placement::Placement;
 use crate::light::{DirectionalLight, Light};
 use crate::math::dice::hash;
 use crate::policy::Policy;
+use crate::sky::Sky;
 use crate::tree::LightTree;
 use crate::world::LightWorld;
 
@@ -104,7 +105,15 @@ pub(crate) fn unit(seed: u32) -> f32 {
     (hash(seed) >> 8) as f32 / (1 << 24) as f32
 }
 
-/// Instances of several trees, turned and some scaled, and a sun.
+/// A map with a sun and black texels.
+pub(crate) fn small_sky() -> Sky {
+    let mut pixels: Vec<Vec3> =
+        (0..32 * 16).map(|i| Vec3::new(0.3, 0.5, 1.0) * 0.002 * (unit(i) - 0.3).max(0.0)).collect();
+    pixels[5 * 32 + 20] = Vec3::splat(0.5);
+    Sky::equirectangular(32, &pixels).expect("sound pixels")
+}
+
+/// Instances of several trees, turned and some scaled, a sun and a sky.
 pub(crate) fn mixed_world() -> LightWorld {
     let mut world = LightWorld::new();
     for tree in 0..4_u32 {
@@ -127,5 +136,8 @@ pub(crate) fn mixed_world() -> LightWorld {
     }
     let sun = DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::splat(0.01) };
     world.add_directional(sun).expect("valid");
+    let sky = world.set_sky(small_sky());
+    let turn = Placement { linear: Mat3::from_rotation_z(0.7), ..Placement::IDENTITY };
+    world.move_instance(sky, turn).expect("valid");
     world
 }

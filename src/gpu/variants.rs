@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use glam::{DVec3, Mat3, Quat, Vec3};
 
-use super::testing::{compiled_once, compute_pipeline, gpu, gpu_lights, random, random_vec, read};
+use super::testing::{compiled_once, compute_pipeline, gpu, gpu_lights, random, random_vec, read, small_sky};
 use super::*;
 use crate::effects::EFFECT_HOLD_UPDATES;
 use crate::instance::placement::Placement;
@@ -103,6 +103,9 @@ fn world_of(effects: Effects) -> LightWorld {
         let sun = DirectionalLight { direction: Vec3::new(0.3, -1.0, 0.2).normalize(), illuminance: Vec3::splat(0.3) };
         world.add_directional(sun).unwrap();
     }
+    if effects.contains(Effects::SKY) {
+        world.set_sky(small_sky());
+    }
     assert_eq!(world.effects() | Effects::MOVING, effects | Effects::MOVING);
     world
 }
@@ -173,7 +176,7 @@ fn assert_alike(ours: &[SampleRecord], twin: &[SampleRecord], what: &str) {
     assert!(mismatches <= MAX_MISMATCHES && lit > 500, "{what}: {mismatches} differ, {lit} are lit");
 }
 
-const EFFECTS: [Effects; 9] = [
+const EFFECTS: [Effects; 10] = [
     Effects::CONES,
     Effects::RANGES,
     Effects::AREAS,
@@ -183,6 +186,7 @@ const EFFECTS: [Effects; 9] = [
     Effects::FACTORS,
     Effects::MASKS,
     Effects::SECTORS,
+    Effects::SKY,
 ];
 
 #[test]
@@ -190,8 +194,8 @@ fn a_world_that_lacks_an_effect_is_sampled_alike_by_the_variant_without_it() {
     let all = Effects::all();
     for absent in EFFECTS.into_iter().chain([Effects::AREAS | Effects::TWO_SIDED, all - Effects::AREAS, all]) {
         let effects = match all - absent {
-            // Only surfaces have two sides.
-            rest if !rest.contains(Effects::AREAS) => rest - Effects::TWO_SIDED,
+            // Only surfaces have two sides, and patches of the sky count as surfaces.
+            rest if !rest.contains(Effects::AREAS) => rest - Effects::TWO_SIDED - Effects::SKY,
             rest => rest,
         };
         let world = world_of(effects);
@@ -263,10 +267,10 @@ fn a_world_whose_effects_come_and_go_is_stored_as_a_fresh_upload_stores_it() {
         lights.upload(world).unwrap();
         let mut fresh = upload(world, effects);
         let twin = sample(&mut fresh, Effects::all());
-        // Two offsets depend on how a buffer has grown.
+        // Some offsets depend on how a buffer has grown.
         let params = |lights: &GpuLights| {
             let params = lights.planner.params();
-            ParamsRecord { parts: 0, masks: (params.masks > 0).into(), ..params }
+            ParamsRecord { parts: 0, masks: (params.masks > 0).into(), sky_map: 0, ..params }
         };
         assert_eq!(params(&lights), params(&fresh), "{what}");
         for (i, (ours, theirs)) in content(&mut lights).iter().zip(&content(&mut fresh)).enumerate() {

@@ -31,6 +31,8 @@ pub(super) struct FrameChanges {
     pub trees: Slots,
     pub instances: Slots,
     pub directionals: bool,
+    /// The map of the sky is another, or has changed.
+    pub sky: bool,
     /// More changed than user data, so that the top level must be built again.
     pub concern_lights: bool,
 }
@@ -67,7 +69,7 @@ impl Slots {
 
 impl FrameChanges {
     pub fn is_empty(&self) -> bool {
-        self.trees.as_slice().is_empty() && self.instances.as_slice().is_empty() && !self.directionals
+        self.trees.as_slice().is_empty() && self.instances.as_slice().is_empty() && !self.directionals && !self.sky
     }
 
     /// What changed since a revision.
@@ -77,6 +79,7 @@ impl FrameChanges {
             trees: Slots::of(changes.trees()),
             instances: Slots::of(changes.instance_records()),
             directionals: changes.directionals(),
+            sky: changes.sky(),
             concern_lights: changes.concern_lights(),
         }
     }
@@ -84,7 +87,8 @@ impl FrameChanges {
     /// Everything, for a device whose records may be undefined. No instance has slot 0, but shaders
     /// may read its record.
     pub fn everything(world: &LightWorld) -> Self {
-        let mut all = Self { directionals: true, concern_lights: true, ..Self::since(Revision::default(), world) };
+        let mut all =
+            Self { directionals: true, sky: true, concern_lights: true, ..Self::since(Revision::default(), world) };
         all.instances.extend([0].into_iter().filter(|_| world.slot_count() > 0));
         all.instances.sort();
         all

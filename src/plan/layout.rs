@@ -12,6 +12,7 @@ use crate::instance::placement::Placed;
 use crate::instance::sector;
 use crate::light::{DirectionalLight, Light, Shape, UNLIMITED_RANGE, spot_falloff};
 use crate::sampling::cut::NO_INSTANCE;
+use crate::sky::StoredPatch;
 use crate::tree::{LightTree, Opening};
 use crate::world::BIRTH_BITS;
 
@@ -30,6 +31,9 @@ pub(crate) const KIND_TRIANGLE: u32 = 3;
 pub(crate) const KIND_SPHERE: u32 = 4;
 /// A directional light. `b` is the direction in which its light travels.
 pub(crate) const KIND_DIRECTIONAL: u32 = 5;
+/// A patch of the sky. `a.x` is its light in lux; `emission` holds the place of its square of texels and one more
+/// than its level.
+pub(crate) const KIND_SKY: u32 = 6;
 /// The bit of [`LightRecord::kind`] for a surface that also emits from its back.
 pub(crate) const TWO_SIDED: u32 = 0x100;
 
@@ -186,13 +190,15 @@ pub(crate) struct ParamsRecord {
     pub slots: u32,
     pub directional_base: u32,
     pub directional_count: u32,
-    pub padding: u32,
+    /// The slot of the sky's instance; [`NO_INSTANCE`] if there is none to be seen.
+    pub sky: u32,
     pub strides: Strides,
     /// 1 if large and near surfaces are sampled by solid angle.
     pub solid_angles: u32,
     /// The offset of the parts in the buffer of the top level, in units of 16 bytes.
     pub parts: u32,
-    pub padding_after: u32,
+    /// The offset of the sky's map in the same buffer.
+    pub sky_map: u32,
     /// The sector whose centre the origin is.
     pub home: [i32; 3],
     /// The offset of the masks in the same buffer; 0 if they are not stored.
@@ -243,6 +249,19 @@ impl LightRecord {
     /// The same record with a birth number.
     pub fn with_birth(self, birth: u32) -> Self {
         Self { kind: self.kind | birth << BIRTH_SHIFT, ..self }
+    }
+
+    /// The record of a patch of the sky, whose leaf is at `place`.
+    pub fn patch(patch: StoredPatch, place: u32) -> Self {
+        let StoredPatch { lux, at: [x, y], level } = patch;
+        Self {
+            a: [lux, 0.0, 0.0],
+            kind: KIND_SKY,
+            // Exact in f32.
+            emission: [x, y, level + 1].map(|number| number as f32),
+            place,
+            ..Self::DARK
+        }
     }
 
     /// The record of a directional light.
@@ -460,7 +479,7 @@ mod tests {
                 slots,
                 directional_base,
                 directional_count,
-                padding,
+                sky,
                 strides.node as "node_stride",
                 strides.lobes as "node_lobes",
                 strides.light as "light_stride",
@@ -468,7 +487,7 @@ mod tests {
                 strides.sector as "instance_sector",
                 solid_angles,
                 parts,
-                padding_after,
+                sky_map,
                 home,
                 masks
             ]

@@ -123,12 +123,15 @@ pub use text::{ShaderParts, wgsl, wgsl_of_marks, wgsl_previous, wgsl_with};
 
 use crate::effects::Effects;
 use crate::instance::sector;
+use crate::keys::slot_of;
+use crate::sampling::cut::NO_INSTANCE;
 use crate::world::{LightWorld, Revision};
 use buffers::Buffers;
 use cuts::CutStore;
 use instance_store::InstanceStore;
 use layout::{ParamsRecord, Strides};
 use previous::{BUFFERS, Previous};
+use residency::Form;
 use room::ReusedLists;
 use top::TopBuild;
 use tree_store::TreeStore;
@@ -170,6 +173,8 @@ pub struct LightPlanner {
     effects: Effects,
     /// Plans that were made.
     number: u64,
+    /// The revision of the sky's map that the device has; 0 for none.
+    written_sky: u64,
     lists: ReusedLists,
 }
 
@@ -190,6 +195,7 @@ impl LightPlanner {
             is_lost: false,
             effects: Effects::all() - Effects::MOVING,
             number: 0,
+            written_sky: 0,
             lists: ReusedLists::default(),
         }
     }
@@ -237,7 +243,8 @@ impl LightPlanner {
     /// The buffers that shaders bind, with the bytes that are in use and their sizes.
     fn present(&self) -> Option<[(BufferId, u64, u64); BUFFERS]> {
         let ShaderBuffers([_, top, nodes, instances, lights]) = self.bindings()?;
-        let top_bytes = self.top.nodes_bytes();
+        // Probabilities need no map of the sky.
+        let top_bytes = self.top.bytes_before_sky();
         Some([
             (top, top_bytes, top_bytes),
             (nodes, self.trees.nodes.used() * self.trees.nodes.stride(), self.trees.nodes.bytes()),
@@ -324,17 +331,26 @@ impl LightPlanner {
         }
     }
 
+    /// The slot of the sky's instance, if it is shown and its tree is on the device.
+    fn sky_slot(&self, world: &LightWorld) -> Option<u32> {
+        let (key, _) = world.sky()?;
+        let instance = world.instance(key).filter(|instance| instance.shown().is_some())?;
+        let state = self.trees.residency.get(slot_of(instance.tree));
+        let has_nodes = world.tree(instance.tree).is_some_and(|tree| !tree.nodes().is_empty());
+        (state.form == Form::Whole && has_nodes).then(|| slot_of(key))
+    }
+
     /// The parameters of shaders after a frame.
     fn params_of(&self, world: &LightWorld, effects: Effects) -> ParamsRecord {
         ParamsRecord {
             slots: world.slot_count() as u32,
             directional_base: self.trees.directionals.start,
             directional_count: self.trees.directionals.len() as u32,
-            padding: 0,
+            sky: self.sky_slot(world).unwrap_or(NO_INSTANCE),
             strides: Strides::of(effects),
             solid_angles: u32::from(world.solid_angle_sampling()),
             parts: self.top.parts(),
-            padding_after: 0,
+            sky_map: if world.sky().is_some() { self.top.sky_map() } else { 0 },
             home: sector::number(world.home()),
             masks: if effects.contains(Effects::MASKS) { self.top.masks() } else { 0 },
         }

@@ -163,7 +163,7 @@ impl LightPlanner {
         let has_masks = effects.contains(Effects::MASKS);
         self.top.reserve(
             self.instances.parts.count(),
-            has_masks,
+            (has_masks, world.sky().map_or(0, |(_, sky)| sky.stored_quads())),
             growth,
             (&mut self.buffers.ids, &mut room.new_buffers),
         )?;

@@ -26,6 +26,7 @@ use crate::shading::gloss;
 use crate::shading::importance;
 use crate::shading::segment;
 use crate::shading::shading_point;
+use crate::sky;
 use crate::top::masks;
 use crate::tree;
 use crate::visibility;
@@ -289,6 +290,7 @@ fn functions(group: u32, effects: Effects, extras: Extras, target: Option<&Targe
         include_str!("../../shaders/along.wgsl"),
         include_str!("../../shaders/pdf.wgsl"),
         include_str!("../../shaders/hit.wgsl"),
+        include_str!("../../shaders/sky.wgsl"),
         include_str!("../../shaders/resample.wgsl"),
         &resampling(target),
         optional(extras.learns, include_str!("../../shaders/visibility.wgsl")),
@@ -329,6 +331,8 @@ pub(crate) fn constants() -> String {
         ("KIND_POINT", layout::KIND_POINT),
         ("KIND_SPOT", layout::KIND_SPOT),
         ("KIND_RECTANGLE", layout::KIND_RECTANGLE),
+        ("KIND_SKY", layout::KIND_SKY),
+        ("SKY_LEVELS", sky::SKY_LEVELS),
         ("KIND_TRIANGLE", layout::KIND_TRIANGLE),
         ("KIND_SPHERE", layout::KIND_SPHERE),
         ("KIND_DIRECTIONAL", layout::KIND_DIRECTIONAL),
@@ -487,6 +491,7 @@ pub(crate) fn constants() -> String {
         ("MAX_DIST", visibility::MAX_DIST),
         ("ROUNDING", visibility::ROUNDING),
         ("BLOCK_MIDDLE", visibility::BLOCK_MIDDLE),
+        ("SKY_DIST", sky::SKY_DIST),
     ] {
         // As f64: the shortest digits of the greatest f32 are above it, which Tint refuses.
         let _ = writeln!(text, "const LIGHT_{name}: f32 = {:e};", f64::from(value));
@@ -645,7 +650,8 @@ mod tests {
             let text = wgsl_of_shader(2, effects, Extras { learns: true, ..Extras::default() }, None);
             let (names, plain) = (module_names(&text), module_names(&wgsl(2, effects)));
             let added: HashSet<&str> = names.difference(&plain).map(String::as_str).collect();
-            assert_eq!(added, LEARNING_NAMES.split_whitespace().collect(), "{effects:?}");
+            let sky = effects.contains(Effects::SKY).then_some("LIGHT_SKY_DIST");
+            assert_eq!(added, LEARNING_NAMES.split_whitespace().chain(sky).collect(), "{effects:?}");
             assert!(plain.is_subset(&names));
             let bindings = module(&text).global_variables.iter().filter(|(_, v)| v.binding.is_some()).count();
             assert_eq!(bindings, 7, "{effects:?}");
@@ -768,7 +774,7 @@ mod tests {
         LightNearSurface.solid_angle LIGHT_NEAR_SIZE_SQ LIGHT_MIN_DETERMINANT LIGHT_MAX_DETERMINANT";
 
     const SEGMENT_NAMES: &str = "LIGHT_ARC_TANGENT_3 LIGHT_ARC_TANGENT_5 LIGHT_ARC_TANGENT_7 LIGHT_ARC_TANGENT_9 \
-        LIGHT_CONE_MARGIN LIGHT_CONE_SLACK LIGHT_MAX_DENSITY LIGHT_MIN_LINE_SHARE LIGHT_RANGE_SLACK \
+        LIGHT_CONE_MARGIN LIGHT_CONE_SLACK LIGHT_MIN_LINE_SHARE LIGHT_RANGE_SLACK \
         LightAlong LightAlong.along LightAlong.pdf \
         LightEnd LightEnd.dist LightEnd.place LightGap LightGap.center_sq LightGap.gap_sq \
         LightLocalShadingPoint.segment light_along LightSegmentView LightSegmentView.foot \
@@ -804,7 +810,7 @@ mod tests {
             (
                 Effects::AREAS,
                 "light_from_surface light_from_rectangle light_from_triangle light_from_sphere light_is_density \
-                 light_orthonormal light_normal_area light_into_tree light_tree_margin light_volume_scale LIGHT_KIND_RECTANGLE LIGHT_KIND_TRIANGLE \
+                 light_orthonormal light_normal_area light_tree_margin LIGHT_KIND_RECTANGLE LIGHT_KIND_TRIANGLE \
                  LIGHT_KIND_SPHERE LIGHT_TWO_SIDED LIGHT_CLOSE LIGHT_MIN_INVERSE_PDF LIGHT_TINY \
                  light_point_pdf light_surface_pdf light_sphere_pdf light_flat_normal_area \
                  light_ray light_meets light_hit_dist light_first_hit LIGHT_MIN_DIRECTION LIGHT_BOX_ROUNDING \
@@ -832,6 +838,14 @@ mod tests {
                 Effects::MASKS,
                 "light_met_children light_seen_share LightInstance.mask LightShadingPoint.mask \
                  LIGHT_MASK_QUADS LIGHT_MASK_WHOLE",
+            ),
+            (
+                Effects::SKY,
+                "light_sees_sky light_sky_root light_sky_head light_square_holds light_patch_square light_sky_quad \
+                 light_shared_exponent light_sky_texel light_sky_luminance light_sky_lux light_sky_choose \
+                 light_sky_direction light_sky_row light_sky_arriving light_sky_incident light_sky_texel_at \
+                 light_sky_from light_sky_pdf light_in_order light_patch_of LightSquare LightSquare.level \
+                 LightSquare.at LIGHT_SKY_LINK LIGHT_KIND_SKY LIGHT_SKY_LEVELS",
             ),
             (Effects::SECTORS, "light_from_home LightInstance.sector LIGHT_SECTOR_EDGE"),
             (

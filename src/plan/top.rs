@@ -111,19 +111,20 @@ impl TopBuild {
         }
     }
 
-    /// Makes room for `parts` parts, and for masks if `has_masks` or if there is room for them
-    /// already. Adds new buffers to `new`.
+    /// Makes room for `parts` parts, for masks if `has_masks` or if there is room for them
+    /// already, and for so many quads of the sky's map. Adds new buffers to `new`.
     ///
     /// Fails with [`PlanError::Full`] and changes nothing if a buffer would be too large.
     pub(crate) fn reserve(
         &mut self,
         parts: u32,
-        has_masks: bool,
+        (has_masks, sky_quads): (bool, u32),
         growth: Growth,
         (ids, new): (&mut Ids, &mut Vec<NewBuffer>),
     ) -> Result<(), PlanError> {
-        let (capacity, had_masks) = self.buffers.as_ref().map_or((0, false), |b| (b.capacity, b.places.masks != 0));
-        if self.buffers.is_none() || parts > capacity || has_masks && !had_masks {
+        let (capacity, had_masks, had_quads) =
+            self.buffers.as_ref().map_or((0, false, 0), |b| (b.capacity, b.places.masks != 0, b.sky_quads));
+        if self.buffers.is_none() || parts > capacity || has_masks && !had_masks || sky_quads > had_quads {
             let wanted = match parts > capacity {
                 true if growth == Growth::Double => parts.max(capacity.saturating_mul(2)).max(FIRST_CAPACITY),
                 true => parts,
@@ -132,7 +133,7 @@ impl TopBuild {
             let has_masks = has_masks || had_masks;
             let mut make = |capacity| {
                 let mut buffers = Vec::new();
-                let made = TopBuffers::new(ids, &mut buffers, capacity, has_masks, self.limit)?;
+                let made = TopBuffers::new(ids, &mut buffers, capacity, (has_masks, sky_quads), self.limit)?;
                 Ok((made, buffers))
             };
             let (made, buffers) = make(wanted).or_else(|_| make(parts))?;
@@ -240,15 +241,20 @@ impl TopBuild {
         self.buffers.as_ref().map_or(0, |buffers| buffers.places.masks)
     }
 
-    /// The nodes of the top level, the root first, then its parts, then room for masks. Panics
+    /// Where the map of the sky is stored in the same buffer, in units of 16 bytes.
+    pub(crate) fn sky_map(&self) -> u32 {
+        self.buffers.as_ref().map_or(0, |buffers| buffers.places.sky_map)
+    }
+
+    /// The nodes of the top level, the root first, then its parts, then room for masks, then for the sky. Panics
     /// before the first plan.
     pub(crate) fn nodes(&self) -> BufferId {
         self.buffers.as_ref().expect("the first plan has made the buffers").nodes
     }
 
-    /// The size of that buffer.
-    pub(crate) fn nodes_bytes(&self) -> u64 {
-        self.buffers.as_ref().map_or(0, |buffers| buffers.nodes_bytes)
+    /// The size of that buffer without the map of the sky.
+    pub(crate) fn bytes_before_sky(&self) -> u64 {
+        16 * u64::from(self.sky_map())
     }
 
     /// The clusters of all parts, then of all nodes.

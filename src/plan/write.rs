@@ -95,6 +95,7 @@ impl Reservation<'_> {
             planner.trees.lights.write(commands, &mut Scattered::default(), run, records);
         }
         planner.scatter(commands, staged);
+        planner.write_sky(commands, world, is_new_top);
         planner.write_params(commands, world, effects);
         let ParamsRecord { strides, masks, home, .. } = planner.uniforms.params;
         planner.top.prepare(commands, planner.instances.parts.count(), strides, (masks, home));
@@ -219,6 +220,10 @@ impl LightPlanner {
                 Source::StandIns(few) => (&**few, STAND_IN, [].as_slice()),
                 Source::Tree | Source::Piece => (&entry.tree, 0, &entry.openings[..]),
             };
+            let sky = world
+                .sky()
+                .filter(|(key, _)| world.instance_tree(*key).is_some_and(|tree| slot_of(tree) == write.slot));
+            let sky = sky.map(|(_, sky)| sky);
             let [node_base, light_base] = write.bases;
             for run in &runs[node_runs.clone()] {
                 let range = run.start as usize..run.end as usize;
@@ -240,7 +245,14 @@ impl LightPlanner {
                 };
                 let lights = run.clone().zip(&tree.lights()[range.clone()]).zip(&tree.leaves()[range]);
                 let fill = lights.map(|((index, light), place)| {
-                    LightRecord::of(light, stored_place(*place, openings)).with_birth(birth(index))
+                    let place = stored_place(*place, openings);
+                    let record = match sky {
+                        Some(sky) => {
+                            sky.stored_patch(index).map_or(LightRecord::DARK, |p| LightRecord::patch(p, place))
+                        }
+                        None => LightRecord::of(light, place),
+                    };
+                    record.with_birth(birth(index))
                 });
                 let target = light_base + run.start..light_base + run.end;
                 self.trees.lights.write(commands, &mut staged.lights, target, fill);
@@ -254,10 +266,25 @@ impl LightPlanner {
             let (tree, openings) = (&entry.tree, state.openings(entry));
             for run in written_records(write, openings, state.records.len(), &runs[node_runs.clone()]) {
                 let target = state.records.start + run.start..state.records.start + run.end;
-                let fill = run.map(|index| TreeRecord::of(tree, openings, index));
+                // The sky is no part of the top level.
+                let fill = run.map(|index| match sky {
+                    Some(_) => TreeRecord::default(),
+                    None => TreeRecord::of(tree, openings, index),
+                });
                 self.trees.records.write(commands, &mut staged.trees, target, fill);
             }
         }
+    }
+
+    /// Writes what has changed of the sky's map, or all of it where the buffer is new.
+    fn write_sky(&mut self, commands: &mut Commands, world: &LightWorld, is_new: bool) {
+        let Some((_, sky)) = world.sky() else { return };
+        let since = if is_new { 0 } else { self.written_sky };
+        let (buffer, first) = (self.top.nodes(), 16 * u64::from(self.top.sky_map()));
+        sky.for_each_change(since, |quad, quads| {
+            commands.write(buffer, first + 16 * u64::from(quad), bytemuck::cast_slice(quads));
+        });
+        self.written_sky = sky.revision();
     }
 
     /// Writes the records of instances.
@@ -272,7 +299,7 @@ impl LightPlanner {
         let Some(key) = world.instance_at(slot) else { return InstanceRecord::NONE };
         let Some(instance) = world.instance(key) else { return InstanceRecord::NONE };
         // No generation either, if it is hidden.
-        let Some(placed) = instance.shown().filter(|_| !instance.is_sky) else { return InstanceRecord::NONE };
+        let Some(placed) = instance.shown() else { return InstanceRecord::NONE };
         let state = self.trees.residency.get(slot_of(instance.tree));
         let parts = self.instances.parts.range(slot);
         let stands_in = state.form == Form::StandIns;

@@ -3,11 +3,16 @@
 //! Four children lie together in a quad, so that a walk from a square to a texel reads a quad for each level, and
 //! a GPU reads the same words.
 
+use std::collections::VecDeque;
 use std::f32::consts::PI;
+#[cfg(feature = "gpu-plan")]
+use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use glam::Vec3;
 
 use crate::light::luminance;
+use crate::math::dice::U_STEP;
 
 /// The largest number of a shared exponent, with nine bits for a channel.
 const MAX_SHARED: f32 = 65_408.0;
@@ -26,7 +31,19 @@ pub(super) struct Levels {
     levels: Vec<Level>,
     /// Texels as shared exponents, and then sums in lux as f32, as bits.
     quads: Vec<[u32; 4]>,
+    /// The revision of the last change of everything.
+    all_since: u64,
+    /// The last parts that have changed since: a revision, the first texel and the end.
+    changes: VecDeque<Change>,
 }
+
+type Change = (u64, [usize; 2], [usize; 2]);
+
+/// The next revision of any map.
+static NEXT_REVISION: AtomicU64 = AtomicU64::new(1);
+
+/// Changes that are told apart; readers of older revisions read everything.
+const KEPT_CHANGES: usize = 16;
 
 #[derive(Clone, Copy)]
 struct Level {
@@ -76,10 +93,59 @@ impl Levels {
             }
             at = above;
         }
-        let mut levels = Self { size, scale: 1.0, levels, quads: vec![[0; 4]; quads] };
+        let (quads, changes) = (vec![[0; 4]; quads], VecDeque::new());
+        let mut levels = Self { size, scale: 1.0, levels, quads, all_since: 0, changes };
         levels.scale = scale_for(pixels);
         levels.set([0, 0], size, pixels);
+        levels.renew();
         levels
+    }
+
+    /// Makes all of the map new to everyone.
+    pub fn renew(&mut self) {
+        self.changes.clear();
+        self.all_since = NEXT_REVISION.fetch_add(1, Relaxed);
+    }
+
+    /// The revision of the last change.
+    #[cfg(feature = "gpu-plan")]
+    pub fn revision(&self) -> u64 {
+        self.changes.back().map_or(self.all_since, |(revision, ..)| *revision)
+    }
+
+    /// The runs of quads that have changed since a revision; `None` if all may have.
+    #[cfg(feature = "gpu-plan")]
+    pub fn changes_since(&self, revision: u64) -> Option<impl Iterator<Item = Range<usize>>> {
+        let changes = self.changes.iter().filter(move |(number, ..)| *number > revision);
+        (revision >= self.all_since).then(|| changes.flat_map(|(_, first, end)| self.runs(*first, *end)))
+    }
+
+    /// The quads of a part of the map, and of all squares that hold any of it.
+    #[cfg(feature = "gpu-plan")]
+    fn runs(&self, first: [usize; 2], end: [usize; 2]) -> impl Iterator<Item = Range<usize>> {
+        self.levels.iter().enumerate().flat_map(move |(level, Level { size, first_quad })| {
+            let first = first.map(|at| at >> level >> 1);
+            let end = end.map(|at| at.div_ceil(2 << level));
+            let row = size[0].div_ceil(2);
+            (first[1]..end[1]).map(move |y| first_quad + y * row + first[0]..first_quad + y * row + end[0])
+        })
+    }
+
+    /// All quads.
+    #[cfg(feature = "gpu-plan")]
+    pub fn quads(&self) -> &[[u32; 4]] {
+        &self.quads
+    }
+
+    /// The first quad of a level, and the number of quads in a row. Zeros beyond the last level.
+    #[cfg(feature = "gpu-plan")]
+    pub fn place(&self, level: usize) -> [usize; 2] {
+        self.levels.get(level).map_or([0; 2], |level| [level.first_quad, level.size[0].div_ceil(2)])
+    }
+
+    #[cfg(feature = "gpu-plan")]
+    pub fn scale(&self) -> f32 {
+        self.scale
     }
 
     pub fn size(&self) -> [usize; 2] {
@@ -112,7 +178,19 @@ impl Levels {
             }
         }
         let end = [0, 1].map(|k| corner[k] + size[k]);
-        self.sum(corner, end);
+        if corner[0] < end[0] && corner[1] < end[1] {
+            self.sum(corner, end);
+            self.note(corner, end);
+        }
+    }
+
+    /// Notes that a part has changed.
+    fn note(&mut self, first: [usize; 2], end: [usize; 2]) {
+        if self.changes.len() == KEPT_CHANGES {
+            // Who has not read the oldest one reads everything.
+            self.all_since = self.changes.pop_front().map_or(self.all_since, |(revision, ..)| revision);
+        }
+        self.changes.push_back((NEXT_REVISION.fetch_add(1, Relaxed), first, end));
     }
 
     /// Stores all texels for another scale.
@@ -124,6 +202,7 @@ impl Levels {
         }
         self.scale = scale;
         self.sum([0, 0], self.size);
+        self.renew();
     }
 
     /// Adds up the squares above the texels from `first` to before `end`.
@@ -170,7 +249,7 @@ impl Levels {
     }
 
     /// The solid angle of a texel of a row, in steradians.
-    fn solid_angle(&self, row: usize) -> f32 {
+    pub fn solid_angle(&self, row: usize) -> f32 {
         let [width, height] = self.size.map(|size| size as f32);
         let middle = PI * (row as f32 + 0.5) / height;
         (2.0 * PI / width) * 2.0 * middle.sin() * (0.5 * PI / height).sin()
@@ -237,7 +316,7 @@ fn choose(u: &mut f32, first: f32, second: f32) -> bool {
     let is_second = *u >= share || first <= 0.0;
     let is_second = is_second && second > 0.0;
     let stretched = if is_second { (*u - share) / (1.0 - share) } else { *u / share };
-    *u = stretched.clamp(0.0, 1.0 - f32::EPSILON);
+    *u = stretched.clamp(0.0, 1.0 - U_STEP);
     is_second
 }
 

@@ -7,6 +7,8 @@
 
 mod levels;
 mod patches;
+#[cfg(feature = "gpu-plan")]
+mod stored;
 
 use std::f32::consts::PI;
 use std::fmt;
@@ -17,6 +19,8 @@ use crate::error::SkyError;
 use crate::light::{Light, MAX_EMISSION};
 use levels::{Levels, in_order};
 use patches::Patch;
+#[cfg(feature = "gpu-plan")]
+pub(crate) use stored::{SKY_LEVELS, StoredPatch};
 
 /// Stands for the distance to the sky in metres where a number is needed: beyond all lamps.
 pub(crate) const SKY_DIST: f32 = (1 << 20) as f32;
@@ -87,6 +91,11 @@ impl Sky {
         check(pixels)?;
         let levels = Levels::new([width, height], pixels);
         Ok(Self { patches: patches::cut(&levels), levels })
+    }
+
+    /// Makes the map new to those who have read it, or another one.
+    pub(crate) fn renew(&mut self) {
+        self.levels.renew();
     }
 
     /// Stores other pixels in a part of the map: see [`LightWorld::set_sky_part`](crate::LightWorld::set_sky_part).

@@ -100,6 +100,12 @@ impl<'w> Changes<'w> {
         self.log.directionals > self.since.number
     }
 
+    /// Whether the map of the sky changed.
+    #[cfg(feature = "gpu-plan")]
+    pub(crate) fn sky(&self) -> bool {
+        self.log.sky > self.since.number
+    }
+
     /// Whether more changed than user data, which the top level does not depend on.
     #[cfg(feature = "gpu-plan")]
     pub(crate) fn concern_lights(&self) -> bool {
@@ -132,6 +138,8 @@ pub(super) struct WorldLog {
     /// The last change of more than user data.
     lights: u64,
     directionals: u64,
+    /// The map of the sky.
+    sky: u64,
     /// Trees that were added, edited, rebuilt or removed.
     trees: Stamps,
     added: Stamps,
@@ -152,6 +160,7 @@ impl Default for WorldLog {
             updated: 1,
             lights: 1,
             directionals: 1,
+            sky: 1,
             trees: none(),
             added: none(),
             removed: none(),
@@ -190,6 +199,11 @@ impl WorldLog {
     /// Records that some directional light was added, changed or removed.
     pub fn directionals(&mut self) {
         self.directionals = self.next();
+    }
+
+    /// Records that the map of the sky changed.
+    pub fn sky(&mut self) {
+        self.sky = self.next();
     }
 
     /// Records that an instance was added in a slot.

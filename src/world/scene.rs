@@ -160,6 +160,7 @@ impl Instance {
 
     /// The effects that the instance has; none if it is not shown.
     pub fn effects(&self) -> Effects {
-        self.shown().map_or(Effects::empty(), |placed| placed.effects() | self.appearance.effects())
+        let sky = if self.is_sky { Effects::SKY } else { Effects::empty() };
+        self.shown().map_or(Effects::empty(), |placed| placed.effects() | self.appearance.effects() | sky)
     }
 }

@@ -25,9 +25,8 @@ impl LightWorld {
     /// | [`LightSampler::pdf`](crate::LightSampler::pdf) | for a point at any distance in the direction |
     /// | [`LightSampler::hit`](crate::LightSampler::hit) | what a ray finds that hits nothing and has a `max_dist` of infinity |
     ///
-    /// Samplers on a CPU see the sky; on a GPU it is left out so far.
-    ///
-    /// O(1), and a tree of at most 1,024 lights is built: less than a millisecond.
+    /// O(1), and a tree of at most 1,024 lights is built: less than a millisecond. A GPU gets the map with the next
+    /// plan or upload, 5.3 bytes a pixel, in the buffer of the top level.
     ///
     /// ```
     /// use girandole::glam::Vec3;
@@ -49,7 +48,9 @@ impl LightWorld {
     /// assert!((lux / 4096.0 / (std::f32::consts::PI * 720.0) - 1.0).abs() < 0.02);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn set_sky(&mut self, sky: Sky) -> InstanceKey {
+    pub fn set_sky(&mut self, mut sky: Sky) -> InstanceKey {
+        sky.renew();
+        self.log.sky();
         let patches = LightTree::new(sky.lights()).unwrap_or_default();
         if let Some((key, present)) = &mut self.scene.sky {
             let key = *key;
@@ -91,6 +92,7 @@ impl LightWorld {
     ) -> Result<(), SkyError> {
         let (key, sky) = self.scene.sky.as_mut().ok_or(SkyError::NoSky)?;
         sky.set_part(corner, size, pixels)?;
+        self.log.sky();
         let (key, lights) = (*key, sky.lights());
         self.exchange(self.scene.instances[key].tree, LightTree::new(lights).unwrap_or_default());
         Ok(())

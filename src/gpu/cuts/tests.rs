@@ -334,7 +334,9 @@ fn the_gpu_builds_the_cuts_that_the_cpu_builds_and_chooses_the_same_lights() {
 /// weighs up to 256 nodes.
 #[test]
 fn choices_from_a_cell_read_few_nodes() {
-    let world = glossy_world();
+    let mut world = glossy_world();
+    let sky = world.sky().map(|(sky, _)| sky).expect("a sky");
+    world.remove_instance(sky).expect("it lives");
     let mut rig = Rig::new(EFFECTS, CutFallback::Walk, options());
     let layouts = [&rig.lights.layout, &rig.lights.cut_shader(1, EFFECTS, CutFallback::Walk).layout].map(Clone::clone);
     let count = |cells, layout| {
@@ -467,7 +469,8 @@ const EFFECTS: Effects = Effects::CONES
     .union(Effects::DIRECTIONAL)
     .union(Effects::NON_RIGID)
     .union(Effects::SOLID_ANGLES)
-    .union(Effects::GLOSSY);
+    .union(Effects::GLOSSY)
+    .union(Effects::SKY);
 
 fn assert_as_without_cuts(world: &LightWorld, chosen: &[Input], outputs: &[Output]) {
     let count = others(&world.sampler(), chosen, outputs);

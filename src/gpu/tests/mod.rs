@@ -5,6 +5,7 @@ mod lights;
 mod pool;
 mod relayout;
 mod scatter;
+mod sky;
 mod sort;
 mod top;
 mod upload;

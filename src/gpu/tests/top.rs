@@ -178,7 +178,7 @@ fn build(top: &mut TopRig, world: &LightWorld) -> Built {
     let count = parts.len() as u32;
     let has_masks = world.effects().contains(Effects::MASKS);
     let mut new = Vec::new();
-    top.top.reserve(count, has_masks, Growth::Double, (&mut top.rig.ids, &mut new)).unwrap();
+    top.top.reserve(count, (has_masks, 0), Growth::Double, (&mut top.rig.ids, &mut new)).unwrap();
     let (strides, build) = (top.strides, &mut top.top);
     top.rig.play(&new, |commands| {
         build.adopt(commands, &mut Vec::new());

@@ -38,9 +38,11 @@ pub(super) struct TopBuffers {
     pub capacity: u32,
     pub places: Places,
     pub bounds: BufferId,
-    /// The nodes, then the parts, then the masks of the nodes if they are stored.
+    /// The nodes, then the parts, then the masks of the nodes if they are stored, then the map of the sky.
     pub nodes: BufferId,
     pub nodes_bytes: u64,
+    /// How many quads of the sky's map there is room for.
+    pub sky_quads: u32,
     /// The clusters of all parts, then of all nodes.
     pub clusters: BufferId,
     /// The lists of units that the passes leave.
@@ -49,19 +51,20 @@ pub(super) struct TopBuffers {
 }
 
 impl TopBuffers {
-    /// Room for `capacity` parts, and for masks if `has_masks`. Adds the buffers to `new`. Fails
+    /// Room for `capacity` parts, for masks if `has_masks`, and for so many quads of the sky's map. Adds the buffers to `new`. Fails
     /// with [`PlanError::Full`] if a buffer would be larger than `limit`.
     pub(super) fn new(
         ids: &mut Ids,
         new: &mut Vec<NewBuffer>,
         capacity: u32,
-        has_masks: bool,
+        (has_masks, sky_quads): (bool, u32),
         limit: u64,
     ) -> Result<Self, PlanError> {
         let passes = Passes::new(capacity, capacity, Places::default(), Strides::of(Effects::all()));
         let parts = u64::from(passes.nodes) * size_of::<NodeRecord>() as u64;
         let masks = parts + u64::from(capacity) * size_of::<LeafRecord>() as u64;
-        let nodes_bytes = masks + if has_masks { u64::from(passes.nodes) * MASK_BYTES } else { 0 };
+        let sky_map = masks + if has_masks { u64::from(passes.nodes) * MASK_BYTES } else { 0 };
+        let nodes_bytes = sky_map + 16 * u64::from(sky_quads);
         let clusters = (u64::from(capacity) + u64::from(passes.nodes)) * size_of::<ClusterRecord>() as u64;
         for (what, needed) in [("top-level clusters", clusters), ("top-level nodes", nodes_bytes)] {
             if needed > limit {
@@ -77,7 +80,12 @@ impl TopBuffers {
         Ok(Self {
             capacity,
             // Within the limit of the buffer.
-            places: Places { parts: (parts / 16) as u32, masks: if has_masks { (masks / 16) as u32 } else { 0 } },
+            places: Places {
+                parts: (parts / 16) as u32,
+                masks: if has_masks { (masks / 16) as u32 } else { 0 },
+                sky_map: (sky_map / 16) as u32,
+            },
+            sky_quads,
             sort,
             bounds: add("top level bounds", u64::from(SPACE_WORDS) * 4),
             nodes: add("top level nodes", nodes_bytes),

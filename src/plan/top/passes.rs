@@ -41,12 +41,13 @@ pub(super) struct TopPass {
     pub padding_after: u32,
 }
 
-/// Where the parts and the masks begin in the buffer of the nodes, in units of 16 bytes. `masks` is
-/// 0 if they are not stored.
+/// Where the parts, the masks and the map of the sky begin in the buffer of the nodes, in units of 16 bytes. `masks`
+/// is 0 if they are not stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Places {
     pub parts: u32,
     pub masks: u32,
+    pub sky_map: u32,
 }
 
 /// The passes of a build.
@@ -64,7 +65,7 @@ impl Passes {
     /// The passes for the first `count` parts in buffers for `capacity` parts. `places` is where the
     /// parts and the masks begin in the buffer of the nodes, in units of 16 bytes.
     pub(super) fn new(count: u32, capacity: u32, places: Places, strides: Strides) -> Self {
-        let Places { parts, masks } = places;
+        let Places { parts, masks, .. } = places;
         let mut pass =
             TopPass { count, capacity, parts, units_before: FIRST_PASS, strides, masks, ..TopPass::default() };
         pass.sort_block = SortBuffers::block_keys(count);
