@@ -217,6 +217,8 @@ mod pages {
     struct Cuts;
     #[doc = include_str!("../docs/visibility.md")]
     struct Visibility;
+    #[doc = include_str!("../docs/sky.md")]
+    struct SkyPage;
     #[doc = include_str!("../docs/streaming.md")]
     #[cfg(feature = "bake")]
     struct Streaming;

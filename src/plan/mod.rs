@@ -331,13 +331,14 @@ impl LightPlanner {
         }
     }
 
-    /// The slot of the sky's instance, if it is shown and its tree is on the device.
+    /// The slot of the sky's instance, if it is shown and its tree is on the device: older patches, or stand-ins, do
+    /// not fit the map.
     fn sky_slot(&self, world: &LightWorld) -> Option<u32> {
         let (key, _) = world.sky()?;
         let instance = world.instance(key).filter(|instance| instance.shown().is_some())?;
         let state = self.trees.residency.get(slot_of(instance.tree));
         let has_nodes = world.tree(instance.tree).is_some_and(|tree| !tree.nodes().is_empty());
-        (state.form == Form::Whole && has_nodes).then(|| slot_of(key))
+        (state.form == Form::Whole && !state.waits && has_nodes).then(|| slot_of(key))
     }
 
     /// The parameters of shaders after a frame.

@@ -92,8 +92,11 @@
 // The origin lies on a grid.
 #define GIRANDOLE_EFFECT_SECTORS 4096
 
+// The world has a sky.
+#define GIRANDOLE_EFFECT_SKY 8192
+
 // All effects: a shader for them reads the buffers of any world, and is the longest.
-#define GIRANDOLE_ALL_EFFECTS 8127
+#define GIRANDOLE_ALL_EFFECTS 16319
 
 // The bytes of a baked tree, which the interface owns.
 typedef struct GirandoleBlob GirandoleBlob;

@@ -37,11 +37,13 @@ pub const GIRANDOLE_EFFECT_FACTORS: u32 = 1024;
 pub const GIRANDOLE_EFFECT_MASKS: u32 = 2048;
 /// The origin lies on a grid.
 pub const GIRANDOLE_EFFECT_SECTORS: u32 = 4096;
+/// The world has a sky.
+pub const GIRANDOLE_EFFECT_SKY: u32 = 8192;
 /// All effects: a shader for them reads the buffers of any world, and is the longest.
-pub const GIRANDOLE_ALL_EFFECTS: u32 = 0x1fbf;
+pub const GIRANDOLE_ALL_EFFECTS: u32 = 0x3fbf;
 
 /// The effects with their bits in this interface.
-const EFFECTS: [(u32, Effects); 12] = [
+const EFFECTS: [(u32, Effects); 13] = [
     (GIRANDOLE_EFFECT_CONES, Effects::CONES),
     (GIRANDOLE_EFFECT_RANGES, Effects::RANGES),
     (GIRANDOLE_EFFECT_AREAS, Effects::AREAS),
@@ -54,6 +56,7 @@ const EFFECTS: [(u32, Effects); 12] = [
     (GIRANDOLE_EFFECT_FACTORS, Effects::FACTORS),
     (GIRANDOLE_EFFECT_MASKS, Effects::MASKS),
     (GIRANDOLE_EFFECT_SECTORS, Effects::SECTORS),
+    (GIRANDOLE_EFFECT_SKY, Effects::SKY),
 ];
 
 /// The bits of effects.

@@ -10,6 +10,8 @@ use crate::gpu::testing::{compute_pipeline, gpu, gpu_lights, mixed_world, read, 
 use crate::gpu::{GpuLights, SampleRecord};
 use crate::instance::placement::Placement;
 use crate::keys::LightId;
+use crate::plan::{LightPlanner, PlanLimits};
+use crate::sampling::cut::NO_INSTANCE;
 use crate::sampling::sample::LightSample;
 use crate::shading::shading_point::ShadingPoint;
 use crate::sky::Sky;
@@ -206,4 +208,22 @@ fn the_gpu_samples_the_sky_as_the_cpu_does_and_follows_its_changes() {
     lights.upload(&world).expect("room enough");
     let outputs = run(&mut lights, &pipeline, &own);
     assert!(outputs.iter().all(|output| output.sample.instance != slot && output.hit.dist < 1.0e18));
+}
+
+#[test]
+fn the_sky_is_left_out_while_its_patches_wait_to_be_sent() {
+    let mut planner = LightPlanner::new(PlanLimits::default().with_frame_bytes(0));
+    let mut world = mixed_world();
+    let slot = world.sky().and_then(|(sky, _)| world.slot(sky)).expect("a sky");
+    let mut sky_of = |world: &LightWorld, bytes| {
+        planner.set_frame_bytes(bytes);
+        planner.reserve(world).expect("room enough").plan();
+        planner.params().sky
+    };
+    assert_eq!(sky_of(&world, Some(0)), NO_INSTANCE);
+    assert_eq!(sky_of(&world, None), slot);
+    // Another map has other patches, and the former ones do not fit it.
+    world.set_sky(Sky::equirectangular(128, &cloudy([128, 64], 3)).expect("sound pixels"));
+    assert_eq!(sky_of(&world, Some(0)), NO_INSTANCE);
+    assert_eq!(sky_of(&world, None), slot);
 }

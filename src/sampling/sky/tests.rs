@@ -308,3 +308,62 @@ fn shadow_rays_teach_where_the_sky_is_hidden() {
     let after = share(&table);
     assert!(before > 0.1 && after < 0.3 * before, "{before} {after}");
 }
+
+/// The exact relative standard deviation of one sample of a matte point, without shadows: the root of
+/// sum(f² / p) / sum(f)² - 1 over all lamps and texels.
+fn sigma(world: &LightWorld, at: &ShadingPoint) -> f64 {
+    let sampler = world.sampler();
+    let (mut sum, mut squares) = (0.0, 0.0);
+    let mut add = |light: f64, probability: f64| {
+        if light > 0.0 {
+            sum += light;
+            squares += light * light / probability;
+        }
+    };
+    let mut pmfs = Vec::new();
+    sampler.distribution(at, &mut pmfs);
+    let mut of_patches = std::collections::HashMap::new();
+    let sky = world.sky().map(|(key, _)| key);
+    for (light, pmf) in sampler.all_lights().zip(&pmfs) {
+        if sky.is_some_and(|sky| is_sky(light, sky)) {
+            of_patches.insert(light, f64::from(*pmf));
+        } else if let Some(incident) = sampler.sample_light(at, light, [0.5; 2]) {
+            let cosine = at.normal.dot(incident.direction);
+            add(f64::from(luminance(incident.radiance) * cosine), f64::from(*pmf));
+        }
+    }
+    if let Some((key, map)) = world.sky() {
+        for (direction, angle, radiance) in texels(world) {
+            let Some((patch, point)) = map.point(direction) else { continue };
+            let probability =
+                of_patches[&LightId::Local { instance: key, light: patch }] * f64::from(point.pdf * angle);
+            add(f64::from(luminance(radiance) * angle * at.normal.dot(direction).max(0.0)), probability);
+        }
+    }
+    (squares / (sum * sum) - 1.0).max(0.0).sqrt()
+}
+
+#[test]
+fn a_sky_beside_lamps_adds_little_noise_to_either_alone() {
+    // A sun a thousand times as bright as a sky that fades toward the horizon.
+    let mut pixels: Vec<Vec3> =
+        (0..SIZE[0] * SIZE[1]).map(|i| Vec3::splat(1000.0 / (1.0 + (i / SIZE[0]) as f32 / 10.0))).collect();
+    pixels[SIZE[0] * 12 + 40] = Vec3::splat(1.0e6);
+    let (both, key) = world(2000, &pixels);
+    let (lamps, sky_of_lamps) = world(2000, &pixels);
+    let mut lamps = lamps;
+    lamps.remove_instance(sky_of_lamps).expect("it lives");
+    let (sky, _) = world(0, &pixels);
+    assert!(both.sky().is_some_and(|(sky, _)| sky == key));
+    let mut rng = Rng(31);
+    let mut sums = [0.0; 3];
+    for _ in 0..50 {
+        let normal = (Vec3::Y + 0.8 * rng.position(1.0)).normalize();
+        let at = ShadingPoint::surface(rng.position(25.0) * Vec3::new(1.0, 0.02, 1.0), normal);
+        let all = [&both, &sky, &lamps].map(|world| sigma(world, &at));
+        sums.iter_mut().zip(all).for_each(|(sum, sigma)| *sum += sigma / 50.0);
+    }
+    let [both, sky, lamps] = sums;
+    // 0.128, 0.111 and 0.105.
+    assert!(both <= 1.3 * sky.min(lamps), "{both} {sky} {lamps}");
+}
