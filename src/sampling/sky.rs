@@ -3,14 +3,13 @@
 use glam::Vec3;
 
 use crate::instance::placement::Placed;
-use crate::keys::{InstanceKey, LightId};
+use crate::keys::LightId;
 use crate::math::dice::clamp_unit;
 use crate::sampling::cut::TreeView;
 use crate::sampling::emit::{Incident, MIN_INVERSE_PDF, MIN_PDF};
 use crate::sampling::sample::{LightSample, LightSampler};
 use crate::shading::shading_point::ShadingPoint;
 use crate::sky::SkyPoint;
-use crate::world::Instance;
 
 impl<'a> LightSampler<'a> {
     /// The instance of the sky and the root of its tree, if a shading point sees it.
@@ -42,23 +41,13 @@ impl<'a> LightSampler<'a> {
     /// What a ray meets that hits nothing.
     pub(crate) fn hit_sky(&self, shading_point: &ShadingPoint, direction: Vec3) -> Option<LightSample> {
         let (key, _) = self.world.sky()?;
-        let Instance { appearance, .. } = self.world.instance(key)?;
-        let placed = self.world.instance(key)?.shown().filter(|_| appearance.mask & shading_point.mask != 0)?;
+        let instance = self.world.instance(key)?;
+        let placed = instance.shown().filter(|_| instance.appearance.mask & shading_point.mask != 0)?;
         let (patch, incident) = self.sky_point(placed, shading_point, direction)?;
-        let incident = Incident { radiance: appearance.arriving(incident.radiance)?, ..incident };
-        Some(self.sky_sample(key, shading_point, patch, incident))
-    }
-
-    fn sky_sample(
-        &self,
-        instance: InstanceKey,
-        shading_point: &ShadingPoint,
-        patch: u32,
-        incident: Incident,
-    ) -> LightSample {
-        let light = LightId::Local { instance, light: patch };
-        let user_data = self.world.user_data(instance).unwrap_or(0);
-        LightSample { light, pmf: self.pmf(shading_point, light), incident, user_data }
+        let incident = Incident { radiance: instance.appearance.arriving(incident.radiance)?, ..incident };
+        let light = LightId::Local { instance: key, light: patch };
+        let user_data = self.world.user_data(key).unwrap_or(0);
+        Some(LightSample { light, pmf: self.pmf(shading_point, light), incident, user_data })
     }
 
     /// The patch in a direction, and what arrives from there.

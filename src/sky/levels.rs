@@ -313,8 +313,7 @@ impl Levels {
 /// Whether the second of two is chosen in proportion to their weights. The number is stretched over the choice.
 fn choose(u: &mut f32, first: f32, second: f32) -> bool {
     let share = first / (first + second);
-    let is_second = *u >= share || first <= 0.0;
-    let is_second = is_second && second > 0.0;
+    let is_second = (*u >= share || first <= 0.0) && second > 0.0;
     let stretched = if is_second { (*u - share) / (1.0 - share) } else { *u / share };
     *u = stretched.clamp(0.0, 1.0 - U_STEP);
     is_second

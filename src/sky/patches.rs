@@ -7,7 +7,7 @@ use glam::Vec3;
 
 use super::levels::{Levels, Square};
 
-/// Patches of a map, at most. Few enough for a tree that is rebuilt in less than a millisecond, and enough for
+/// Patches of a map, at most. Few enough for a tree that is built in a frame, and enough for
 /// patches of 6 degrees in an even sky.
 pub(crate) const PATCHES: usize = 1024;
 

@@ -39,15 +39,14 @@ impl Sky {
             return;
         }
         let first = self.first_stored();
-        // The number of patches changes with any part.
-        let head = self.head();
         match self.levels.changes_since(since) {
             None => {
-                write(0, &head);
+                write(0, &self.head());
                 write(first, self.levels.quads());
             }
             Some(runs) => {
-                write(0, &head[..1]);
+                // The number of patches changes with any part.
+                write(0, &[self.first_quad()]);
                 runs.for_each(|run| write(first + run.start as u32, &self.levels.quads()[run]));
             }
         }
@@ -58,13 +57,17 @@ impl Sky {
         1 + SKY_LEVELS + self.size()[1].div_ceil(4) as u32
     }
 
-    fn head(&self) -> Vec<[u32; 4]> {
+    fn first_quad(&self) -> [u32; 4] {
         let [width, height] = self.size().map(|side| side as u32);
-        let mut head = vec![[width, height, self.patches.len() as u32, self.levels.scale().to_bits()]];
+        [width, height, self.patches.len() as u32, self.levels.scale().to_bits()]
+    }
+
+    fn head(&self) -> Vec<[u32; 4]> {
+        let mut head = vec![self.first_quad()];
         let places = (0..SKY_LEVELS as usize).map(|level| self.levels.place(level));
         head.extend(places.map(|[quad, row]| [self.first_stored() + quad as u32, row as u32, 0, 0]));
         let angle = |row: usize| self.levels.solid_angle(row).to_bits();
-        head.extend((0..height as usize).step_by(4).map(|row| [row, row + 1, row + 2, row + 3].map(angle)));
+        head.extend((0..self.size()[1]).step_by(4).map(|row| [row, row + 1, row + 2, row + 3].map(angle)));
         head
     }
 }

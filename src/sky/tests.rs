@@ -87,7 +87,7 @@ fn directions_of_a_patch_are_those_that_its_density_says() {
 #[test]
 fn points_of_a_texel_are_spread_evenly_over_its_solid_angle() {
     // One texel at the zenith, and one beside the horizon.
-    for (row, mean) in [(0, None), (7, Some(PI * 7.5 / 16.0))] {
+    for row in [0, 7] {
         let mut pixels = vec![Vec3::ZERO; 32 * 16];
         pixels[32 * row + 3] = Vec3::ONE;
         let sky = Sky::equirectangular(32, &pixels).expect("sound pixels");
@@ -96,7 +96,7 @@ fn points_of_a_texel_are_spread_evenly_over_its_solid_angle() {
         let step = PI / 16.0;
         let [top, bottom] = [row as f32, row as f32 + 1.0].map(|row| (step * row).cos());
         let sum: f32 = cosines.sum();
-        assert!((sum / 1000.0 - 0.5 * (top + bottom)).abs() < 1.0e-4, "{row} {mean:?}");
+        assert!((sum / 1000.0 - 0.5 * (top + bottom)).abs() < 1.0e-4, "{row}");
     }
 }
 
@@ -128,16 +128,11 @@ fn a_part_that_changes_leaves_what_a_new_map_has() {
             }
         }
         let greatest = pixels.iter().fold(0.0_f32, |greatest, pixel| greatest.max(pixel.max_element()));
-        let mut sum = 0.0;
         for (i, pixel) in pixels.iter().enumerate() {
             let found = sky.radiance(middle(&sky, i % size[0], i / size[0]));
             let error = (found - *pixel).abs().max_element();
             assert!(error <= pixel.max_element() / 500.0 + greatest * 2.0_f32.powi(-30), "{step} {pixel} {found}");
-            let (_, lux) =
-                sky.point(middle(&sky, i % size[0], i / size[0])).map_or((0, 0.0), |(patch, _)| (patch, 1.0));
-            sum += lux;
         }
-        assert!(sum > 0.0);
         let total: f32 = sky.patches.iter().map(|patch| patch.lux).sum();
         let fresh = Sky::equirectangular(size[0], &pixels).expect("sound pixels");
         let expected: f32 = fresh.patches.iter().map(|patch| patch.lux).sum();

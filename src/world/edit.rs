@@ -5,7 +5,6 @@ use glam::Vec3;
 use super::{Instance, LightWorld, TreeEntry};
 use crate::effects::Effects;
 use crate::error::WorldError;
-use crate::instance::appearance::Appearance;
 use crate::instance::placement::{Placed, Placement};
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::{DirectionalLight, Light};
@@ -330,19 +329,7 @@ impl LightWorld {
         policy.validate()?;
         let placement = placement.into();
         let placed = Placed::new(&placement, self.scene.origin.anchor())?;
-        let appearance = Appearance::default();
-        let instance = Instance {
-            tree,
-            placement,
-            policy,
-            appearance,
-            placed,
-            birth: 0,
-            index_in_tree: 0,
-            region: None,
-            is_sky: false,
-        };
-        Ok(self.insert_instance(instance, false))
+        Ok(self.insert_instance(Instance::new(tree, placement, policy, placed), false))
     }
 
     /// Adds an instance that has been checked. O(1), but for a build of its tree if it is the first

@@ -88,17 +88,7 @@ impl LightWorld {
             let placed = Placed::moved(placed.as_ref(), &placement, &placement, self.scene.origin.anchor())
                 .expect("checked before");
             let (tree, region) = (trees[tree], Some(key));
-            let instance = Instance {
-                tree,
-                placement,
-                policy,
-                appearance,
-                placed,
-                birth: 0,
-                index_in_tree: 0,
-                region,
-                is_sky: false,
-            };
+            let instance = Instance { appearance, region, ..Instance::new(tree, placement, policy, placed) };
             self.insert_instance(instance, true)
         };
         let instances = region.instances.into_iter().map(insert_instance).collect();

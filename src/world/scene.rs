@@ -152,6 +152,12 @@ impl TreeEntry {
 }
 
 impl Instance {
+    /// An instance that the world does not have yet, with the lights as the tree has them.
+    pub fn new(tree: TreeKey, placement: Placement, policy: Policy, placed: Option<Placed>) -> Self {
+        let (appearance, region) = (Appearance::default(), None);
+        Self { tree, placement, policy, appearance, placed, birth: 0, index_in_tree: 0, region, is_sky: false }
+    }
+
     /// Where the lights shine; `None` if they do not, because its placement hides the instance or
     /// because of its appearance.
     pub fn shown(&self) -> Option<&Placed> {

@@ -2,7 +2,6 @@
 
 use super::{Instance, LightWorld};
 use crate::error::SkyError;
-use crate::instance::appearance::Appearance;
 use crate::instance::placement::{Placed, Placement};
 use crate::keys::InstanceKey;
 use crate::policy::Policy;
@@ -25,7 +24,7 @@ impl LightWorld {
     /// | [`LightSampler::pdf`](crate::LightSampler::pdf) | for a point at any distance in the direction |
     /// | [`LightSampler::hit`](crate::LightSampler::hit) | what a ray finds that hits nothing and has a `max_dist` of infinity |
     ///
-    /// O(1), and a tree of at most 1,024 lights is built: less than a millisecond. A GPU gets the map with the next
+    /// O(1), and a tree of at most 1,024 lights is built. A GPU gets the map with the next
     /// plan or upload, 5.3 bytes a pixel, in the buffer of the top level.
     ///
     /// ```
@@ -59,17 +58,9 @@ impl LightWorld {
             return key;
         }
         let placement = Placement::IDENTITY;
-        let instance = Instance {
-            tree: self.add_tree(patches),
-            placement,
-            policy: Policy::Static,
-            appearance: Appearance::default(),
-            placed: Placed::new(&placement, self.scene.origin.anchor()).unwrap_or_default(),
-            birth: 0,
-            index_in_tree: 0,
-            region: None,
-            is_sky: true,
-        };
+        let placed = Placed::new(&placement, self.scene.origin.anchor()).unwrap_or_default();
+        let tree = self.add_tree(patches);
+        let instance = Instance { is_sky: true, ..Instance::new(tree, placement, Policy::Static, placed) };
         let key = self.insert_instance(instance, false);
         self.scene.sky = Some((key, sky));
         key

@@ -51,8 +51,8 @@ pub(super) struct TopBuffers {
 }
 
 impl TopBuffers {
-    /// Room for `capacity` parts, for masks if `has_masks`, and for so many quads of the sky's map. Adds the buffers to `new`. Fails
-    /// with [`PlanError::Full`] if a buffer would be larger than `limit`.
+    /// Room for `capacity` parts, for masks if `has_masks`, and for so many quads of the sky's map. Adds the buffers
+    /// to `new`. Fails with [`PlanError::Full`] if a buffer would be larger than `limit`.
     pub(super) fn new(
         ids: &mut Ids,
         new: &mut Vec<NewBuffer>,
