@@ -44,10 +44,12 @@ fn light_patch_square(patch_record: LightRecord) -> LightSquare {
     return LightSquare(words.z - 1u, words.xy);
 }
 
-// The words of the four squares of a level below the square `at` of the level above.
-fn light_sky_quad(level: u32, at: vec2<u32>) -> vec4<u32> {
-    let place = light_top[light_params.sky_map + 1u + level];
-    return light_top[light_params.sky_map + place.x + at.y * place.y + at.x];
+// The words of the four squares of a stored level below the square `at` of the level above it. Twin of
+// `Levels::quad`.
+fn light_sky_quad(stored: u32, at: vec2<u32>) -> vec4<u32> {
+    let place = light_top[light_params.sky_map + 1u + stored];
+    let block = (at.y / 2u) * place.y + at.x / 2u;
+    return light_top[light_params.sky_map + place.x + 4u * block + 2u * (at.y % 2u) + at.x % 2u];
 }
 
 // Twin of `decode`.
@@ -66,19 +68,33 @@ fn light_sky_luminance(radiance: vec3<f32>) -> f32 {
     return dot(radiance, vec3(0.2126, 0.7152, 0.0722));
 }
 
-// The lux of the four squares below a square. Twin of `Levels::children`.
-fn light_sky_lux(square: LightSquare) -> vec4<f32> {
-    let words = light_sky_quad(square.level - 1u, square.at);
-    if square.level > 1u {
+// The lux of the four squares of a quad. Twin of `lux_of_quad`.
+fn light_sky_quad_lux(stored: u32, at: vec2<u32>) -> vec4<f32> {
+    let words = light_sky_quad(stored, at);
+    if stored > 0u {
         return bitcast<vec4<f32>>(words);
     }
     // A table has the solid angles of rows: sines are not exact enough.
     let head = light_sky_head();
-    let angles = bitcast<vec4<f32>>(light_top[light_params.sky_map + 1u + LIGHT_SKY_LEVELS + square.at.y / 2u]);
-    let pair = select(angles.xy, angles.zw, square.at.y % 2u == 1u) * bitcast<f32>(head.w);
+    let angles = bitcast<vec4<f32>>(light_top[light_params.sky_map + 1u + LIGHT_SKY_LEVELS + at.y / 2u]);
+    let pair = select(angles.xy, angles.zw, at.y % 2u == 1u) * bitcast<f32>(head.w);
     var lux: vec4<f32>;
     for (var k = 0u; k < 4u; k++) {
         lux[k] = light_sky_luminance(light_shared_exponent(words[k])) * pair[k / 2u];
+    }
+    return lux;
+}
+
+// The lux of the four squares below a square. Twin of `Levels::children`.
+fn light_sky_lux(square: LightSquare) -> vec4<f32> {
+    let stored = (square.level - 1u) / 2u;
+    if square.level % 2u == 1u {
+        return light_sky_quad_lux(stored, square.at);
+    }
+    var lux: vec4<f32>;
+    for (var k = 0u; k < 4u; k++) {
+        let quad = light_sky_quad_lux(stored, 2u * square.at + vec2(k % 2u, k / 2u));
+        lux[k] = (quad.x + quad.y) + (quad.z + quad.w);
     }
     return lux;
 }

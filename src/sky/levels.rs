@@ -1,7 +1,8 @@
-//! The texels of a map, and the sums of their light over squares of 2, 4, 8 and more.
+//! The texels of a map, and the sums of their light over squares of 4, 16, 64 and more.
 //!
-//! Four children lie together in a quad, so that a walk from a square to a texel reads a quad for each level, and
-//! a GPU reads the same words.
+//! Sixteen squares lie together in a block, by four in quads, so that a walk from a square to a texel reads 64 bytes
+//! for every second level: most of its time is that of reading memory. Sums over squares of 2, 8, 32 are those
+//! of a quad. A GPU reads the same words.
 
 use std::collections::VecDeque;
 use std::f32::consts::PI;
@@ -26,11 +27,12 @@ pub(super) struct Levels {
     size: [usize; 2],
     /// What stored radiances are multiplied by.
     scale: f32,
-    /// The levels from that of the texels up. A level has the quads of its squares, in rows of those of the
-    /// level above.
+    /// Of levels 0, 2, 4, and so on.
     levels: Vec<Level>,
     /// Texels as shared exponents, and then sums in lux as f32, as bits.
-    quads: Vec<[u32; 4]>,
+    blocks: Vec<Block>,
+    /// The solid angle of a texel of each row, in steradians.
+    solid_angles: Vec<f32>,
     /// The revision of the last change of everything.
     all_since: u64,
     /// The last parts that have changed since: a revision, the first texel and the end.
@@ -42,14 +44,29 @@ type Change = (u64, [usize; 2], [usize; 2]);
 /// The next revision of any map.
 static NEXT_REVISION: AtomicU64 = AtomicU64::new(1);
 
+/// Blocks in rows are shared among threads from this number on.
+#[cfg(feature = "parallel")]
+const MIN_SHARED_BLOCKS: usize = 1 << 12;
+
 /// Changes that are told apart; readers of older revisions read everything.
 const KEPT_CHANGES: usize = 16;
 
+/// The words of 4 x 4 squares: quads of 2 x 2 in rows of two, and so the words of a quad. A line of most caches.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct Block([[u32; 4]; 4]);
+
+impl Block {
+    fn word(&mut self, [x, y]: [usize; 2]) -> &mut u32 {
+        &mut self.0[2 * (y / 2 % 2) + x / 2 % 2][2 * (y % 2) + x % 2]
+    }
+}
+
+/// The blocks of a level that is stored, in rows.
 #[derive(Clone, Copy)]
 struct Level {
-    /// Squares in a row, and rows.
-    size: [usize; 2],
-    first_quad: usize,
+    first: usize,
+    in_row: usize,
 }
 
 /// A square of a level: 2^level texels wide.
@@ -80,23 +97,26 @@ pub(super) fn in_order([x, y]: [usize; 2]) -> u64 {
 }
 
 impl Levels {
-    /// `pixels` are rows of `size[0]`; all are sound.
-    pub fn new(size: [usize; 2], pixels: &[Vec3]) -> Self {
-        let mut levels = Vec::new();
-        let (mut at, mut quads) = (size, 0);
+    /// `pixels` are rows of `size[0]`, of which no channel is above `greatest`.
+    pub fn new(size: [usize; 2], pixels: &[Vec3], greatest: f32) -> Self {
+        let (mut levels, mut at, mut first) = (Vec::new(), size, 0);
         loop {
-            levels.push(Level { size: at, first_quad: quads });
-            let above = at.map(|side| side.div_ceil(2));
-            quads += above[0] * above[1];
-            if at == [1, 1] {
+            let [in_row, rows] = at.map(|side| side.div_ceil(4));
+            levels.push(Level { first, in_row });
+            first += in_row * rows;
+            if [in_row, rows] == [1, 1] {
                 break;
             }
-            at = above;
+            at = [in_row, rows];
         }
-        let (quads, changes) = (vec![[0; 4]; quads], VecDeque::new());
-        let mut levels = Self { size, scale: 1.0, levels, quads, all_since: 0, changes };
-        levels.scale = scale_for(pixels);
-        levels.set([0, 0], size, pixels);
+        let (blocks, changes) = (vec![Block([[0; 4]; 4]); first], VecDeque::new());
+        let [width, height] = size.map(|size| size as f32);
+        let middle = |row: usize| PI * (row as f32 + 0.5) / height;
+        let solid_angle = |row: usize| (2.0 * PI / width) * 2.0 * middle(row).sin() * (0.5 * PI / height).sin();
+        let solid_angles = (0..size[1]).map(solid_angle).collect();
+        let mut levels = Self { size, scale: 1.0, levels, blocks, solid_angles, all_since: 0, changes };
+        levels.scale = scale_for(greatest);
+        levels.set([0, 0], size, pixels, greatest);
         levels.renew();
         levels
     }
@@ -123,24 +143,30 @@ impl Levels {
     /// The quads of a part of the map, and of all squares that hold any of it.
     #[cfg(feature = "gpu-plan")]
     fn runs(&self, first: [usize; 2], end: [usize; 2]) -> impl Iterator<Item = Range<usize>> {
-        self.levels.iter().enumerate().flat_map(move |(level, Level { size, first_quad })| {
-            let first = first.map(|at| at >> level >> 1);
-            let end = end.map(|at| at.div_ceil(2 << level));
-            let row = size[0].div_ceil(2);
-            (first[1]..end[1]).map(move |y| first_quad + y * row + first[0]..first_quad + y * row + end[0])
+        self.levels.iter().enumerate().flat_map(move |(stored, Level { first: start, in_row })| {
+            let first = first.map(|at| at >> (2 * stored) >> 2);
+            let end = end.map(|at| at.div_ceil(4 << (2 * stored)));
+            (first[1]..end[1]).map(move |y| 4 * (start + y * in_row + first[0])..4 * (start + y * in_row + end[0]))
         })
     }
 
-    /// All quads.
+    /// The number of quads.
     #[cfg(feature = "gpu-plan")]
-    pub fn quads(&self) -> &[[u32; 4]] {
-        &self.quads
+    pub fn quad_count(&self) -> usize {
+        4 * self.blocks.len()
     }
 
-    /// The first quad of a level, and the number of quads in a row. Zeros beyond the last level.
+    /// Quads, in the order of blocks.
     #[cfg(feature = "gpu-plan")]
-    pub fn place(&self, level: usize) -> [usize; 2] {
-        self.levels.get(level).map_or([0; 2], |level| [level.first_quad, level.size[0].div_ceil(2)])
+    pub fn quads(&self, run: Range<usize>) -> Vec<[u32; 4]> {
+        run.map(|quad| self.blocks[quad / 4].0[quad % 4]).collect()
+    }
+
+    /// The first quad of a level that is stored, by its number among these, and the number of blocks in a row. Zeros
+    /// beyond the last one.
+    #[cfg(feature = "gpu-plan")]
+    pub fn place(&self, stored: usize) -> [usize; 2] {
+        self.levels.get(stored).map_or([0; 2], |level| [4 * level.first, level.in_row])
     }
 
     #[cfg(feature = "gpu-plan")]
@@ -152,36 +178,39 @@ impl Levels {
         self.size
     }
 
-    /// The number of levels.
+    /// The number of levels: the last one has one square.
     pub fn count(&self) -> usize {
-        self.levels.len()
+        let side = self.size[0].max(self.size[1]);
+        side.next_power_of_two().ilog2() as usize + 1
     }
 
     /// The squares in a row of a level, and the rows.
     pub fn size_of(&self, level: usize) -> [usize; 2] {
-        self.levels[level].size
+        self.size.map(|side| side.div_ceil(1 << level))
     }
 
     pub fn memory_bytes(&self) -> usize {
-        size_of::<[u32; 4]>() * self.quads.capacity() + size_of::<Level>() * self.levels.capacity()
+        let [blocks, levels] = [self.blocks.capacity(), self.levels.capacity()];
+        size_of::<Block>() * blocks + size_of::<Level>() * levels + size_of_val(&self.solid_angles[..])
     }
 
-    /// Stores the pixels of a part of the map, which lies within it, and the sums above.
-    pub fn set(&mut self, corner: [usize; 2], size: [usize; 2], pixels: &[Vec3]) {
-        if greatest(pixels) > MAX_SHARED * self.scale {
-            self.store_anew(scale_for(pixels));
-        }
-        for (row, pixels) in pixels.chunks_exact(size[0].max(1)).enumerate() {
-            for (column, pixel) in pixels.iter().enumerate() {
-                let (quad, k) = self.word(0, [corner[0] + column, corner[1] + row]);
-                self.quads[quad][k] = encode(*pixel / self.scale);
-            }
-        }
+    /// Stores the pixels of a part of the map, which lies within it, and the sums above. No channel is above
+    /// `greatest`.
+    pub fn set(&mut self, corner: [usize; 2], size: [usize; 2], pixels: &[Vec3], greatest: f32) {
         let end = [0, 1].map(|k| corner[k] + size[k]);
-        if corner[0] < end[0] && corner[1] < end[1] {
-            self.sum(corner, end);
-            self.note(corner, end);
+        if corner[0] >= end[0] || corner[1] >= end[1] {
+            return;
         }
+        if greatest > MAX_SHARED * self.scale {
+            self.store_anew(scale_for(greatest));
+        }
+        // Exact: scales are powers of two.
+        let inverse = self.scale.recip();
+        self.for_each_square(0, corner, end, |_, [x, y]| {
+            encode(pixels[(y - corner[1]) * size[0] + x - corner[0]] * inverse)
+        });
+        self.sum(corner, end);
+        self.note(corner, end);
     }
 
     /// Notes that a part has changed.
@@ -196,8 +225,8 @@ impl Levels {
     /// Stores all texels for another scale.
     fn store_anew(&mut self, scale: f32) {
         let ratio = self.scale / scale;
-        let texels = self.levels.get(1).map_or(1, |above| above.first_quad);
-        for quad in &mut self.quads[..texels] {
+        let texels = self.levels.get(1).map_or(self.blocks.len(), |above| above.first);
+        for quad in self.blocks[..texels].iter_mut().flat_map(|block| &mut block.0) {
             *quad = quad.map(|code| encode(decode(code) * ratio));
         }
         self.scale = scale;
@@ -208,62 +237,86 @@ impl Levels {
     /// Adds up the squares above the texels from `first` to before `end`.
     fn sum(&mut self, first: [usize; 2], end: [usize; 2]) {
         let (mut first, mut end) = (first, end);
-        for level in 1..self.levels.len() {
-            (first, end) = (first.map(|at| at / 2), end.map(|at| at.div_ceil(2)));
-            for y in first[1]..end[1] {
-                for x in first[0]..end[0] {
-                    let [a, b, c, d] = self.children(Square { level, at: [x, y] });
-                    let (quad, k) = self.word(level, [x, y]);
-                    self.quads[quad][k] = ((a + b) + (c + d)).to_bits();
-                }
-            }
+        for stored in 1..self.levels.len() {
+            (first, end) = (first.map(|at| at / 4), end.map(|at| at.div_ceil(4)));
+            let Level { first: start, in_row } = self.levels[stored - 1];
+            let (scale, solid_angles) = (self.scale, std::mem::take(&mut self.solid_angles));
+            self.for_each_square(stored, first, end, |below, [x, y]| {
+                // Each square has a block of the level below.
+                let block = &below[start + y * in_row + x];
+                let [a, b, c, d] = lux_of_block(block, 2 * stored - 2, y, scale, &solid_angles);
+                ((a + b) + (c + d)).to_bits()
+            });
+            self.solid_angles = solid_angles;
         }
     }
 
-    /// Where the word of a square lies: a quad, and a place in it.
-    fn word(&self, level: usize, at: [usize; 2]) -> (usize, usize) {
-        let Level { size, first_quad } = self.levels[level];
-        let quad = first_quad + (at[1] / 2) * size[0].div_ceil(2) + at[0] / 2;
-        (quad, 2 * (at[1] % 2) + at[0] % 2)
+    /// Sets the words of squares of a stored level, on rayon's threads if they are many. The function gets the blocks
+    /// of the levels below.
+    fn for_each_square(
+        &mut self,
+        stored: usize,
+        first: [usize; 2],
+        end: [usize; 2],
+        word: impl Fn(&[Block], [usize; 2]) -> u32 + Sync,
+    ) {
+        let Level { first: start, in_row } = self.levels[stored];
+        let (below, blocks) = self.blocks.split_at_mut(start);
+        let rows = first[1] / 4..end[1].div_ceil(4);
+        let blocks = &mut blocks[rows.start * in_row..rows.end * in_row];
+        let of_row = |(row, blocks): (usize, &mut [Block])| {
+            let y = 4 * (rows.start + row);
+            for y in y.max(first[1])..(y + 4).min(end[1]) {
+                (first[0]..end[0]).for_each(|x| *blocks[x / 4].word([x, y]) = word(below, [x, y]));
+            }
+        };
+        #[cfg(feature = "parallel")]
+        if blocks.len() >= MIN_SHARED_BLOCKS {
+            use rayon::prelude::*;
+            return blocks.par_chunks_mut(in_row).enumerate().for_each(of_row);
+        }
+        blocks.chunks_mut(in_row).enumerate().for_each(of_row);
+    }
+
+    /// The quad of a stored level below the square `at` of the level above it.
+    fn quad(&self, stored: usize, at: [usize; 2]) -> &[u32; 4] {
+        let Level { first, in_row } = self.levels[stored];
+        &self.blocks[first + (at[1] / 2) * in_row + at[0] / 2].0[2 * (at[1] % 2) + at[0] % 2]
     }
 
     /// The light of a square in lux, on a surface that faces it.
     pub fn lux(&self, square: Square) -> f32 {
-        let (quad, k) = self.word(square.level, square.at);
-        match square.level {
-            0 => self.luminance(square.at) * self.solid_angle(square.at[1]),
-            _ => f32::from_bits(self.quads[quad][k]),
+        if square.level == 0 {
+            return self.luminance(square.at) * self.solid_angle(square.at[1]);
         }
+        let [a, b, c, d] = self.children(square);
+        (a + b) + (c + d)
     }
 
     /// The lux of the four squares below a square; 0 beyond the border.
     fn children(&self, Square { level, at }: Square) -> [f32; 4] {
-        let (quad, _) = self.word(level - 1, at.map(|at| 2 * at));
-        let words = self.quads[quad];
-        if level > 1 {
-            return words.map(f32::from_bits);
+        let stored = (level - 1) / 2;
+        if level % 2 == 1 {
+            return lux_of_quad(self.quad(stored, at), level - 1, at[1], self.scale, &self.solid_angles);
         }
-        // Texels beyond the border are black.
-        let angles = [0, 1].map(|row| self.solid_angle(2 * at[1] + row));
-        std::array::from_fn(|k| luminance(decode(words[k])) * self.scale * angles[k / 2])
+        let Level { first, in_row } = self.levels[stored];
+        let block = &self.blocks[first + at[1] * in_row + at[0]];
+        lux_of_block(block, level - 2, at[1], self.scale, &self.solid_angles)
     }
 
     /// The solid angle of a texel of a row, in steradians.
     pub fn solid_angle(&self, row: usize) -> f32 {
-        let [width, height] = self.size.map(|size| size as f32);
-        let middle = PI * (row as f32 + 0.5) / height;
-        (2.0 * PI / width) * 2.0 * middle.sin() * (0.5 * PI / height).sin()
+        // Texels beyond the border are black.
+        self.solid_angles.get(row).copied().unwrap_or(0.0)
     }
 
     /// The radiance of a texel, in nits.
     pub fn texel(&self, at: [usize; 2]) -> Vec3 {
-        let (quad, k) = self.word(0, at);
-        decode(self.quads[quad][k]) * self.scale
+        decode(self.quad(0, at.map(|at| at / 2))[2 * (at[1] % 2) + at[0] % 2]) * self.scale
     }
 
     pub fn luminance(&self, at: [usize; 2]) -> f32 {
-        let (quad, k) = self.word(0, at);
-        luminance(decode(self.quads[quad][k])) * self.scale
+        luminance(self.texel(at))
     }
 
     /// The texel in a direction of any length.
@@ -319,13 +372,27 @@ fn choose(u: &mut f32, first: f32, second: f32) -> bool {
     is_second
 }
 
-fn greatest(pixels: &[Vec3]) -> f32 {
-    pixels.iter().fold(0.0, |greatest, pixel| greatest.max(pixel.max_element()))
+/// The lux of the four squares of a quad in the row `row` of quads of a level.
+fn lux_of_quad(words: &[u32; 4], level: usize, row: usize, scale: f32, solid_angles: &[f32]) -> [f32; 4] {
+    if level > 0 {
+        return words.map(f32::from_bits);
+    }
+    // Texels beyond the border are black.
+    let angles = [2 * row, 2 * row + 1].map(|row| solid_angles.get(row).map_or(0.0, |angle| scale * angle));
+    std::array::from_fn(|k| luminance(decode(words[k])) * angles[k / 2])
+}
+
+/// The lux of the four quads of a block in the row `row` of blocks of a level.
+fn lux_of_block(block: &Block, level: usize, row: usize, scale: f32, solid_angles: &[f32]) -> [f32; 4] {
+    std::array::from_fn(|k| {
+        let [a, b, c, d] = lux_of_quad(&block.0[k], level, 2 * row + k / 2, scale, solid_angles);
+        (a + b) + (c + d)
+    })
 }
 
 /// A power of two by which pixels are divided, so that the greatest is at most [`MAX_SHARED`] / [`HEADROOM`].
-fn scale_for(pixels: &[Vec3]) -> f32 {
-    let least = greatest(pixels) * (HEADROOM / MAX_SHARED);
+fn scale_for(greatest: f32) -> f32 {
+    let least = greatest * (HEADROOM / MAX_SHARED);
     least.log2().ceil().exp2().max(f32::MIN_POSITIVE)
 }
 
@@ -336,9 +403,10 @@ fn encode(color: Vec3) -> u32 {
     let greatest = color.max_element();
     // The exponent of the greatest channel, rounded, whose steps are 2^(exponent - 24).
     let exponent = (((greatest.to_bits() >> 23) as i32) - 127 + 16).max(0);
-    let step = |exponent: i32| f32::from_bits(((exponent - 24 + 127) as u32) << 23);
-    let exponent = if (greatest / step(exponent)).round() >= 512.0 { exponent + 1 } else { exponent };
-    let [r, g, b] = color.to_array().map(|channel| (channel / step(exponent)).round() as u32);
+    // The inverse of a step, which is exact.
+    let steps = |exponent: i32| f32::from_bits(((127 + 24 - exponent) as u32) << 23);
+    let exponent = exponent + i32::from(greatest * steps(exponent) >= 511.5);
+    let [r, g, b] = (color * steps(exponent) + 0.5).to_array().map(|channel| channel as u32);
     r | g << 9 | b << 18 | (exponent as u32) << 27
 }
 
@@ -370,7 +438,7 @@ mod tests {
     #[test]
     fn directions_and_texels_agree_and_cover_the_sphere() {
         for size in [[1, 1], [2, 1], [7, 5], [64, 32], [4096, 2048]] {
-            let levels = Levels::new(size, &vec![Vec3::ONE; size[0] * size[1]]);
+            let levels = Levels::new(size, &vec![Vec3::ONE; size[0] * size[1]], 1.0);
             let steps = |side: usize| (0..side).step_by((side / 50).max(1));
             for y in steps(size[1]) {
                 for x in steps(size[0]) {

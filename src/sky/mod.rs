@@ -28,6 +28,9 @@ pub(crate) const SKY_DIST: f32 = (1 << 20) as f32;
 /// The largest width and height of a map.
 pub(crate) const MAX_SIZE: usize = 1 << 15;
 
+/// Pixels that a thread checks at a time.
+const PIXELS_OF_A_TASK: usize = 1 << 14;
+
 /// An environment map: the radiance that arrives from each direction of the sky.
 ///
 /// [`LightWorld::set_sky`](crate::LightWorld::set_sky) makes it a light of a world. The map is equirectangular, as
@@ -88,8 +91,7 @@ impl Sky {
         if !is_sound || width * height != pixels.len() {
             return Err(SkyError::Size { width, pixels: pixels.len(), max: MAX_SIZE });
         }
-        check(pixels)?;
-        let levels = Levels::new([width, height], pixels);
+        let levels = Levels::new([width, height], pixels, greatest(pixels)?);
         Ok(Self { patches: patches::cut(&levels), levels })
     }
 
@@ -105,8 +107,7 @@ impl Sky {
         if !(fits(0) && fits(1)) || size[0].checked_mul(size[1]) != Some(pixels.len()) {
             return Err(SkyError::Part { corner, size, pixels: pixels.len(), map });
         }
-        check(pixels)?;
-        self.levels.set(corner, size, pixels);
+        self.levels.set(corner, size, pixels, greatest(pixels)?);
         self.patches = patches::cut(&self.levels);
         Ok(())
     }
@@ -160,13 +161,32 @@ impl fmt::Debug for Sky {
     }
 }
 
-fn check(pixels: &[Vec3]) -> Result<(), SkyError> {
-    // NaN is in no range.
-    let is_sound = |pixel: &Vec3| pixel.to_array().iter().all(|channel| (0.0..=MAX_EMISSION).contains(channel));
-    match pixels.iter().position(|pixel| !is_sound(pixel)) {
-        Some(pixel) => Err(SkyError::Pixel { pixel, value: pixels[pixel], max: MAX_EMISSION }),
-        None => Ok(()),
+/// The greatest channel of pixels that are sound.
+fn greatest(pixels: &[Vec3]) -> Result<f32, SkyError> {
+    // Numbers above 0 are in the order of their bits, below those of infinity, NaN and negative numbers. A sum turns
+    // -0 into 0.
+    let bits = |pixel: &Vec3| pixel.to_array().map(|channel| (channel + 0.0).to_bits());
+    let of_part = |pixels: &[Vec3]| {
+        let most = pixels.iter().fold([0; 3], |most: [u32; 3], pixel| {
+            let bits = bits(pixel);
+            [0, 1, 2].map(|k| most[k].max(bits[k]))
+        });
+        most[0].max(most[1]).max(most[2])
+    };
+    #[cfg(feature = "parallel")]
+    let most = {
+        use rayon::prelude::*;
+        pixels.par_chunks(PIXELS_OF_A_TASK).map(of_part).max()
+    };
+    #[cfg(not(feature = "parallel"))]
+    let most = pixels.chunks(PIXELS_OF_A_TASK).map(of_part).max();
+    let greatest = most.unwrap_or(0);
+    if greatest <= MAX_EMISSION.to_bits() {
+        return Ok(f32::from_bits(greatest));
     }
+    let is_unsound = |pixel: &Vec3| bits(pixel).iter().any(|bits| *bits > MAX_EMISSION.to_bits());
+    let pixel = pixels.iter().position(is_unsound).unwrap_or(0);
+    Err(SkyError::Pixel { pixel, value: pixels[pixel], max: MAX_EMISSION })
 }
 
 #[cfg(test)]

@@ -1,12 +1,12 @@
 //! A map as a GPU stores it. Twin of `shaders/sky.wgsl`.
 //!
-//! A quad of its size, the number of patches and its scale; for each of [`SKY_LEVELS`] levels a quad with the place of
-//! its first quad and their number in a row; the solid angles of rows, four to a quad; the quads of all levels.
+//! A quad of its size, the number of patches and its scale; for each of [`SKY_LEVELS`] levels 0, 2, 4 and so on a quad
+//! with the place of its first quad and the number of blocks in a row; the solid angles of rows, four to a quad; the quads of all levels.
 
 use super::Sky;
 
-/// Levels of the largest map.
-pub(crate) const SKY_LEVELS: u32 = super::MAX_SIZE.ilog2() + 1;
+/// Levels of the largest map that are stored.
+pub(crate) const SKY_LEVELS: u32 = super::MAX_SIZE.ilog2().div_ceil(2);
 
 /// A patch as a GPU stores it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,7 +25,7 @@ impl Sky {
 
     /// The number of quads of a stored map.
     pub(crate) fn stored_quads(&self) -> u32 {
-        self.first_stored() + self.levels.quads().len() as u32
+        self.first_stored() + self.levels.quad_count() as u32
     }
 
     /// What changed last; greater than 0, and greater than those of all changes before, of any map.
@@ -42,12 +42,12 @@ impl Sky {
         match self.levels.changes_since(since) {
             None => {
                 write(0, &self.head());
-                write(first, self.levels.quads());
+                write(first, &self.levels.quads(0..self.levels.quad_count()));
             }
             Some(runs) => {
                 // The number of patches changes with any part.
                 write(0, &[self.first_quad()]);
-                runs.for_each(|run| write(first + run.start as u32, &self.levels.quads()[run]));
+                runs.for_each(|run| write(first + run.start as u32, &self.levels.quads(run)));
             }
         }
     }

@@ -1,0 +1,74 @@
+//! The cost of a sky: of a map, of a change of a part of it, and of picks and samples among lamps with and without it.
+//!
+//! Run it with `cargo bench --bench sky`. As a test (`cargo test --benches`) every case runs once, with a small map.
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use girandole::glam::Vec3;
+use girandole::{Light, LightTree, LightWorld, Placement, Policy, ShadingPoint, Sky};
+
+use testbed::testing::support::Rng;
+
+/// Columns and rows of the map.
+fn size() -> [usize; 2] {
+    if std::env::args().any(|a| a == "--bench") { [4096, 2048] } else { [64, 32] }
+}
+
+/// A map with clouds.
+fn pixels([width, height]: [usize; 2]) -> Vec<Vec3> {
+    let mut rng = Rng(45);
+    (0..width * height).map(|_| Vec3::new(0.3, 0.6, 1.0) * rng.between(100.0, 4000.0)).collect()
+}
+
+fn maps(c: &mut Criterion) {
+    let size = size();
+    let pixels = pixels(size);
+    let name = |what: &str| format!("{what} of {} x {}", size[0], size[1]);
+    c.bench_function(&name("a map"), |b| {
+        b.iter(|| Sky::equirectangular(size[0], black_box(&pixels)).expect("a sound map"));
+    });
+    let mut world = LightWorld::new();
+    world.set_sky(Sky::equirectangular(size[0], &pixels).expect("a sound map"));
+    let mut column = 0;
+    c.bench_function(&name("a part of 32 x 32"), |b| {
+        b.iter(|| {
+            column = (column + 5) % 32;
+            world.set_sky_part([column, 0], [32, 32], black_box(&pixels[..1024])).expect("a part of the map");
+        });
+    });
+}
+
+fn samples(c: &mut Criterion) {
+    let mut rng = Rng(46);
+    let lamps = (0..2000).map(|_| Light::point(rng.position(100.0), Vec3::splat(50.0))).collect();
+    let mut world = LightWorld::new();
+    let tree = world.add_tree(LightTree::new(lamps).expect("valid lamps"));
+    world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("a valid placement");
+    let mut time = |what: &str, world: &LightWorld| {
+        let mut rng = Rng(47);
+        let mut at = move || {
+            let at = ShadingPoint::surface(rng.position(100.0) * Vec3::new(1.0, 0.0, 1.0), Vec3::Y);
+            (at, [rng.unit(), rng.unit(), rng.unit(), rng.unit()])
+        };
+        c.bench_function(&format!("a pick among {what}"), |b| {
+            b.iter(|| {
+                let (at, u) = at();
+                world.sampler().pick(&at, [u[0], u[1]])
+            });
+        });
+        c.bench_function(&format!("a sample among {what}"), |b| {
+            b.iter(|| {
+                let (at, u) = at();
+                world.sampler().sample(&at, u)
+            });
+        });
+    };
+    time("2,000 lamps", &world);
+    let size = size();
+    world.set_sky(Sky::equirectangular(size[0], &pixels(size)).expect("a sound map"));
+    time("2,000 lamps and a sky", &world);
+}
+
+criterion_group!(benches, maps, samples);
+criterion_main!(benches);
