@@ -248,7 +248,7 @@ fn light_incident(
     // #if AREAS | SKY
     let u = vec2(light_clamp_unit(random.x), light_clamp_unit(random.y));
     // #endif
-    // #if CONES | AREAS | DIRECTIONAL | SKY
+    // #if CONES | AREAS | DIRECTIONAL | SKY | PROFILES
     let kind = light.kind & LIGHT_KIND_MASK;
     // #endif
     // #if SKY
@@ -264,6 +264,11 @@ fn light_incident(
     // #if CONES
     if kind == LIGHT_KIND_SPOT {
         return light_from_spot(light, instance, shading_point);
+    }
+    // #endif
+    // #if PROFILES
+    if kind == LIGHT_KIND_PROFILE {
+        return light_from_profile(light, instance, shading_point);
     }
     // #endif
     // #if AREAS

@@ -60,7 +60,7 @@ fn light_rigid_to_local(to_world: array<vec4<f32>, 3>) -> array<vec4<f32>, 3> {
 }
 // #endif
 
-// #if AREAS | SKY
+// #if AREAS | SKY | PROFILES
 // A vector of the world in the tree's space.
 fn light_into_tree(instance: LightInstance, v: vec3<f32>) -> vec3<f32> {
     var local = light_transposed(instance.to_world, v);

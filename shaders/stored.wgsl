@@ -119,16 +119,19 @@ fn light_record(index: u32) -> LightRecord {
     // #if RANGES
     light.range = LIGHT_UNLIMITED_RANGE;
     // #endif
-    // #if CONES | RANGES | AREAS | DIRECTIONAL
+    // #if CONES | RANGES | AREAS | DIRECTIONAL | PROFILES
     if light_params.light_stride > LIGHT_POINT_STRIDE {
-        // #if CONES | AREAS | DIRECTIONAL
+        // #if CONES | AREAS | DIRECTIONAL | PROFILES
         light.b = bitcast<vec3<f32>>(light_records[at + 2u].xyz);
         // #endif
         // #if RANGES
         light.range = bitcast<f32>(light_records[at + 2u].w);
         // #endif
-        // #if CONES | AREAS
+        // #if CONES | AREAS | PROFILES
         light.c = bitcast<vec3<f32>>(light_records[at + 3u].xyz);
+        // #endif
+        // #if PROFILES
+        light.profile = light_records[at + 3u].w;
         // #endif
     }
     // #endif

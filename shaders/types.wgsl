@@ -37,14 +37,18 @@ struct LightRecord {
     emission: vec3<f32>,
     // The place of the light's leaf in its tree: node * LIGHT_WIDTH + slot.
     place: u32,
-    // #if CONES | AREAS | DIRECTIONAL
+    // #if CONES | AREAS | DIRECTIONAL | PROFILES
     b: vec3<f32>,
     // #endif
     // #if RANGES
     range: f32,
     // #endif
-    // #if CONES | AREAS
+    // #if CONES | AREAS | PROFILES
     c: vec3<f32>,
+    // #endif
+    // #if PROFILES
+    // Where the table of its profile ends, in quads before the map of the sky.
+    profile: u32,
     // #endif
 }
 

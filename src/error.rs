@@ -19,9 +19,10 @@
 //! | 800 | `tree::CheckError` |
 //! | 900 | `plan::ShaderNameError` |
 //! | 1000 to 1001 | [`VisibilityError`] |
-//! | 1100 to 1106 | `tree::BakeError` |
+//! | 1100 to 1107 | `tree::BakeError` |
 //! | 1200 to 1201 | [`CutError`] |
 //! | 1300 to 1303 | [`SkyError`] |
+//! | 1400 to 1406 | [`ProfileError`] |
 
 use glam::{DVec3, Vec3};
 
@@ -498,6 +499,97 @@ impl SkyError {
             Self::Pixel { .. } => 1301,
             Self::Part { .. } => 1302,
             Self::NoSky => 1303,
+        }
+    }
+}
+
+/// Why a [`Profile`](crate::Profile) was refused. Codes 1400 to 1406.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ProfileError {
+    /// The file ends, or a line is empty, where something is expected.
+    #[error("line {line}: {what} is missing")]
+    Missing {
+        /// The line, from 1 on.
+        line: usize,
+        /// What is expected.
+        what: &'static str,
+    },
+    /// A word is no number.
+    #[error("line {line}: {what} is \"{text}\", not a finite number")]
+    Number {
+        /// The line, from 1 on.
+        line: usize,
+        /// What the number is for.
+        what: &'static str,
+        /// The beginning of the word.
+        text: String,
+    },
+    /// A number is out of range; angles are also if they do not ascend.
+    #[error("line {line}: {what} is {value:?}, outside {least:?} to {most:?}")]
+    Range {
+        /// The line, from 1 on.
+        line: usize,
+        /// What the number is for.
+        what: &'static str,
+        /// The number.
+        value: f64,
+        /// The least number allowed here.
+        least: f64,
+        /// The greatest number allowed.
+        most: f64,
+    },
+    /// A number that counts something is no whole number.
+    #[error("line {line}: {what} is {value:?}, not a whole number")]
+    NotWhole {
+        /// The line, from 1 on.
+        line: usize,
+        /// What the number is for.
+        what: &'static str,
+        /// The number.
+        value: f64,
+    },
+    /// The planes cover a part of a turn that no symmetry completes.
+    #[error("line {line}: planes from {first:?} to {last:?} degrees are no turn, and no half or quarter of one")]
+    Turn {
+        /// The line of the last plane, from 1 on.
+        line: usize,
+        /// The first plane, in degrees.
+        first: f64,
+        /// The last plane, in degrees.
+        last: f64,
+    },
+    /// There are too many intensities, with those that symmetry adds.
+    #[error("line {line}: there are {found} intensities; at most {most} are allowed")]
+    Size {
+        /// The line of the last plane, from 1 on.
+        line: usize,
+        /// Their number.
+        found: usize,
+        /// The greatest number allowed.
+        most: usize,
+    },
+    /// The list of intensities has another length than its angles need.
+    #[error("there are {found} intensities; the angles need {expected}")]
+    Candela {
+        /// The length of the list.
+        found: usize,
+        /// What the angles need.
+        expected: usize,
+    },
+}
+
+impl ProfileError {
+    /// The stable code, see [`error`](self).
+    pub fn code(&self) -> u32 {
+        match self {
+            Self::Missing { .. } => 1400,
+            Self::Number { .. } => 1401,
+            Self::Range { .. } => 1402,
+            Self::NotWhole { .. } => 1403,
+            Self::Turn { .. } => 1404,
+            Self::Size { .. } => 1405,
+            Self::Candela { .. } => 1406,
         }
     }
 }

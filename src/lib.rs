@@ -139,6 +139,7 @@ pub mod effects;
 pub mod error;
 mod math;
 pub mod cluster;
+mod profile;
 pub mod light;
 mod sky;
 pub mod tree;
@@ -162,7 +163,10 @@ mod documented;
 mod f64_reference;
 
 pub use effects::{EffectCounts, Effects};
-pub use error::{BudgetError, CountError, CutError, LightError, PlacementError, SkyError, VisibilityError, WorldError};
+pub use error::{
+    BudgetError, CountError, CutError, LightError, PlacementError, ProfileError, SkyError, VisibilityError, WorldError,
+};
+
 pub use glam;
 pub use instance::appearance::MAX_FACTOR;
 pub use instance::placement::{MAX_DISTANCE, MAX_SCALE, Placement};
@@ -170,6 +174,7 @@ pub use instance::sector::ORIGIN_GRID;
 pub use keys::{DirectionalKey, InstanceKey, LightId, RegionKey, TreeKey};
 pub use light::{DirectionalLight, Light, Shape};
 pub use policy::Policy;
+pub use profile::Profile;
 pub use sampling::along::SegmentPoint;
 pub use sampling::counts::{CandidateCount, MAX_CANDIDATES, MAX_SPLITS, SplitCount};
 pub use sampling::cuts::builds::CutBuild;

@@ -107,6 +107,8 @@ effects! {
     /// The world has a sky that is shown: see [`LightWorld::set_sky`](crate::LightWorld::set_sky). It comes with
     /// [`Effects::AREAS`].
     SKY,
+    /// A light has a photometric profile. It comes with [`Effects::CONES`].
+    PROFILES,
 }
 
 impl Effects {

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock, Mutex, OnceLock, PoisonError};
 
-use glam::{DVec3, Mat3, Vec3};
+use glam::{DVec3, Mat3, Quat, Vec3};
 use testbed::common::gpu as shared;
 
 use super::GpuLights;
@@ -13,6 +13,7 @@ use crate::instance::placement::Placement;
 use crate::light::{DirectionalLight, Light};
 use crate::math::dice::hash;
 use crate::policy::Policy;
+use crate::profile::tests::street_lamp;
 use crate::sky::Sky;
 use crate::tree::LightTree;
 use crate::world::LightWorld;
@@ -120,7 +121,13 @@ pub(crate) fn mixed_world() -> LightWorld {
         let light = |i: u32| {
             let seed = 1000 * tree + 10 * i;
             let place = Vec3::new(unit(seed), unit(seed + 1), unit(seed + 2)) * 6.0 - 3.0;
-            match i % 3 {
+            match i % 4 {
+                3 => Light::profile(
+                    place,
+                    Quat::from_rotation_x(unit(seed + 4) * 3.0),
+                    street_lamp(tree.into()),
+                    Vec3::splat(0.002),
+                ),
                 0 => Light::point(place, Vec3::splat(1.0 + unit(seed + 3))),
                 1 => Light::spot(place, Vec3::NEG_Y, 0.2, 1.3, Vec3::splat(3.0)).with_range(40.0),
                 _ => Light::rectangle(place, Vec3::X * 0.2, Vec3::Z * 0.2, Vec3::splat(9.0)),

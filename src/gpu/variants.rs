@@ -15,6 +15,7 @@ use crate::light::{DirectionalLight, Light};
 use crate::plan::layout::{InstanceRecord, ParamsRecord, Strides};
 use crate::plan::text;
 use crate::policy::Policy;
+use crate::profile::Profile;
 use crate::scheduler::FrameBudget;
 use crate::tree::LightTree;
 use crate::world::OriginMode;
@@ -36,6 +37,7 @@ fn light(i: u32, effects: Effects) -> Light {
     let side = direction.any_orthonormal_vector();
     let (has_cones, has_areas) = (effects.contains(Effects::CONES), effects.contains(Effects::AREAS));
     let light = match i % 6 {
+        0 if effects.contains(Effects::PROFILES) => Light::profile(at, turn_of(i), even_lamp(), emission * 0.002),
         1 if has_cones => Light::spot(at, direction, 0.01, 0.1 + 1.2 * random(i, 7), emission),
         2 if has_areas && has_cones => Light::rectangle(at, direction, side * 0.3, emission),
         3 if has_areas && has_cones => Light::triangle([at, at + direction, at + side], emission),
@@ -49,8 +51,18 @@ fn light(i: u32, effects: Effects) -> Light {
     if has_range { light.with_range(3.0 + 20.0 * random(i, 8)) } else { light }
 }
 
+/// A profile without dark directions, in which rounding would decide.
+fn even_lamp() -> Profile {
+    let candela: Vec<f32> = (0..12).map(|i| 300.0 + 700.0 * random(i, 60)).collect();
+    Profile::new(&[0.0, 40.0, 75.0, 180.0], &[0.0, 30.0, 90.0], &candela).unwrap()
+}
+
+fn turn_of(i: u32) -> Quat {
+    Quat::from_axis_angle(random_vec(i, 20).normalize_or(Vec3::X), 6.0 * random(i, 21))
+}
+
 fn placement(i: u32, effects: Effects) -> Placement {
-    let turn = Mat3::from_quat(Quat::from_axis_angle(random_vec(i, 20).normalize_or(Vec3::X), 6.0 * random(i, 21)));
+    let turn = Mat3::from_quat(turn_of(i));
     let scale = match i % 4 {
         _ if !effects.contains(Effects::NON_RIGID) => Vec3::ONE,
         0 => Vec3::ONE,
@@ -176,7 +188,7 @@ fn assert_alike(ours: &[SampleRecord], twin: &[SampleRecord], what: &str) {
     assert!(mismatches <= MAX_MISMATCHES && lit > 500, "{what}: {mismatches} differ, {lit} are lit");
 }
 
-const EFFECTS: [Effects; 10] = [
+const EFFECTS: [Effects; 11] = [
     Effects::CONES,
     Effects::RANGES,
     Effects::AREAS,
@@ -187,6 +199,7 @@ const EFFECTS: [Effects; 10] = [
     Effects::MASKS,
     Effects::SECTORS,
     Effects::SKY,
+    Effects::PROFILES,
 ];
 
 #[test]
@@ -196,6 +209,8 @@ fn a_world_that_lacks_an_effect_is_sampled_alike_by_the_variant_without_it() {
         let effects = match all - absent {
             // Only surfaces have two sides, and patches of the sky count as surfaces.
             rest if !rest.contains(Effects::AREAS) => rest - Effects::TWO_SIDED - Effects::SKY,
+            // And a profile is a cone of directions.
+            rest if !rest.contains(Effects::CONES) => rest - Effects::PROFILES,
             rest => rest,
         };
         let world = world_of(effects);

@@ -5,13 +5,14 @@
 
 use std::f32::consts::PI;
 
-use glam::Vec3;
+use glam::{Quat, Vec3, Vec4};
 
 use crate::cluster::bounds::Aabb;
 use crate::cluster::cone::{CAP_PADDING, Cone};
 use crate::cluster::{Cluster, MAX_FLUX};
 use crate::effects::Effects;
 use crate::error::LightError;
+use crate::profile::Profile;
 
 /// Largest absolute value of a coordinate of a position, vertex or half edge, and largest radius,
 /// in metres. Its square and fourth power stay within f32.
@@ -24,6 +25,9 @@ pub const MAX_EMISSION: f32 = 1.0e15;
 /// zero as denormals when they are divided by a squared distance, and a light that can contribute
 /// must keep a probability above zero.
 pub(crate) const MIN_FLUX: f32 = 1.0e-18;
+
+/// The effects of a light with a profile.
+pub(crate) const PROFILE_EFFECTS: Effects = Effects::PROFILES.union(Effects::CONES);
 
 /// Length of the mean direction of emission of one flat emitter: the mean cosine of Lambert's law.
 pub(crate) const LAMBERTIAN: f32 = 2.0 / 3.0;
@@ -78,6 +82,17 @@ pub enum Shape {
         /// Radians from the axis from which on the intensity is 0, in [0, pi].
         outer_angle: f32,
     },
+    /// A point with a photometric profile. Its intensity in a direction is the emission times the candela of
+    /// the profile. A placement that is scaled or sheared deforms the beam with the tree.
+    Profile {
+        /// The position.
+        position: Vec3,
+        /// The unit quaternion, as x, y, z and w, that turns the lamp from its own space, in which it points
+        /// along -Z with the plane C0 along +X.
+        rotation: [f32; 4],
+        /// The intensities.
+        profile: Profile,
+    },
     /// A parallelogram that emits evenly (Lambertian) from the side that `half_u` x `half_v` points
     /// to.
     Rectangle {
@@ -125,7 +140,7 @@ pub struct Light {
     /// Kind and position.
     pub shape: Shape,
     /// Emission per channel, linear Rec. 709: in candela for points and spots (before the
-    /// falloff), in nits for the others. At least 0.
+    /// falloff), a factor for profiles, in nits for the others. At least 0.
     pub emission: Vec3,
     /// Range in metres of the world; the scale of an instance does not change it. At this distance
     /// and beyond, the light is exactly zero. Below it, the light is multiplied by the smooth
@@ -159,6 +174,12 @@ impl Light {
     /// `intensity` in candela. [`Shape::Spot`] defines the falloff.
     pub fn spot(position: Vec3, direction: Vec3, inner_angle: f32, outer_angle: f32, intensity: Vec3) -> Self {
         Self::new(Shape::Spot { position, direction, inner_angle, outer_angle }, intensity)
+    }
+
+    /// Creates a point light with a profile. [`Profile`] says where it points before the rotation;
+    /// `factor` multiplies its candela.
+    pub fn profile(position: Vec3, rotation: Quat, profile: Profile, factor: Vec3) -> Self {
+        Self::new(Shape::Profile { position, rotation: rotation.to_array(), profile }, factor)
     }
 
     /// Creates a one-sided parallelogram with edges of 2 `half_u` and 2 `half_v`; `radiance` in
@@ -215,8 +236,10 @@ impl Light {
     /// - [`LightError::NotFinite`] or [`LightError::OutOfRange`] for a number that is not finite or
     ///   is outside its range, [`MAX_COORDINATE`] and [`MAX_EMISSION`] included.
     /// - [`LightError::NotPositive`] for a range that is 0, negative or NaN.
-    /// - [`LightError::NoDirection`] or [`LightError::NotUnitLength`] for a direction that is zero
-    ///   or not of unit length (to within 0.001).
+    /// - [`LightError::NoDirection`] or [`LightError::NotUnitLength`] for a direction or a rotation
+    ///   that is zero or not of unit length (to within 0.001).
+    ///
+    /// For a profile, [`MAX_EMISSION`] limits the product of the emission and the greatest intensity.
     pub fn validate(&self) -> Result<(), LightError> {
         for (what, value) in ["emission.r", "emission.g", "emission.b"].into_iter().zip(self.emission.to_array()) {
             check_between(what, value, 0.0, MAX_EMISSION)?;
@@ -231,6 +254,12 @@ impl Light {
                 check_direction("direction", direction)?;
                 check_between("outer_angle", outer_angle, 0.0, PI)?;
                 check_between("inner_angle", inner_angle, 0.0, outer_angle)
+            }
+            Shape::Profile { position, rotation, profile } => {
+                check_point("position", position)?;
+                check_unit("rotation", Vec4::from(rotation))?;
+                let candela = self.emission.max_element() * profile.greatest_candela();
+                check_between("emission times the profile", candela, 0.0, MAX_EMISSION)
             }
             Shape::Rectangle { center, half_u, half_v, .. } => {
                 check_point("center", center)?;
@@ -248,7 +277,9 @@ impl Light {
     /// The smallest box around all emitting points, in metres, in the space of the tree.
     pub fn aabb(&self) -> Aabb {
         match self.shape {
-            Shape::Point { position } | Shape::Spot { position, .. } => Aabb::point(position),
+            Shape::Point { position } | Shape::Spot { position, .. } | Shape::Profile { position, .. } => {
+                Aabb::point(position)
+            }
             Shape::Rectangle { center, half_u, half_v, .. } => Aabb::around([
                 center - half_u - half_v,
                 center - half_u + half_v,
@@ -260,7 +291,7 @@ impl Light {
         }
     }
 
-    /// Emitting area in square metres, both sides counted; `None` for points and spots.
+    /// Emitting area in square metres, both sides counted; `None` for points, spots and profiles.
     pub fn area(&self) -> Option<f32> {
         self.exact_area().map(|area| area as f32)
     }
@@ -269,7 +300,7 @@ impl Light {
     fn exact_area(&self) -> Option<f64> {
         let parallelogram = |u: Vec3, v: Vec3| u.as_dvec3().cross(v.as_dvec3()).length();
         match self.shape {
-            Shape::Point { .. } | Shape::Spot { .. } => None,
+            Shape::Point { .. } | Shape::Spot { .. } | Shape::Profile { .. } => None,
             Shape::Rectangle { half_u, half_v, two_sided, .. } => {
                 Some(4.0 * parallelogram(half_u, half_v) * sides(two_sided))
             }
@@ -288,6 +319,7 @@ impl Light {
         match self.shape {
             Shape::Point { .. } => 4.0 * PI * luminance,
             Shape::Spot { inner_angle, outer_angle, .. } => luminance * spot_lobe(inner_angle, outer_angle).solid_angle,
+            Shape::Profile { profile, .. } => luminance * profile.flux(),
             _ => {
                 let flux = std::f64::consts::PI * f64::from(luminance) * self.exact_area().unwrap_or(0.0);
                 flux.min(f64::from(MAX_FLUX)) as f32
@@ -305,6 +337,13 @@ impl Light {
             Shape::Spot { direction, outer_angle, .. } => {
                 Cone { axis: direction.normalize_or(Vec3::Z), half_angle: (outer_angle + SPOT_RIM).min(PI) }
             }
+            Shape::Profile { rotation, profile, .. } => match profile.mean().try_normalize() {
+                Some(mean) => {
+                    let axis = (Quat::from_array(rotation) * mean).normalize_or(Vec3::Z);
+                    Cone { axis, half_angle: profile.half_angle() }
+                }
+                None => Cone::FULL,
+            },
             Shape::Rectangle { half_u, half_v, .. } => half_space(half_u, half_v),
             Shape::Triangle { vertices: [a, b, c], .. } => half_space(b - a, c - a),
         }
@@ -319,11 +358,14 @@ impl Light {
                 let lobe = spot_lobe(inner_angle, outer_angle);
                 (luminance(self.emission) * lobe.solid_angle, lobe.mean_cosine)
             }
+            Shape::Profile { profile, .. } => (self.flux(), profile.mean().length()),
             // The mean direction of two sides is zero, and so is that of a sphere.
             _ => (self.flux(), if cone.is_full() { 0.0 } else { LAMBERTIAN }),
         };
         let (mean, variance) = match self.shape {
-            Shape::Point { position } | Shape::Spot { position, .. } => (position, 0.0),
+            Shape::Point { position } | Shape::Spot { position, .. } | Shape::Profile { position, .. } => {
+                (position, 0.0)
+            }
             Shape::Rectangle { center, half_u, half_v, .. } => {
                 (center, (half_u.length_squared() + half_v.length_squared()) / 3.0)
             }
@@ -361,6 +403,7 @@ impl Light {
         let kind = match self.shape {
             Shape::Point { .. } => Effects::empty(),
             Shape::Spot { .. } => Effects::CONES,
+            Shape::Profile { .. } => PROFILE_EFFECTS,
             Shape::Sphere { .. } => Effects::AREAS,
             Shape::Rectangle { two_sided, .. } | Shape::Triangle { two_sided, .. } => {
                 Effects::AREAS | if two_sided { Effects::TWO_SIDED } else { Effects::CONES }
@@ -369,9 +412,9 @@ impl Light {
         if self.range < f32::INFINITY { kind | Effects::RANGES } else { kind }
     }
 
-    /// Whether the light has no extent: a point or a spot.
+    /// Whether the light has no extent: a point, a spot or a profile.
     fn is_punctual(&self) -> bool {
-        matches!(self.shape, Shape::Point { .. } | Shape::Spot { .. })
+        matches!(self.shape, Shape::Point { .. } | Shape::Spot { .. } | Shape::Profile { .. })
     }
 }
 
@@ -486,12 +529,17 @@ fn check_point(what: &'static str, p: Vec3) -> Result<(), LightError> {
 }
 
 fn check_direction(what: &'static str, d: Vec3) -> Result<(), LightError> {
-    check_point(what, d)?;
-    if d == Vec3::ZERO {
+    check_unit(what, d.extend(0.0))
+}
+
+/// Checks that finite numbers are a unit vector.
+fn check_unit(what: &'static str, v: Vec4) -> Result<(), LightError> {
+    v.to_array().into_iter().try_for_each(|value| check_between(what, value, -MAX_COORDINATE, MAX_COORDINATE))?;
+    if v == Vec4::ZERO {
         return Err(LightError::NoDirection { what });
     }
     // In f64: the square of a tiny length would underflow, and the error shows the length.
-    let length = d.as_dvec3().length() as f32;
+    let length = v.as_dvec4().length() as f32;
     if (length - 1.0).abs() > UNIT_TOLERANCE {
         return Err(LightError::NotUnitLength { what, length, tolerance: UNIT_TOLERANCE });
     }

@@ -4,7 +4,7 @@
 //! record are stored depends on the world's effects: see `plan/stored.rs`.
 
 use bytemuck::{Pod, Zeroable};
-use glam::{Mat3, Vec3};
+use glam::{Mat3, Quat, Vec3};
 
 use crate::cluster::Cluster;
 use crate::instance::appearance::Appearance;
@@ -34,6 +34,8 @@ pub(crate) const KIND_DIRECTIONAL: u32 = 5;
 /// A patch of the sky. `a.x` is its light in lux; `emission` holds the place of its square of texels and one more
 /// than its level.
 pub(crate) const KIND_SKY: u32 = 6;
+/// `a` is the position, `b` the pole of the grid and `c` where angle 0 around it is.
+pub(crate) const KIND_PROFILE: u32 = 7;
 /// The bit of [`LightRecord::kind`] for a surface that also emits from its back.
 pub(crate) const TWO_SIDED: u32 = 0x100;
 
@@ -68,7 +70,8 @@ pub(crate) struct LightRecord {
     pub b: [f32; 3],
     pub range: f32,
     pub c: [f32; 3],
-    pub padding: u32,
+    /// Where the table of its profile ends, in quads before the map of the sky.
+    pub profile: u32,
 }
 
 /// One instance slot; `LightInstance` in WGSL. 160 bytes, of which a rigid placement (a rotation
@@ -215,7 +218,7 @@ impl LightRecord {
         b: [0.0; 3],
         range: UNLIMITED_RANGE,
         c: [0.0; 3],
-        padding: 0,
+        profile: 0,
     };
 
     /// The record of a light in a tree; `place` is the place of its leaf.
@@ -226,12 +229,17 @@ impl LightRecord {
                 let (scale, offset) = spot_falloff(inner_angle, outer_angle);
                 (KIND_SPOT, position, direction, Vec3::new(scale, offset, 0.0))
             }
+            Shape::Profile { position, rotation, profile } => {
+                let axes = profile.axes(Quat::from_array(rotation));
+                (KIND_PROFILE, position, axes.z_axis, axes.x_axis)
+            }
             Shape::Rectangle { center, half_u, half_v, two_sided } => {
                 (KIND_RECTANGLE | two_sided_bit(two_sided), center, half_u, half_v)
             }
             Shape::Triangle { vertices: [a, b, c], two_sided } => (KIND_TRIANGLE | two_sided_bit(two_sided), a, b, c),
             Shape::Sphere { center, radius } => (KIND_SPHERE, center, Vec3::ZERO, Vec3::new(radius, 0.0, 0.0)),
         };
+        let profile = if let Shape::Profile { profile, .. } = light.shape { profile.stored_end() } else { 0 };
         Self {
             a: a.to_array(),
             kind,
@@ -242,7 +250,7 @@ impl LightRecord {
             place,
             // Shaders do not see the light's flux, so a light without flux must have no emission.
             emission: if light.flux() > 0.0 { light.emission.to_array() } else { [0.0; 3] },
-            padding: 0,
+            profile,
         }
     }
 
@@ -454,7 +462,7 @@ mod tests {
             "LightCluster",
             [mean, flux, box_min, variance, box_max, range, axis, cos_half_angle]
         );
-        record!(structs, LightRecord, "LightRecord", [a, kind, emission, place, b, range, c]);
+        record!(structs, LightRecord, "LightRecord", [a, kind, emission, place, b, range, c, profile]);
         record!(
             structs,
             InstanceRecord,

@@ -175,6 +175,8 @@ pub struct LightPlanner {
     number: u64,
     /// The revision of the sky's map that the device has; 0 for none.
     written_sky: u64,
+    /// Where the tables of profiles that the device has end, in quads.
+    written_profiles: u32,
     lists: ReusedLists,
 }
 
@@ -196,6 +198,7 @@ impl LightPlanner {
             effects: Effects::all() - Effects::MOVING,
             number: 0,
             written_sky: 0,
+            written_profiles: 0,
             lists: ReusedLists::default(),
         }
     }
@@ -351,7 +354,10 @@ impl LightPlanner {
             strides: Strides::of(effects),
             solid_angles: u32::from(world.solid_angle_sampling()),
             parts: self.top.parts(),
-            sky_map: if world.sky().is_some() { self.top.sky_map() } else { 0 },
+            sky_map: match world.sky().is_some() || effects.contains(Effects::PROFILES) {
+                true => self.top.sky_map(),
+                false => 0,
+            },
             home: sector::number(world.home()),
             masks: if effects.contains(Effects::MASKS) { self.top.masks() } else { 0 },
         }

@@ -15,9 +15,11 @@ use super::room::{RecordRuns, ReusedLists, Room, TreeRoom};
 use super::runs::add_runs;
 use super::scatter::{self, RunCount};
 use super::stored::Stored;
+use super::top::MapQuads;
 use super::tree_writes::written_records;
 use crate::effects::Effects;
 use crate::keys::slot_of;
+use crate::profile::stored_quads;
 use crate::world::LightWorld;
 
 /// The room that the changes of a world need on the GPU. Make [`Reservation::new_buffers`], then
@@ -161,9 +163,16 @@ impl LightPlanner {
         let more_slots = (world.slot_count() as u32).saturating_sub(self.instances.count);
         room.slots = self.instances.pool.alloc(more_slots, growth)?;
         let has_masks = effects.contains(Effects::MASKS);
+        let map_quads = MapQuads {
+            profiles: match effects.contains(Effects::PROFILES) {
+                true => stored_quads().next_power_of_two(),
+                false => 0,
+            },
+            sky: world.sky().map_or(0, |(_, sky)| sky.stored_quads()),
+        };
         self.top.reserve(
             self.instances.parts.count(),
-            (has_masks, world.sky().map_or(0, |(_, sky)| sky.stored_quads())),
+            (has_masks, map_quads),
             growth,
             (&mut self.buffers.ids, &mut room.new_buffers),
         )?;

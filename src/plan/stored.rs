@@ -44,7 +44,8 @@ const fn quads(bytes: usize) -> u32 {
 }
 
 /// The effects that need more of a light than its first 32 bytes.
-const SHAPES: Effects = Effects::CONES.union(Effects::RANGES).union(Effects::AREAS).union(Effects::DIRECTIONAL);
+const SHAPES: Effects =
+    Effects::CONES.union(Effects::RANGES).union(Effects::AREAS).union(Effects::DIRECTIONAL).union(Effects::PROFILES);
 
 /// The effects that need the lobes of nodes.
 const LOBES: Effects = Effects::CONES.union(Effects::RANGES);

@@ -291,6 +291,7 @@ fn functions(group: u32, effects: Effects, extras: Extras, target: Option<&Targe
         include_str!("../../shaders/pdf.wgsl"),
         include_str!("../../shaders/hit.wgsl"),
         include_str!("../../shaders/sky.wgsl"),
+        include_str!("../../shaders/profile.wgsl"),
         include_str!("../../shaders/resample.wgsl"),
         &resampling(target),
         optional(extras.learns, include_str!("../../shaders/visibility.wgsl")),
@@ -332,6 +333,7 @@ pub(crate) fn constants() -> String {
         ("KIND_SPOT", layout::KIND_SPOT),
         ("KIND_RECTANGLE", layout::KIND_RECTANGLE),
         ("KIND_SKY", layout::KIND_SKY),
+        ("KIND_PROFILE", layout::KIND_PROFILE),
         ("SKY_LEVELS", sky::SKY_LEVELS),
         ("KIND_TRIANGLE", layout::KIND_TRIANGLE),
         ("KIND_SPHERE", layout::KIND_SPHERE),
@@ -841,11 +843,17 @@ mod tests {
             ),
             (
                 Effects::SKY,
-                "light_sees_sky light_sky_root light_sky_head light_square_holds light_patch_square light_sky_quad \
+                "light_sees_sky light_sky_root light_sky_head light_square_holds light_patch_square light_sky_quad light_sky_quad_lux \
                  light_shared_exponent light_sky_texel light_sky_luminance light_sky_lux light_sky_choose \
                  light_sky_direction light_sky_row light_sky_arriving light_sky_incident light_sky_texel_at \
                  light_sky_from light_sky_pdf light_in_order light_patch_of LightSquare LightSquare.level \
                  LightSquare.at LIGHT_SKY_LINK LIGHT_KIND_SKY LIGHT_SKY_LEVELS",
+            ),
+            (
+                Effects::PROFILES,
+                "light_profile_number light_profile_cell light_profile_column light_profile_candela light_from_profile \
+                 LightProfile LightProfile.first LightProfile.polar LightProfile.around LightRecord.profile \
+                 LIGHT_KIND_PROFILE",
             ),
             (Effects::SECTORS, "light_from_home LightInstance.sector LIGHT_SECTOR_EDGE"),
             (

@@ -23,6 +23,7 @@ mod buffers;
 mod passes;
 mod stage;
 
+pub(crate) use buffers::MapQuads;
 use buffers::{BOUNDS_BYTES, TopBuffers};
 use passes::{MAX_PASSES, Passes, Places, TopPass};
 use stage::{LANES, Stage};
@@ -112,19 +113,19 @@ impl TopBuild {
     }
 
     /// Makes room for `parts` parts, for masks if `has_masks` or if there is room for them
-    /// already, and for so many quads of the sky's map. Adds new buffers to `new`.
+    /// already, and for profiles and the sky's map. Adds new buffers to `new`.
     ///
     /// Fails with [`PlanError::Full`] and changes nothing if a buffer would be too large.
     pub(crate) fn reserve(
         &mut self,
         parts: u32,
-        (has_masks, sky_quads): (bool, u32),
+        (has_masks, map_quads): (bool, MapQuads),
         growth: Growth,
         (ids, new): (&mut Ids, &mut Vec<NewBuffer>),
     ) -> Result<(), PlanError> {
         let (capacity, had_masks, had_quads) =
-            self.buffers.as_ref().map_or((0, false, 0), |b| (b.capacity, b.places.masks != 0, b.sky_quads));
-        if self.buffers.is_none() || parts > capacity || has_masks && !had_masks || sky_quads > had_quads {
+            self.buffers.as_ref().map_or_else(Default::default, |b| (b.capacity, b.places.masks != 0, b.map_quads));
+        if self.buffers.is_none() || parts > capacity || has_masks && !had_masks || !had_quads.hold(map_quads) {
             let wanted = match parts > capacity {
                 true if growth == Growth::Double => parts.max(capacity.saturating_mul(2)).max(FIRST_CAPACITY),
                 true => parts,
@@ -133,7 +134,7 @@ impl TopBuild {
             let has_masks = has_masks || had_masks;
             let mut make = |capacity| {
                 let mut buffers = Vec::new();
-                let made = TopBuffers::new(ids, &mut buffers, capacity, (has_masks, sky_quads), self.limit)?;
+                let made = TopBuffers::new(ids, &mut buffers, capacity, (has_masks, map_quads), self.limit)?;
                 Ok((made, buffers))
             };
             let (made, buffers) = make(wanted).or_else(|_| make(parts))?;
@@ -241,13 +242,18 @@ impl TopBuild {
         self.buffers.as_ref().map_or(0, |buffers| buffers.places.masks)
     }
 
-    /// Where the map of the sky is stored in the same buffer, in units of 16 bytes.
+    /// Where the map of the sky is stored in the same buffer, and the tables of profiles end, in units of 16 bytes.
     pub(crate) fn sky_map(&self) -> u32 {
         self.buffers.as_ref().map_or(0, |buffers| buffers.places.sky_map)
     }
 
-    /// The nodes of the top level, the root first, then its parts, then room for masks, then for the sky. Panics
-    /// before the first plan.
+    /// How many quads of profiles and of the sky's map there is room for.
+    pub(crate) fn map_quads(&self) -> MapQuads {
+        self.buffers.as_ref().map_or_else(MapQuads::default, |buffers| buffers.map_quads)
+    }
+
+    /// The nodes of the top level, the root first, then its parts, then room for masks, for profiles and for the sky.
+    /// Panics before the first plan.
     pub(crate) fn nodes(&self) -> BufferId {
         self.buffers.as_ref().expect("the first plan has made the buffers").nodes
     }

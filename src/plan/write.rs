@@ -17,6 +17,7 @@ use super::tree_writes::{Source, TreeRuns, written_records};
 use crate::effects::Effects;
 use crate::keys::slot_of;
 use crate::math::dice::hash;
+use crate::profile::for_each_table;
 use crate::tree::{ChildRef, LEAF, Node};
 use crate::world::{LightWorld, birth_of_directional, birth_of_instance};
 
@@ -95,6 +96,7 @@ impl Reservation<'_> {
             planner.trees.lights.write(commands, &mut Scattered::default(), run, records);
         }
         planner.scatter(commands, staged);
+        planner.write_profiles(commands, is_new_top);
         planner.write_sky(commands, world, is_new_top);
         planner.write_params(commands, world, effects);
         let ParamsRecord { strides, masks, home, .. } = planner.uniforms.params;
@@ -274,6 +276,22 @@ impl LightPlanner {
                 self.trees.records.write(commands, &mut staged.trees, target, fill);
             }
         }
+    }
+
+    /// Writes the tables of profiles that the buffer lacks.
+    fn write_profiles(&mut self, commands: &mut Commands, is_new: bool) {
+        let room = self.top.map_quads().profiles;
+        if is_new {
+            self.written_profiles = 0;
+        }
+        if room == 0 {
+            return;
+        }
+        let (buffer, sky_map) = (self.top.nodes(), self.top.sky_map());
+        for_each_table(self.written_profiles, room, |end, words| {
+            commands.write(buffer, 16 * u64::from(sky_map - end), bytemuck::cast_slice(words));
+            self.written_profiles = end;
+        });
     }
 
     /// Writes what has changed of the sky's map, or all of it where the buffer is new.

@@ -7,7 +7,7 @@
 
 use std::f32::consts::PI;
 
-use glam::Vec3;
+use glam::{Quat, Vec3};
 
 use crate::instance::transform::InstanceTransform;
 use crate::light::{Light, Shape, range_window, spot_falloff};
@@ -87,6 +87,12 @@ pub(crate) fn sample_light(
             let (scale, offset) = spot_falloff(inner_angle, outer_angle);
             let falloff = (cos * scale + offset).clamp(0.0, 1.0);
             from_delta(light, toward, falloff * falloff, shading_point)
+        }
+        Shape::Profile { position, rotation, profile } => {
+            let toward = frame.toward(position, shading_point);
+            let axes = profile.axes(Quat::from_array(rotation));
+            let candela = profile.candela_along(&axes, frame.to_local * -toward);
+            from_delta(light, toward, candela, shading_point)
         }
         Shape::Rectangle { center, half_u, half_v, two_sided } => {
             let (a, b) = (frame.to_world * half_u, frame.to_world * half_v);

@@ -68,7 +68,10 @@ impl Emitter {
             }
         };
         match light.shape {
-            Shape::Point { position } => surface(position, [Vec3::ZERO; 3], 0.0, None),
+            // Which part of a profile is lit is not looked for.
+            Shape::Point { position } | Shape::Profile { position, .. } => {
+                surface(position, [Vec3::ZERO; 3], 0.0, None)
+            }
             Shape::Spot { position, direction, outer_angle, .. } => {
                 let cos = outer_angle.cos();
                 let axis = (frame.to_world * direction).normalize_or_zero();

@@ -172,7 +172,7 @@ fn hit_dist(
         (is_inside && is_lit_side(to_corner, normal_area, two_sided)).then_some(dist)
     };
     let dist = match light.shape {
-        Shape::Point { .. } | Shape::Spot { .. } => None,
+        Shape::Point { .. } | Shape::Spot { .. } | Shape::Profile { .. } => None,
         Shape::Rectangle { center, half_u, half_v, two_sided } => {
             flat(center - half_u - half_v, [2.0 * half_u, 2.0 * half_v], true, two_sided)
         }

@@ -62,7 +62,7 @@ pub(crate) fn point_pdf(
         return 0.0;
     }
     match light.shape {
-        Shape::Point { .. } | Shape::Spot { .. } => 0.0,
+        Shape::Point { .. } | Shape::Spot { .. } | Shape::Profile { .. } => 0.0,
         Shape::Rectangle { center, half_u, half_v, two_sided } => {
             let normal_area = frame.normal_area(half_u.cross(half_v) * 4.0);
             let to_center = frame.toward(center, shading_point);

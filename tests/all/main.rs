@@ -30,6 +30,7 @@ mod pdf;
 mod placeholders;
 mod plan;
 mod previous;
+mod profiles;
 mod references;
 mod region_model;
 mod regions;

@@ -48,7 +48,8 @@ fn simplify(light: &Light, effect: Effects) -> Light {
         shape => shape,
     };
     let shape = match (effect, light.shape) {
-        (Effects::CONES, Shape::Spot { position, .. }) => Shape::Point { position },
+        (Effects::CONES, Shape::Spot { position, .. })
+        | (Effects::CONES | Effects::PROFILES, Shape::Profile { position, .. }) => Shape::Point { position },
         (Effects::CONES, _) => one_sided_to(true),
         (Effects::TWO_SIDED, _) => one_sided_to(false),
         (_, shape) => without_extent(shape),

@@ -225,7 +225,7 @@ pub fn direction(rng: &mut Rng) -> Vec3 {
 
 fn position(light: &Light) -> Vec3 {
     match light.shape {
-        Shape::Point { position } | Shape::Spot { position, .. } => position,
+        Shape::Point { position } | Shape::Spot { position, .. } | Shape::Profile { position, .. } => position,
         Shape::Rectangle { center, .. } | Shape::Sphere { center, .. } => center,
         Shape::Triangle { vertices, .. } => vertices[0],
         _ => unreachable!("this version has no others"),

@@ -95,8 +95,11 @@
 // The world has a sky.
 #define GIRANDOLE_EFFECT_SKY 8192
 
+// A light has a profile.
+#define GIRANDOLE_EFFECT_PROFILES 16384
+
 // All effects: a shader for them reads the buffers of any world, and is the longest.
-#define GIRANDOLE_ALL_EFFECTS 16319
+#define GIRANDOLE_ALL_EFFECTS 32703
 
 // The bytes of a baked tree, which the interface owns.
 typedef struct GirandoleBlob GirandoleBlob;
@@ -186,6 +189,25 @@ typedef struct GirandoleSphereShape {
     float radius;
 } GirandoleSphereShape;
 
+// Four numbers, such as a quaternion.
+typedef struct GirandoleVec4 {
+    float x;
+    float y;
+    float z;
+    float w;
+} GirandoleVec4;
+
+// The shape of a GIRANDOLE_LIGHT_PROFILE, in the space of its tree.
+typedef struct GirandoleProfileShape {
+    // Metres.
+    struct GirandoleVec3 position;
+    // The unit quaternion that turns the lamp. Before, it points along -Z, with the plane C0
+    // along +X.
+    struct GirandoleVec4 rotation;
+    // The profile: see girandole_profile_from_ies.
+    uint64_t profile;
+} GirandoleProfileShape;
+
 // The shape of a light. The kind of the light decides which member is used.
 typedef union GirandoleShape {
     struct GirandolePointShape point;
@@ -193,6 +215,7 @@ typedef union GirandoleShape {
     struct GirandoleParallelogramShape parallelogram;
     struct GirandoleTriangleShape triangle;
     struct GirandoleSphereShape sphere;
+    struct GirandoleProfileShape profile;
 } GirandoleShape;
 
 // A light. The functions girandole_point_light to girandole_sphere_light make one.
@@ -201,7 +224,8 @@ typedef struct GirandoleLight {
     GirandoleLightKind kind;
     // 1 if a parallelogram or triangle emits from its back too, else 0. Other kinds ignore it.
     uint32_t two_sided;
-    // Linear Rec. 709, in candela for points and spots and in nits for the others; 0 to 1e15.
+    // Linear Rec. 709, in candela for points and spots, a factor for profiles and in nits for the others; 0 to
+    // 1e15.
     struct GirandoleVec3 emission;
     // The distance in metres at and beyond which the light is exactly 0. Above 0; INFINITY for no limit.
     float range;
@@ -266,6 +290,8 @@ typedef struct GirandoleShadingPoint {
 //   600 to 699  plans for the GPU
 //   800         a baked tree is not sound
 //   1100 to 1199  bytes are no baked tree
+//   1300 to 1399  the pixels of a sky are refused, or there is none
+//   1400 to 1499  a photometric file is refused; the message names the line
 typedef int32_t GirandoleStatus;
 
 // The sizes of a world.
@@ -711,6 +737,9 @@ typedef struct GirandoleKernel {
 // A sphere that emits evenly outward. Emission in nits.
 #define GIRANDOLE_LIGHT_SPHERE 4
 
+// A point with a photometric profile. Emission as a factor of its candela.
+#define GIRANDOLE_LIGHT_PROFILE 5
+
 // Once the tree has become noisy, its rebuild shares the budget with the rebuilds of all other trees. The
 // default.
 #define GIRANDOLE_POLICY_BUDGETED 0
@@ -845,6 +874,13 @@ struct GirandoleLight girandole_sphere_light(struct GirandoleVec3 center,
                                              float radius,
                                              struct GirandoleVec3 nits);
 
+// Returns a point light with a profile. rotation: unit quaternion. factor: of the candela of the
+// profile, per channel. Checks nothing.
+struct GirandoleLight girandole_profile_light(struct GirandoleVec3 position,
+                                              struct GirandoleVec4 rotation,
+                                              uint64_t profile,
+                                              struct GirandoleVec3 factor);
+
 // Returns a placement that only translates, in metres. Checks nothing.
 struct GirandolePlacement girandole_placement_at(double x, double y, double z);
 
@@ -921,6 +957,34 @@ GirandoleStatus girandole_world_set_directional(struct GirandoleWorld *world,
 
 // Removes a directional light.
 GirandoleStatus girandole_world_remove_directional(struct GirandoleWorld *world, uint64_t directional);
+
+// Reads an IES file (LM-63 of 1986 to 2019) and stores its profile: a number that is the same for equal profiles in
+// all processes, and never 0. The profile is kept as long as the process runs, once for equal files. Baked trees
+// with such lamps are loaded after their profiles.
+GirandoleStatus girandole_profile_from_ies(const uint8_t *bytes,
+                                           size_t size,
+                                           uint64_t *profile);
+
+// Reads a EULUMDAT file, as girandole_profile_from_ies does.
+GirandoleStatus girandole_profile_from_eulumdat(const uint8_t *bytes, size_t size, uint64_t *profile);
+
+// Makes an equirectangular map the sky of the world and stores the key of its instance, which stays the same when
+// another map comes. pixels: rows from the zenith (+Y) to the nadir, in nits; the middle of the map is at +X. The
+// placement of the instance turns the map, a factor makes it brighter or darker, a mask chooses who sees it, and
+// girandole_world_remove_instance removes it.
+GirandoleStatus girandole_world_set_sky(struct GirandoleWorld *world,
+                                        uint32_t width,
+                                        uint32_t height,
+                                        const struct GirandoleVec3 *map,
+                                        uint64_t *instance);
+
+// Changes a part of the map: so many columns and rows from a column and a row on, in rows from the top down.
+GirandoleStatus girandole_world_set_sky_part(struct GirandoleWorld *world,
+                                             uint32_t column,
+                                             uint32_t row,
+                                             uint32_t width,
+                                             uint32_t height,
+                                             const struct GirandoleVec3 *part);
 
 // Builds a tree over lights, adds it and stores its key, which is never 0. The lights have the indices 0 to
 // count - 1. A tree without instances contributes no light. Takes O(n log n).

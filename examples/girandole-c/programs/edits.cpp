@@ -147,6 +147,59 @@ void closed_forms() {
     require(exhaustive_lux(world.get(), up) == 0.0, "a removed directional light shines");
 }
 
+void sky_and_profiles() {
+    auto world = make_world();
+    const auto up = girandole_surface_point(vec3(0, 0, 0), vec3(0, 1, 0));
+    const auto mean = [&] {
+        double lux = 0.0;
+        const int steps = 64;
+        for (int i = 0; i < steps * steps; i++) {
+            const float a = (i % steps + 0.5f) / steps, b = (i / steps + 0.5f) / steps;
+            const float u[] = {std::fmod(a * 64, 1.0f), b, a, std::fmod(b * 64, 1.0f)};
+            GirandoleSample s;
+            check(girandole_world_sample(world.get(), 0, &up, u, 1, &s));
+            lux += s.radiance.y * s.direction.y * s.weight / (steps * steps);
+        }
+        return lux;
+    };
+    // An even sky of 50 nits: pi times its radiance.
+    std::vector<GirandoleVec3> pixels(64 * 32, grey(50));
+    uint64_t sky = 0;
+    check(girandole_world_set_sky(world.get(), 64, 32, pixels.data(), &sky));
+    update(world.get());
+    require(std::fabs(mean() / (PI * 50) - 1.0) < 0.02, "an even sky");
+    // Black but for the uppermost row, which has a solid angle of 2 pi (1 - cos(pi / 32)).
+    std::vector<GirandoleVec3> black(64 * 31, grey(0));
+    check(girandole_world_set_sky_part(world.get(), 0, 1, 64, 31, black.data()));
+    require(std::fabs(mean() / (PI * 50 * std::pow(std::sin(PI / 32), 2)) - 1.0) < 0.02, "a part of the sky");
+    require(girandole_world_set_sky_part(world.get(), 60, 0, 5, 1, black.data()) == 1302, "a part beyond the map");
+    require(girandole_world_set_sky(world.get(), 0, 32, pixels.data(), &sky) == 1300, "a sky without columns");
+    check(girandole_world_remove_instance(world.get(), sky));
+
+    // A lamp 4 m above, turned to shine down: 300 candela straight below, half of it at the edge of its beam.
+    const std::string file = "TILT=NONE\n1 -1 3 2 1 1 2 0 0 0 1 1 0\n0 45\n0\n100 50\n";
+    uint64_t profile = 0, again = 0;
+    const auto bytes = reinterpret_cast<const uint8_t *>(file.data());
+    check(girandole_profile_from_ies(bytes, file.size(), &profile));
+    check(girandole_profile_from_ies(bytes, file.size(), &again));
+    require(profile == again && profile != 0, "equal profiles");
+    const float half = std::sqrt(0.5f);
+    const GirandoleVec4 down = {-half, 0, 0, half};
+    const auto lamp = girandole_profile_light(vec3(0, 4, 0), down, profile, vec3(1, 2, 1));
+    const auto tree = add_tree(world.get(), {lamp});
+    add_instance(world.get(), tree, 0, 0, 0);
+    update(world.get());
+    require_near(exhaustive_lux(world.get(), up), 2 * 300 / 16.0, "straight below a lamp with a profile");
+    const auto beside = girandole_surface_point(vec3(0, 0, 5), vec3(0, 1, 0));
+    require(exhaustive_lux(world.get(), beside) == 0.0, "beyond the beam of a profile");
+    require(girandole_profile_from_ies(bytes, 30, &profile) == 1400 && profile == again, "a file that ends early");
+    auto unknown = lamp;
+    unknown.shape.profile.profile ^= 1;
+    uint64_t refused = 0;
+    require(girandole_world_add_tree(world.get(), &unknown, 1, &refused) == GIRANDOLE_ERROR_BAD_VALUE, "no profile");
+    std::printf("sky and profiles: as their closed forms\n");
+}
+
 void every_kind() {
     auto world = make_world();
     auto lamp = girandole_point_light(vec3(0, 3, 0), grey(100));
@@ -387,6 +440,7 @@ void regions() {
 int main() {
     try {
         closed_forms();
+    sky_and_profiles();
         every_kind();
         moves_and_edits();
         far_away();

@@ -1,9 +1,9 @@
 //! Lights as plain values.
 
-use girandole::{DirectionalLight, Light, Shape};
+use girandole::{DirectionalLight, Light, Profile, Shape};
 
 use crate::status::Failure;
-use crate::vectors::{GirandoleVec3, flag};
+use crate::vectors::{GirandoleVec3, GirandoleVec4, flag};
 
 /// The kind of a light: one of GIRANDOLE_LIGHT_*.
 pub type GirandoleLightKind = u32;
@@ -18,6 +18,8 @@ pub const GIRANDOLE_LIGHT_PARALLELOGRAM: GirandoleLightKind = 2;
 pub const GIRANDOLE_LIGHT_TRIANGLE: GirandoleLightKind = 3;
 /// A sphere that emits evenly outward. Emission in nits.
 pub const GIRANDOLE_LIGHT_SPHERE: GirandoleLightKind = 4;
+/// A point with a photometric profile. Emission as a factor of its candela.
+pub const GIRANDOLE_LIGHT_PROFILE: GirandoleLightKind = 5;
 
 /// The shape of a GIRANDOLE_LIGHT_POINT, in the space of its tree.
 #[repr(C)]
@@ -71,6 +73,19 @@ pub struct GirandoleSphereShape {
     pub radius: f32,
 }
 
+/// The shape of a GIRANDOLE_LIGHT_PROFILE, in the space of its tree.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct GirandoleProfileShape {
+    /// Metres.
+    pub position: GirandoleVec3,
+    /// The unit quaternion that turns the lamp. Before, it points along -Z, with the plane C0
+    /// along +X.
+    pub rotation: GirandoleVec4,
+    /// The profile: see girandole_profile_from_ies.
+    pub profile: u64,
+}
+
 /// The shape of a light. The kind of the light decides which member is used.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -81,6 +96,7 @@ pub union GirandoleShape {
     pub parallelogram: GirandoleParallelogramShape,
     pub triangle: GirandoleTriangleShape,
     pub sphere: GirandoleSphereShape,
+    pub profile: GirandoleProfileShape,
 }
 
 /// A light. The functions girandole_point_light to girandole_sphere_light make one.
@@ -91,7 +107,8 @@ pub struct GirandoleLight {
     pub kind: GirandoleLightKind,
     /// 1 if a parallelogram or triangle emits from its back too, else 0. Other kinds ignore it.
     pub two_sided: u32,
-    /// Linear Rec. 709, in candela for points and spots and in nits for the others; 0 to 1e15.
+    /// Linear Rec. 709, in candela for points and spots, a factor for profiles and in nits for the others; 0 to
+    /// 1e15.
     pub emission: GirandoleVec3,
     /// The distance in metres at and beyond which the light is exactly 0. Above 0; INFINITY for no limit.
     pub range: f32,
@@ -117,7 +134,7 @@ fn light(light: &GirandoleLight) -> Result<Light, Failure> {
     // Read for the kinds that have it only, since others may leave it undefined.
     let two_sided = || flag(light.two_sided, "two_sided");
     let shape = light.shape;
-    // SAFETY: all members consist of f32 alone, and the caller has filled the one that the kind names.
+    // SAFETY: all members consist of numbers alone, and the caller has filled the one that the kind names.
     let shape = unsafe {
         match light.kind {
             GIRANDOLE_LIGHT_POINT => Shape::Point { position: shape.point.position.into() },
@@ -137,6 +154,12 @@ fn light(light: &GirandoleLight) -> Result<Light, Failure> {
                 Shape::Triangle { vertices: shape.triangle.vertices.map(Into::into), two_sided: two_sided()? }
             }
             GIRANDOLE_LIGHT_SPHERE => Shape::Sphere { center: shape.sphere.center.into(), radius: shape.sphere.radius },
+            GIRANDOLE_LIGHT_PROFILE => Shape::Profile {
+                position: shape.profile.position.into(),
+                rotation: shape.profile.rotation.into(),
+                profile: Profile::of_id(shape.profile.profile)
+                    .ok_or_else(|| Failure::bad_value("profile", shape.profile.profile))?,
+            },
             other => return Err(Failure::bad_value("kind of light", other)),
         }
     };
@@ -204,6 +227,19 @@ pub extern "C" fn girandole_triangle_light(
 #[unsafe(no_mangle)]
 pub extern "C" fn girandole_sphere_light(center: GirandoleVec3, radius: f32, nits: GirandoleVec3) -> GirandoleLight {
     unlimited(GIRANDOLE_LIGHT_SPHERE, GirandoleShape { sphere: GirandoleSphereShape { center, radius } }, nits)
+}
+
+/// Returns a point light with a profile. rotation: unit quaternion. factor: of the candela of the
+/// profile, per channel. Checks nothing.
+#[unsafe(no_mangle)]
+pub extern "C" fn girandole_profile_light(
+    position: GirandoleVec3,
+    rotation: GirandoleVec4,
+    profile: u64,
+    factor: GirandoleVec3,
+) -> GirandoleLight {
+    let profile = GirandoleProfileShape { position, rotation, profile };
+    unlimited(GIRANDOLE_LIGHT_PROFILE, GirandoleShape { profile }, factor)
 }
 
 /// A light at infinity, such as the moon.

@@ -39,11 +39,13 @@ pub const GIRANDOLE_EFFECT_MASKS: u32 = 2048;
 pub const GIRANDOLE_EFFECT_SECTORS: u32 = 4096;
 /// The world has a sky.
 pub const GIRANDOLE_EFFECT_SKY: u32 = 8192;
+/// A light has a profile.
+pub const GIRANDOLE_EFFECT_PROFILES: u32 = 16384;
 /// All effects: a shader for them reads the buffers of any world, and is the longest.
-pub const GIRANDOLE_ALL_EFFECTS: u32 = 0x3fbf;
+pub const GIRANDOLE_ALL_EFFECTS: u32 = 0x7fbf;
 
 /// The effects with their bits in this interface.
-const EFFECTS: [(u32, Effects); 13] = [
+const EFFECTS: [(u32, Effects); 14] = [
     (GIRANDOLE_EFFECT_CONES, Effects::CONES),
     (GIRANDOLE_EFFECT_RANGES, Effects::RANGES),
     (GIRANDOLE_EFFECT_AREAS, Effects::AREAS),
@@ -57,6 +59,7 @@ const EFFECTS: [(u32, Effects); 13] = [
     (GIRANDOLE_EFFECT_MASKS, Effects::MASKS),
     (GIRANDOLE_EFFECT_SECTORS, Effects::SECTORS),
     (GIRANDOLE_EFFECT_SKY, Effects::SKY),
+    (GIRANDOLE_EFFECT_PROFILES, Effects::PROFILES),
 ];
 
 /// The bits of effects.

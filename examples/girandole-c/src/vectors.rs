@@ -26,6 +26,23 @@ impl From<Vec3> for GirandoleVec3 {
     }
 }
 
+/// Four numbers, such as a quaternion.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[allow(missing_docs, reason = "coordinates")]
+pub struct GirandoleVec4 {
+    pub x: f32,
+    pub y: f32,
+    pub z: f32,
+    pub w: f32,
+}
+
+impl From<GirandoleVec4> for [f32; 4] {
+    fn from(v: GirandoleVec4) -> Self {
+        [v.x, v.y, v.z, v.w]
+    }
+}
+
 /// A position or vector of the world in double precision, in metres.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -470,7 +470,8 @@ const EFFECTS: Effects = Effects::CONES
     .union(Effects::NON_RIGID)
     .union(Effects::SOLID_ANGLES)
     .union(Effects::GLOSSY)
-    .union(Effects::SKY);
+    .union(Effects::SKY)
+    .union(Effects::PROFILES);
 
 fn assert_as_without_cuts(world: &LightWorld, chosen: &[Input], outputs: &[Output]) {
     let count = others(&world.sampler(), chosen, outputs);

@@ -3,6 +3,7 @@
 mod batch;
 mod lights;
 mod pool;
+mod profile;
 mod relayout;
 mod scatter;
 mod sky;

@@ -20,7 +20,7 @@ use crate::plan::layout::{Bases, ClusterRecord, InstanceRecord, LeafRecord, Part
 use crate::plan::node_record::NodeRecord;
 use crate::plan::pool::Growth;
 use crate::plan::stored::Missing;
-use crate::plan::top::TopBuild;
+use crate::plan::top::{MapQuads, TopBuild};
 use crate::top::masks::NodeMasks;
 use crate::tree::LightTree;
 use crate::tree::{ChildRef, Node, WIDTH};
@@ -178,7 +178,7 @@ fn build(top: &mut TopRig, world: &LightWorld) -> Built {
     let count = parts.len() as u32;
     let has_masks = world.effects().contains(Effects::MASKS);
     let mut new = Vec::new();
-    top.top.reserve(count, (has_masks, 0), Growth::Double, (&mut top.rig.ids, &mut new)).unwrap();
+    top.top.reserve(count, (has_masks, MapQuads::default()), Growth::Double, (&mut top.rig.ids, &mut new)).unwrap();
     let (strides, build) = (top.strides, &mut top.top);
     top.rig.play(&new, |commands| {
         build.adopt(commands, &mut Vec::new());

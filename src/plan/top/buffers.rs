@@ -32,17 +32,33 @@ pub(super) const LISTS_AT: u32 = PLANES_AT + (2 << PLANE_BITS);
 /// All words about the order in space.
 pub(super) const SPACE_WORDS: u32 = LISTS_AT + LEVELS * LEVEL_SAMPLES as u32;
 
+/// How many quads of maps there are beside the top level in its buffer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct MapQuads {
+    /// Of the tables of profiles.
+    pub profiles: u32,
+    /// Of the map of the sky.
+    pub sky: u32,
+}
+
+impl MapQuads {
+    /// Whether there is room in these for others.
+    pub(super) fn hold(self, other: Self) -> bool {
+        self.profiles >= other.profiles && self.sky >= other.sky
+    }
+}
+
 #[derive(Clone, Debug)]
 pub(super) struct TopBuffers {
     /// The number of parts that there is room for.
     pub capacity: u32,
     pub places: Places,
     pub bounds: BufferId,
-    /// The nodes, then the parts, then the masks of the nodes if they are stored, then the map of the sky.
+    /// The nodes, then the parts, then the masks of the nodes if they are stored, then profiles, then the map of the sky.
     pub nodes: BufferId,
     pub nodes_bytes: u64,
-    /// How many quads of the sky's map there is room for.
-    pub sky_quads: u32,
+    /// How many quads of profiles and of the sky's map there is room for.
+    pub map_quads: MapQuads,
     /// The clusters of all parts, then of all nodes.
     pub clusters: BufferId,
     /// The lists of units that the passes leave.
@@ -51,20 +67,21 @@ pub(super) struct TopBuffers {
 }
 
 impl TopBuffers {
-    /// Room for `capacity` parts, for masks if `has_masks`, and for so many quads of the sky's map. Adds the buffers
+    /// Room for `capacity` parts, for masks if `has_masks`, and for profiles and the sky's map. Adds the buffers
     /// to `new`. Fails with [`PlanError::Full`] if a buffer would be larger than `limit`.
     pub(super) fn new(
         ids: &mut Ids,
         new: &mut Vec<NewBuffer>,
         capacity: u32,
-        (has_masks, sky_quads): (bool, u32),
+        (has_masks, map_quads): (bool, MapQuads),
         limit: u64,
     ) -> Result<Self, PlanError> {
         let passes = Passes::new(capacity, capacity, Places::default(), Strides::of(Effects::all()));
         let parts = u64::from(passes.nodes) * size_of::<NodeRecord>() as u64;
         let masks = parts + u64::from(capacity) * size_of::<LeafRecord>() as u64;
-        let sky_map = masks + if has_masks { u64::from(passes.nodes) * MASK_BYTES } else { 0 };
-        let nodes_bytes = sky_map + 16 * u64::from(sky_quads);
+        let profiles = masks + if has_masks { u64::from(passes.nodes) * MASK_BYTES } else { 0 };
+        let sky_map = profiles + 16 * u64::from(map_quads.profiles);
+        let nodes_bytes = sky_map + 16 * u64::from(map_quads.sky);
         let clusters = (u64::from(capacity) + u64::from(passes.nodes)) * size_of::<ClusterRecord>() as u64;
         for (what, needed) in [("top-level clusters", clusters), ("top-level nodes", nodes_bytes)] {
             if needed > limit {
@@ -85,7 +102,7 @@ impl TopBuffers {
                 masks: if has_masks { (masks / 16) as u32 } else { 0 },
                 sky_map: (sky_map / 16) as u32,
             },
-            sky_quads,
+            map_quads,
             sort,
             bounds: add("top level bounds", u64::from(SPACE_WORDS) * 4),
             nodes: add("top level nodes", nodes_bytes),

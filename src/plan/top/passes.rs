@@ -41,7 +41,7 @@ pub(super) struct TopPass {
     pub padding_after: u32,
 }
 
-/// Where the parts, the masks and the map of the sky begin in the buffer of the nodes, in units of 16 bytes. `masks`
+/// Where the parts, the masks and the map of the sky, before which profiles lie, begin in the buffer of the nodes, in units of 16 bytes. `masks`
 /// is 0 if they are not stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Places {

@@ -18,7 +18,7 @@ use crate::tree::space_order;
 /// Reserves and takes into use. Returns the bytes of the new buffers by what they hold.
 fn reserve(top: &mut TopBuild, parts: u32, has_masks: bool, growth: Growth) -> Result<Vec<NewBuffer>, PlanError> {
     let mut new = Vec::new();
-    top.reserve(parts, (has_masks, 0), growth, (&mut Ids::default(), &mut new))?;
+    top.reserve(parts, (has_masks, MapQuads::default()), growth, (&mut Ids::default(), &mut new))?;
     top.adopt(&mut Commands::default(), &mut Vec::new());
     Ok(new)
 }
@@ -97,7 +97,7 @@ fn buffers_double_or_grow_to_what_is_needed_and_make_room_for_masks_once() {
     assert_eq!(reserve(&mut top, 102, true, Growth::Double), Ok(Vec::new()));
     // An undone frame leaves the buffers in use.
     let before = (top.nodes(), top.capacity());
-    top.reserve(1000, (true, 0), Growth::Double, (&mut Ids::default(), &mut Vec::new())).unwrap();
+    top.reserve(1000, (true, MapQuads::default()), Growth::Double, (&mut Ids::default(), &mut Vec::new())).unwrap();
     top.undo();
     assert!(!top.is_replaced());
     assert_eq!((top.nodes(), top.capacity()), before);

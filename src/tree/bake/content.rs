@@ -10,9 +10,10 @@ use crc32fast::Hasher;
 use super::error::BakeError;
 use super::header::{CHECKSUM, HEADER_BYTES};
 use super::light_check::{self, KINDS};
-use super::light_record::{self, LIGHT_BYTES, REMOVED, WORDS};
+use super::light_record::{self, LIGHT_BYTES, PROFILE, REMOVED, WORDS};
 use super::words;
 use crate::effects::{EffectCounts, Effects};
+use crate::light::PROFILE_EFFECTS;
 
 /// Lights that are checked right after their bytes were summed: 56 KiB, which fit into the
 /// second-level cache of any machine.
@@ -174,5 +175,7 @@ fn check_lights(first: usize, records: &[u8], counts: &mut Histogram, removed: &
 fn effects_of(kind: u32, range: f32) -> Effects {
     let mut record = [0; WORDS];
     record[0] = kind;
-    light_record::decode_accepted(&record).with_range(range).effects()
+    // Which profile it is does not matter.
+    let of_shape = if kind == PROFILE { PROFILE_EFFECTS } else { Effects::empty() };
+    of_shape | light_record::decode_accepted(&record).with_range(range).effects()
 }

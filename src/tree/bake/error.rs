@@ -4,7 +4,7 @@ use crate::error::LightError;
 use crate::tree::check::CheckError;
 
 /// Why [`LightTree::from_baked`](crate::LightTree::from_baked) refused some bytes. Nothing was
-/// loaded. Codes 1100 to 1106, or the code of the [`LightError`] or [`CheckError`] inside.
+/// loaded. Codes 1100 to 1107, or the code of the [`LightError`] or [`CheckError`] inside.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BakeError {
@@ -67,6 +67,15 @@ pub enum BakeError {
         /// What is wrong with the light.
         source: LightError,
     },
+    /// A light has a [`Profile`](crate::Profile) that was not made in this process. Files do not hold
+    /// profiles, which many trees share: read them before the trees.
+    #[error("light {index} has a profile that was not made before: its number is {id:#018x}")]
+    Profile {
+        /// The index of the light.
+        index: usize,
+        /// The [number](crate::Profile::id) of the profile.
+        id: u64,
+    },
     /// The checksum is right, but the nodes are not those of a tree over the lights.
     #[error("{0}")]
     Tree(#[from] CheckError),
@@ -83,6 +92,7 @@ impl BakeError {
             Self::TooMany { .. } => 1104,
             Self::Checksum { .. } => 1105,
             Self::Record { .. } => 1106,
+            Self::Profile { .. } => 1107,
             Self::Light { source, .. } => source.code(),
             Self::Tree(error) => error.code(),
         }

@@ -6,7 +6,7 @@
 
 use std::f32::consts::PI;
 
-use super::light_record::{POINT, RECTANGLE, Record, SPHERE, SPOT, TRIANGLE, TWO_SIDED, WORDS};
+use super::light_record::{POINT, PROFILE, RECTANGLE, Record, SPHERE, SPOT, TRIANGLE, TWO_SIDED, WORDS};
 use crate::light::{MAX_COORDINATE, MAX_EMISSION};
 
 /// All bits but the sign.
@@ -17,8 +17,8 @@ const MAGNITUDE: u32 = u32::MAX >> 1;
 const UNIT_TOLERANCE_SQ: f32 = 1.9e-3;
 
 /// The first numbers of the records of all kinds.
-pub(super) const KINDS: [u32; 7] =
-    [POINT, SPOT, RECTANGLE, TRIANGLE, SPHERE, RECTANGLE | TWO_SIDED, TRIANGLE | TWO_SIDED];
+pub(super) const KINDS: [u32; 8] =
+    [POINT, SPOT, RECTANGLE, TRIANGLE, SPHERE, PROFILE, RECTANGLE | TWO_SIDED, TRIANGLE | TWO_SIDED];
 
 /// Limits of the numbers of a record.
 struct Limits {
@@ -35,6 +35,8 @@ static LIMITS: [Limits; KINDS.len()] = [
     limits(RECTANGLE, b"ccccccccc"),
     limits(TRIANGLE, b"ccccccccc"),
     limits(SPHERE, b"cccr....."),
+    // Profiles have to be looked up: no record is within these limits.
+    limits(POINT, b"........."),
     limits(RECTANGLE | TWO_SIDED, b"ccccccccc"),
     limits(TRIANGLE | TWO_SIDED, b"ccccccccc"),
 ];
@@ -70,9 +72,9 @@ const fn limits(kind: u32, fields: &[u8; 9]) -> Limits {
 #[inline(always)]
 pub(super) fn kind_of(record: &Record) -> Option<usize> {
     match record[0] {
-        kind @ 0..=SPHERE => Some(kind as usize),
-        kind if kind == KINDS[5] => Some(5),
+        kind @ 0..=PROFILE => Some(kind as usize),
         kind if kind == KINDS[6] => Some(6),
+        kind if kind == KINDS[7] => Some(7),
         _ => None,
     }
 }

@@ -3,7 +3,7 @@
 //! | numbers | content |
 //! |---|---|
 //! | 1 | the kind of the shape, plus [`TWO_SIDED`] |
-//! | 9 | the fields of the shape in the order in which [`Shape`] lists them, then zeros |
+//! | 9 | the fields of the shape in the order in which [`Shape`] lists them, then zeros; of a profile its number |
 //! | 3 | the emission |
 //! | 1 | the range |
 
@@ -12,6 +12,7 @@ use glam::Vec3;
 use super::error::BakeError;
 use super::words::WORD;
 use crate::light::{Light, Shape};
+use crate::profile::Profile;
 
 /// Numbers of a record.
 pub(super) const WORDS: usize = 14;
@@ -24,6 +25,7 @@ pub(super) const SPOT: u32 = 1;
 pub(super) const RECTANGLE: u32 = 2;
 pub(super) const TRIANGLE: u32 = 3;
 pub(super) const SPHERE: u32 = 4;
+pub(super) const PROFILE: u32 = 5;
 
 /// This bit is set in the kind of a rectangle or a triangle that emits from both sides.
 pub(super) const TWO_SIDED: u32 = 1 << 8;
@@ -45,10 +47,17 @@ pub(super) fn encode(light: &Light) -> Record {
         }
         Shape::Triangle { vertices, two_sided } => (sided(TRIANGLE, two_sided), vertices),
         Shape::Sphere { center, radius } => (SPHERE, [center, Vec3::new(radius, 0.0, 0.0), zero]),
+        Shape::Profile { position, rotation: [x, y, z, w], .. } => {
+            (PROFILE, [position, Vec3::new(x, y, z), Vec3::new(w, 0.0, 0.0)])
+        }
     };
     let Light { emission, range, .. } = *light;
     let [a, b, c, emission] = [a, b, c, emission].map(|v| v.to_array().map(f32::to_bits));
-    [kind, a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2], emission[0], emission[1], emission[2], range.to_bits()]
+    let [low, high] = match light.shape {
+        Shape::Profile { profile, .. } => [profile.id() as u32, (profile.id() >> 32) as u32],
+        _ => [c[1], c[2]],
+    };
+    [kind, a[0], a[1], a[2], b[0], b[1], b[2], c[0], low, high, emission[0], emission[1], emission[2], range.to_bits()]
 }
 
 /// The record of [`Light::REMOVED`].
@@ -58,8 +67,13 @@ pub(super) const REMOVED: Record = [0; WORDS];
 ///
 /// # Errors
 /// [`BakeError::Record`] for a record that [`encode`] never makes: of an unknown kind, or with
-/// numbers other than zero where the kind has no fields. [`BakeError::Light`] for an invalid light.
+/// numbers other than zero where the kind has no fields. [`BakeError::Light`] for an invalid light,
+/// [`BakeError::Profile`] for one whose profile was not made in this process.
 pub(super) fn decode(record: &Record, index: usize) -> Result<Light, BakeError> {
+    let id = id_of(record);
+    if record[0] == PROFILE && Profile::of_id(id).is_none() {
+        return Err(BakeError::Profile { index, id });
+    }
     let light = decode_accepted(record);
     if encode(&light) != *record {
         return Err(BakeError::Record { what: "a light: a field", index });
@@ -79,9 +93,18 @@ pub(super) fn decode_accepted(record: &Record) -> Light {
         RECTANGLE => Shape::Rectangle { center: point(1), half_u: point(4), half_v: point(7), two_sided },
         TRIANGLE => Shape::Triangle { vertices: [point(1), point(4), point(7)], two_sided },
         SPHERE => Shape::Sphere { center: point(1), radius: number(4) },
+        PROFILE => match Profile::of_id(id_of(record)) {
+            Some(profile) => Shape::Profile { position: point(1), rotation: [4, 5, 6, 7].map(number), profile },
+            None => Shape::Point { position: point(1) },
+        },
         _ => Shape::Point { position: point(1) },
     };
     Light { shape, emission: point(10), range: number(13) }
+}
+
+/// The number of the profile of a record.
+fn id_of(record: &Record) -> u64 {
+    u64::from(record[8]) | u64::from(record[9]) << 32
 }
 
 /// The record in some bytes, which are [`LIGHT_BYTES`].
@@ -95,6 +118,7 @@ pub(super) fn read(bytes: &[u8]) -> Record {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::profile::tests::street_lamp;
 
     fn bits(light: &Light) -> String {
         // Distinguishes the zeros, and shows NaN payloads as they are.
@@ -133,6 +157,23 @@ mod tests {
     }
 
     #[test]
+    fn a_profile_is_found_by_its_number_and_refused_if_no_one_has_made_it() {
+        let turn = glam::Quat::from_rotation_x(0.7);
+        let lamp = Light::profile(Vec3::ONE, turn, street_lamp(33), Vec3::splat(0.5)).with_range(9.0);
+        let record = encode(&lamp);
+        assert_eq!(decode(&record, 0).ok(), Some(lamp));
+        let mut unknown = record;
+        unknown[9] ^= 1;
+        let id = id_of(&unknown);
+        assert_eq!(decode(&unknown, 7), Err(BakeError::Profile { index: 7, id }));
+        // The same number in all versions, or files would not find their profiles.
+        let known = Profile::new(&[0.0, 90.0], &[0.0], &[1.0, 2.0]).expect("a sound table");
+        assert_eq!(known.id(), 0xb4b2_8028_0871_1fa7);
+        let bright = encode(&Light::profile(Vec3::ONE, turn, known, Vec3::splat(0.6 * crate::light::MAX_EMISSION)));
+        assert_eq!(decode(&bright, 7).map_err(|error| error.code()), Err(101));
+    }
+
+    #[test]
     fn the_record_of_a_removed_light_is_no_light() {
         assert_eq!(encode(&Light::REMOVED), REMOVED);
         assert!(decode_accepted(&REMOVED).is_removed() && decode(&REMOVED, 0).is_err());
@@ -144,7 +185,7 @@ mod tests {
         assert!(decode(&record, 0).is_ok());
         let refused = |record: &Record| decode(record, 7).err();
         let expected = Some(BakeError::Record { what: "a light: a field", index: 7 });
-        for (place, value) in [(0, 5), (0, u32::MAX), (0, TWO_SIDED), (4, 1), (9, 1 << 31)] {
+        for (place, value) in [(0, 6), (0, u32::MAX), (0, TWO_SIDED), (4, 1), (9, 1 << 31)] {
             let mut wrong = record;
             wrong[place] = value;
             assert_eq!(refused(&wrong), expected, "{place} {value}");

@@ -5,10 +5,11 @@ mod faults;
 mod forgeries;
 mod round_trips;
 
-use glam::{Mat3, Vec3};
+use glam::{Mat3, Quat, Vec3};
 
 use crate::instance::placement::Placement;
-use crate::light::Light;
+use crate::light::{Light, Shape};
+use crate::profile::tests::street_lamp;
 use crate::tree::LightTree;
 use crate::tree::testing::{Rng, State, state_of};
 
@@ -41,6 +42,14 @@ fn trees() -> Vec<LightTree> {
     let mut trees: Vec<_> =
         [0, 1, 8, 9, 70, 257, 3000].into_iter().map(|count| LightTree::build(any_lights(&mut rng, count))).collect();
     assert!(trees.iter().any(|tree| !tree.sides().is_empty()) && trees.iter().any(|tree| tree.sides().is_empty()));
+    let lamp = |light: Light, i: usize| match light.shape {
+        Shape::Sphere { center, .. } => {
+            Light::profile(center, Quat::from_rotation_x(i as f32), street_lamp(i as u64 % 3), light.emission)
+        }
+        _ => light,
+    };
+    let mixed = any_lights(&mut rng, 200).into_iter().enumerate().map(|(i, light)| lamp(light, i)).collect();
+    trees.push(LightTree::build(mixed));
     let squashed = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 1.0, 0.01)), ..Placement::IDENTITY };
     let stretched = LightTree::new_for(any_lights(&mut rng, 300), squashed).expect("valid");
     assert!(stretched.reference().is_some());

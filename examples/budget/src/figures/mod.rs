@@ -201,7 +201,7 @@ impl Troupe {
 
 fn move_to(light: &mut Light, place: Vec3) {
     match &mut light.shape {
-        Shape::Point { position } | Shape::Spot { position, .. } => *position = place,
+        Shape::Point { position } | Shape::Spot { position, .. } | Shape::Profile { position, .. } => *position = place,
         Shape::Sphere { center, .. } | Shape::Rectangle { center, .. } => *center = place,
         Shape::Triangle { vertices, .. } => {
             let shift = place - vertices[0];

@@ -7,7 +7,7 @@ use super::real::{Real, Vector};
 use girandole::cluster::Aabb;
 use girandole::glam::{DVec3, Vec3};
 use girandole::light::luminance;
-use girandole::{Light, ShadingPoint, Shape};
+use girandole::{Light, Profile, ShadingPoint, Shape};
 use std::f64::consts::PI;
 
 /// The greatest flux of a light, in lumens: see [`Light::flux`].
@@ -20,6 +20,7 @@ const MIN_SPOT_FALLOFF: f64 = 1.0e-3;
 pub enum Form<R: Real> {
     Point { position: R::Vec3 },
     Spot { position: R::Vec3, direction: R::Vec3, inner_angle: R, outer_angle: R },
+    Profile { position: R::Vec3, rotation: [f32; 4], profile: Profile },
     Rectangle { center: R::Vec3, half_u: R::Vec3, half_v: R::Vec3, two_sided: bool },
     Triangle { vertices: [R::Vec3; 3], two_sided: bool },
     Sphere { center: R::Vec3, radius: R },
@@ -82,7 +83,9 @@ impl<R: Real> Emitter<R> {
     /// The smallest box around all emitting points, in metres.
     pub fn aabb(&self) -> RealAabb<R> {
         match self.form {
-            Form::Point { position } | Form::Spot { position, .. } => RealAabb { min: position, max: position },
+            Form::Point { position } | Form::Spot { position, .. } | Form::Profile { position, .. } => {
+                RealAabb { min: position, max: position }
+            }
             Form::Rectangle { center, half_u, half_v, .. } => RealAabb::around(&[
                 center - half_u - half_v,
                 center - half_u + half_v,
@@ -97,7 +100,7 @@ impl<R: Real> Emitter<R> {
         }
     }
 
-    /// The emitting area in square metres, both sides counted; 0 for points and spots.
+    /// The emitting area in square metres, both sides counted; 0 for lights without size.
     pub fn area(&self) -> R {
         R::of(self.wide_area())
     }
@@ -107,7 +110,7 @@ impl<R: Real> Emitter<R> {
         let sides = |two_sided| if two_sided { 2.0 } else { 1.0 };
         let parallelogram = |u: R::Vec3, v: R::Vec3| u.as_dvec3().cross(v.as_dvec3()).length();
         match self.form {
-            Form::Point { .. } | Form::Spot { .. } => 0.0,
+            Form::Point { .. } | Form::Spot { .. } | Form::Profile { .. } => 0.0,
             Form::Rectangle { half_u, half_v, two_sided, .. } => 4.0 * parallelogram(half_u, half_v) * sides(two_sided),
             Form::Triangle { vertices: [a, b, c], two_sided } => 0.5 * parallelogram(b - a, c - a) * sides(two_sided),
             Form::Sphere { radius, .. } => {
@@ -122,6 +125,7 @@ impl<R: Real> Emitter<R> {
         match self.form {
             Form::Point { .. } => R::of(4.0) * R::PI() * self.emission,
             Form::Spot { inner_angle, outer_angle, .. } => self.emission * spot_solid_angle(inner_angle, outer_angle),
+            Form::Profile { profile, .. } => self.emission * R::of(profile.flux().into()),
             _ => {
                 let emission: f64 = self.emission.into();
                 R::of((PI * emission * self.wide_area()).min(MAX_FLUX))
@@ -156,6 +160,9 @@ impl Emitter<f64> {
                 inner_angle: inner_angle as f32,
                 outer_angle: outer_angle as f32,
             },
+            Form::Profile { position, rotation, profile } => {
+                Shape::Profile { position: near(position), rotation, profile }
+            }
             Form::Rectangle { center, half_u, half_v, two_sided } => {
                 Shape::Rectangle { center: near(center), half_u: near(half_u), half_v: near(half_v), two_sided }
             }
@@ -178,6 +185,9 @@ impl<R: Real> From<&Light> for Emitter<R> {
                 inner_angle: real(inner_angle),
                 outer_angle: real(outer_angle),
             },
+            Shape::Profile { position, rotation, profile } => {
+                Form::Profile { position: exact(position), rotation, profile }
+            }
             Shape::Rectangle { center, half_u, half_v, two_sided } => {
                 Form::Rectangle { center: exact(center), half_u: exact(half_u), half_v: exact(half_v), two_sided }
             }

@@ -49,7 +49,9 @@ impl Ray {
 /// points.
 pub fn in_scattered(light: &Light, ray: &Ray, panels: usize) -> f64 {
     let center = match light.shape {
-        Shape::Point { position } | Shape::Spot { position, .. } => position.as_dvec3(),
+        Shape::Point { position } | Shape::Spot { position, .. } | Shape::Profile { position, .. } => {
+            position.as_dvec3()
+        }
         Shape::Rectangle { center, .. } | Shape::Sphere { center, .. } => center.as_dvec3(),
         Shape::Triangle { vertices: [p, q, r], .. } => (p + q + r).as_dvec3() / 3.0,
         _ => unreachable!("this version has no others"),

@@ -1,7 +1,7 @@
 //! The exact light that a shading point receives from one light, without shadows.
 
 use super::emitter::{Emitter, Form, Receiver};
-use girandole::glam::DVec3;
+use girandole::glam::{DQuat, DVec3};
 use girandole::{Light, ShadingPoint};
 use std::f64::consts::PI;
 
@@ -31,6 +31,12 @@ pub fn exact_irradiance(light: &Emitter<f64>, at: &Receiver<f64>) -> f64 {
             let cos_outer = outer_angle.cos();
             let width = (inner_angle.cos() - cos_outer).max(1.0e-3);
             (toward, ((cos - cos_outer) / width).clamp(0.0, 1.0).powi(2) * from_point(toward, normal))
+        }
+        Form::Profile { position, rotation, profile } => {
+            let toward = toward(position);
+            let in_lamp = DQuat::from_array(rotation.map(f64::from)).inverse() * -toward;
+            let candela = f64::from(profile.candela(in_lamp.normalize_or_zero().as_vec3()));
+            (toward, candela * from_point(toward, normal))
         }
         Form::Rectangle { center, half_u: u, half_v: v, two_sided } => {
             let center = toward(center);

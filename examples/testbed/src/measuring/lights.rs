@@ -3,7 +3,7 @@
 
 use crate::measuring::irradiance::irradiance;
 use crate::measuring::reflection::reflection;
-use girandole::glam::Vec3;
+use girandole::glam::{Quat, Vec3};
 use girandole::light::luminance;
 use girandole::{Incident, Light, LightId, LightSampler, LightWorld, Placement, ShadingPoint, Shape};
 
@@ -66,6 +66,12 @@ fn carry(light: &Light, placement: &Placement) -> Light {
             inner_angle,
             outer_angle,
         },
+        // A turn and one scale; a mirrored or sheared beam is taken for the nearest that is not.
+        Shape::Profile { position, rotation, profile } => {
+            let turn = Quat::from_mat3(&(linear / linear.determinant().cbrt()));
+            let rotation = (turn * Quat::from_array(rotation)).normalize().to_array();
+            Shape::Profile { position: point(position), rotation, profile }
+        }
         // In a mirrored instance two corners change places, or the front would become the back.
         Shape::Rectangle { center, half_u, half_v, two_sided } => {
             let (u, v) = if is_mirrored { (half_v, half_u) } else { (half_u, half_v) };

@@ -21,7 +21,9 @@ pub fn reflection(light: &Light, at: &ShadingPoint) -> f64 {
     let Some(gloss) = &at.gloss else { return irradiance(light, at) };
     let brdf = |point: Vec3| brdf(gloss, at, point.as_dvec3() - at.position.as_dvec3());
     match light.shape {
-        Shape::Point { position } | Shape::Spot { position, .. } => brdf(position) * irradiance(light, at),
+        Shape::Point { position } | Shape::Spot { position, .. } | Shape::Profile { position, .. } => {
+            brdf(position) * irradiance(light, at)
+        }
         Shape::Sphere { center, .. } => brdf(center) * irradiance(light, at),
         Shape::Rectangle { center, half_u, half_v, .. } => {
             let n = pieces(gloss, at, center, half_u.length().max(half_v.length()) * 2.0);

@@ -2,7 +2,7 @@
 
 use crate::common::pcg::Rng;
 use crate::measuring::emitter::{Emitter, Form, Receiver};
-use girandole::glam::{DMat3, DQuat, DVec3, dvec3};
+use girandole::glam::{DMat3, DQuat, DVec3, Quat, dvec3};
 use std::f64::consts::PI;
 
 /// Different objects.
@@ -87,6 +87,10 @@ pub fn moved(light: &Emitter<f64>, scale: f64, turn: &DMat3, shift: DVec3) -> Em
         Form::Spot { position, direction, inner_angle, outer_angle } => {
             let direction = *turn * direction;
             (Form::Spot { position: point(position), direction, inner_angle, outer_angle }, scale * scale)
+        }
+        Form::Profile { position, rotation, profile } => {
+            let turned = DQuat::from_mat3(turn).as_quat() * Quat::from_array(rotation);
+            (Form::Profile { position: point(position), rotation: turned.to_array(), profile }, scale * scale)
         }
         Form::Rectangle { center, half_u, half_v, two_sided } => {
             (Form::Rectangle { center: point(center), half_u: vector(half_u), half_v: vector(half_v), two_sided }, 1.0)

@@ -104,7 +104,7 @@ impl VisibleShares<'_> {
 /// The middle of a light.
 fn middle(light: &Light) -> Vec3 {
     match light.shape {
-        Shape::Point { position } | Shape::Spot { position, .. } => position,
+        Shape::Point { position } | Shape::Spot { position, .. } | Shape::Profile { position, .. } => position,
         Shape::Rectangle { center, .. } | Shape::Sphere { center, .. } => center,
         Shape::Triangle { vertices: [a, b, c], .. } => (a + b + c) / 3.0,
         _ => unreachable!("this version has no others"),

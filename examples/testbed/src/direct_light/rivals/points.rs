@@ -1,8 +1,8 @@
 //! Points on lights as presampled lists store them: what an estimate of their light needs.
 
-use girandole::glam::Vec3;
+use girandole::glam::{Quat, Vec3};
 use girandole::light::luminance;
-use girandole::{Light, ShadingPoint, Shape};
+use girandole::{Light, Profile, ShadingPoint, Shape};
 use std::f32::consts::PI;
 
 /// The least width of a spot's falloff, see [`Shape::Spot`].
@@ -24,6 +24,7 @@ pub struct LightPoint {
 enum Kind {
     Point,
     Spot { scale: f32, offset: f32 },
+    Profile { rotation: Quat, profile: Profile },
     Flat { two_sided: bool },
     Sphere { radius: f32 },
 }
@@ -38,6 +39,9 @@ impl LightPoint {
                 let scale = 1.0 / (inner_angle.cos() - outer_angle.cos()).max(MIN_SPOT_FALLOFF);
                 let kind = Kind::Spot { scale, offset: -outer_angle.cos() * scale };
                 (position, direction.normalize_or_zero(), kind)
+            }
+            Shape::Profile { position, rotation, profile } => {
+                (position, Vec3::ZERO, Kind::Profile { rotation: Quat::from_array(rotation), profile })
             }
             Shape::Rectangle { center, half_u, half_v, two_sided } => {
                 let position = center + half_u * (2.0 * u[0] - 1.0) + half_v * (2.0 * u[1] - 1.0);
@@ -68,6 +72,7 @@ impl LightPoint {
                 let falloff = (-self.axis.dot(direction) * scale + offset).clamp(0.0, 1.0);
                 (cosine, falloff * falloff / dist_sq)
             }
+            Kind::Profile { rotation, profile } => (cosine, profile.candela(rotation.inverse() * -direction) / dist_sq),
             Kind::Flat { two_sided } => {
                 let facing = -self.axis.dot(direction);
                 (cosine, if two_sided { facing.abs() } else { facing } / dist_sq)

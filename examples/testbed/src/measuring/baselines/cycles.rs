@@ -76,6 +76,7 @@ impl<R: Real> Formula<R> for Cycles {
     fn bounds(light: &Emitter<R>) -> LightBounds<R> {
         match light.form {
             Form::Point { .. } => LightBounds::all_round(light, light.emission),
+            Form::Profile { .. } => LightBounds::all_round(light, light.flux() / (R::of(4.0) * R::PI())),
             Form::Sphere { radius, .. } => LightBounds::all_round(light, light.emission * R::PI() * radius * radius),
             Form::Spot { direction, outer_angle, .. } => {
                 LightBounds::spot(light, direction, [R::zero(), outer_angle], light.flux() / (R::of(4.0) * R::PI()))
@@ -134,7 +135,7 @@ fn node_range<R: Real>(bounds: &CyclesBounds<R>, at: &Receiver<R>) -> Range<R> {
 
 fn light_range<R: Real>(bounds: &CyclesBounds<R>, light: &Emitter<R>, at: &Receiver<R>) -> Range<R> {
     match light.form {
-        Form::Point { position } => round_range(bounds, None, position, R::zero(), at),
+        Form::Point { position } | Form::Profile { position, .. } => round_range(bounds, None, position, R::zero(), at),
         Form::Sphere { center, radius } => round_range(bounds, None, center, radius, at),
         Form::Spot { position, .. } => round_range(bounds, Some(&bounds.cone), position, R::zero(), at),
         Form::Triangle { vertices, .. } => flat_range(bounds, &vertices, at),

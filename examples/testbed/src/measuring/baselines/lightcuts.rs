@@ -164,7 +164,7 @@ impl Node {
         let RealAabb { min, max } = light.aabb();
         let flat = |normal: Vec3, two_sided: bool| (normal, if two_sided { PI } else { 0.0 });
         let (axis, half_angle) = match light.form {
-            Form::Point { .. } | Form::Sphere { .. } => (Vec3::Z, PI),
+            Form::Point { .. } | Form::Profile { .. } | Form::Sphere { .. } => (Vec3::Z, PI),
             // The falloff with the cosine starts at the normals, so a wide spot has some.
             Form::Spot { direction, outer_angle, .. } => (direction, (outer_angle - 0.5 * PI + 0.01).max(0.0)),
             Form::Rectangle { half_u, half_v, two_sided, .. } => flat(half_u.cross(half_v), two_sided),

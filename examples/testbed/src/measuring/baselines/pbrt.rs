@@ -37,7 +37,9 @@ impl<R: Real> Formula<R> for Pbrt {
 
     fn bounds(light: &Emitter<R>) -> LightBounds<R> {
         match light.form {
-            Form::Point { .. } | Form::Sphere { .. } => LightBounds::all_round(light, light.flux()),
+            Form::Point { .. } | Form::Profile { .. } | Form::Sphere { .. } => {
+                LightBounds::all_round(light, light.flux())
+            }
             Form::Spot { direction, inner_angle, outer_angle, .. } => {
                 LightBounds::spot(light, direction, [inner_angle, outer_angle], light.flux())
             }

@@ -32,7 +32,7 @@ fn bright_lights(world: &LightWorld) -> Vec<(Vec3, f32)> {
         let Some(tree) = world.tree(tree) else { continue };
         for light in tree.lights() {
             let middle = match light.shape {
-                Shape::Point { position } | Shape::Spot { position, .. } => position,
+                Shape::Point { position } | Shape::Spot { position, .. } | Shape::Profile { position, .. } => position,
                 Shape::Rectangle { center, .. } | Shape::Sphere { center, .. } => center,
                 Shape::Triangle { vertices, .. } => (vertices[0] + vertices[1] + vertices[2]) / 3.0,
                 _ => unreachable!("this version has no others"),

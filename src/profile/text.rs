@@ -1,0 +1,127 @@
+//! Reads numbers from a text, line by line.
+
+use crate::error::ProfileError;
+
+/// The most characters of a text that an error shows.
+const MAX_SHOWN: usize = 24;
+
+/// A text and the place up to which it was read.
+pub(super) struct Reader<'a> {
+    rest: &'a [u8],
+    /// The number of the line of the next byte, from 1 on.
+    line: usize,
+}
+
+impl<'a> Reader<'a> {
+    pub fn new(text: &'a [u8]) -> Self {
+        Self { rest: text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text), line: 1 }
+    }
+
+    /// The rest of the line without blanks around it, and its number; `None` at the end of the text.
+    pub fn line(&mut self) -> Option<(usize, &'a [u8])> {
+        if self.rest.is_empty() {
+            return None;
+        }
+        let end = self.rest.iter().position(|byte| is_end(*byte)).unwrap_or(self.rest.len());
+        let (line, text) = (self.line, self.rest[..end].trim_ascii());
+        self.rest = &self.rest[end..];
+        self.end_line();
+        Some((line, text))
+    }
+
+    /// Passes the end of a line: a line feed, a carriage return, or both.
+    fn end_line(&mut self) {
+        let length = if self.rest.starts_with(b"\r\n") { 2 } else { self.rest.len().min(1) };
+        self.rest = &self.rest[length..];
+        self.line += 1;
+    }
+
+    /// The next number, on this line or a later one; blanks and commas separate numbers.
+    pub fn number(&mut self, what: &'static str) -> Result<Number, ProfileError> {
+        while let Some(byte) = self.rest.first() {
+            match byte {
+                byte if is_end(*byte) => self.end_line(),
+                byte if is_separator(*byte) => self.rest = &self.rest[1..],
+                _ => break,
+            }
+        }
+        let end = self.rest.iter().position(|byte| is_end(*byte) || is_separator(*byte));
+        let (word, rest) = self.rest.split_at(end.unwrap_or(self.rest.len()));
+        self.rest = rest;
+        Number::new(word, self.line, what)
+    }
+
+    /// So many numbers.
+    pub fn numbers(&mut self, count: usize, what: &'static str) -> Result<Vec<Number>, ProfileError> {
+        (0..count).map(|_| self.number(what)).collect()
+    }
+
+    /// The number on the next line, on which there is nothing else. Its decimal point may be a comma.
+    pub fn number_of_line(&mut self, what: &'static str) -> Result<Number, ProfileError> {
+        let (line, text) = self.line().unwrap_or((self.line, b""));
+        let text: Vec<u8> = text.iter().map(|byte| if *byte == b',' { b'.' } else { *byte }).collect();
+        Number::new(&text, line, what)
+    }
+
+    /// The numbers on so many lines.
+    pub fn numbers_of_lines(&mut self, count: usize, what: &'static str) -> Result<Vec<Number>, ProfileError> {
+        (0..count).map(|_| self.number_of_line(what)).collect()
+    }
+
+    /// Passes lines.
+    pub fn skip(&mut self, lines: usize, what: &'static str) -> Result<(), ProfileError> {
+        (0..lines).try_for_each(|_| self.line().map(drop).ok_or(ProfileError::Missing { line: self.line, what }))
+    }
+}
+
+fn is_end(byte: u8) -> bool {
+    matches!(byte, b'\n' | b'\r')
+}
+
+fn is_separator(byte: u8) -> bool {
+    byte.is_ascii_whitespace() || byte == b','
+}
+
+/// A number of a file, and where it is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Number {
+    pub value: f64,
+    pub line: usize,
+    /// What it is for.
+    pub what: &'static str,
+}
+
+impl Number {
+    fn new(text: &[u8], line: usize, what: &'static str) -> Result<Self, ProfileError> {
+        if text.is_empty() {
+            return Err(ProfileError::Missing { line, what });
+        }
+        let value = std::str::from_utf8(text).ok().and_then(|text| text.parse::<f64>().ok());
+        match value.filter(|value| value.is_finite()) {
+            Some(value) => Ok(Self { value, line, what }),
+            None => {
+                let shown = text.escape_ascii().to_string();
+                Err(ProfileError::Number { line, what, text: shown.chars().take(MAX_SHOWN).collect() })
+            }
+        }
+    }
+
+    /// The number, if it is in a range.
+    pub fn between(self, least: f64, most: f64) -> Result<f64, ProfileError> {
+        if (least..=most).contains(&self.value) {
+            return Ok(self.value);
+        }
+        let Self { value, line, what } = self;
+        Err(ProfileError::Range { line, what, value, least, most })
+    }
+
+    /// The number as a count, if it is a whole number in a range.
+    pub fn count(self, least: usize, most: usize) -> Result<usize, ProfileError> {
+        let count = self.between(least as f64, most as f64)?;
+        if count.fract() == 0.0 {
+            return Ok(count as usize);
+        }
+        let Self { value, line, what } = self;
+        Err(ProfileError::NotWhole { line, what, value })
+    }
+}
