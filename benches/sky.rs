@@ -1,12 +1,13 @@
-//! The cost of a sky: of a map, of a change of a part of it, and of picks and samples among lamps with and without it.
+//! The cost of a map of the sky, of a change of a part of it, and of picks and samples among spots, profiles, and
+//! points with and without a sky.
 //!
 //! Run it with `cargo bench --bench sky`. As a test (`cargo test --benches`) every case runs once, with a small map.
 
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use girandole::glam::Vec3;
-use girandole::{Light, LightTree, LightWorld, Placement, Policy, ShadingPoint, Sky};
+use girandole::glam::{Quat, Vec3};
+use girandole::{Light, LightTree, LightWorld, Placement, Policy, Profile, ShadingPoint, Sky};
 
 use testbed::testing::support::Rng;
 
@@ -41,10 +42,21 @@ fn maps(c: &mut Criterion) {
 
 fn samples(c: &mut Criterion) {
     let mut rng = Rng(46);
-    let lamps = (0..2000).map(|_| Light::point(rng.position(100.0), Vec3::splat(50.0))).collect();
-    let mut world = LightWorld::new();
-    let tree = world.add_tree(LightTree::new(lamps).expect("valid lamps"));
-    world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("a valid placement");
+    let mut world_of = |lamp: &dyn Fn(Vec3) -> Light| {
+        let lamps = (0..2000).map(|_| lamp(rng.position(100.0))).collect();
+        let mut world = LightWorld::new();
+        let tree = world.add_tree(LightTree::new(lamps).expect("valid lamps"));
+        world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("a valid placement");
+        world
+    };
+    let down = Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2);
+    let spots = world_of(&|at| Light::spot(at, Vec3::NEG_Y, 0.0, 1.5, Vec3::splat(50.0)));
+    let vertical: Vec<f32> = (0..37).map(|i| 2.5 * i as f32).collect();
+    let planes: Vec<f32> = (0..24).map(|i| 15.0 * i as f32).collect();
+    let candela: Vec<f32> = (0..37 * 24).map(|i| 50.0 + (i % 7) as f32).collect();
+    let profile = Profile::new(&vertical, &planes, &candela).expect("a sound table");
+    let profiles = world_of(&|at| Light::profile(at, down, profile, Vec3::ONE));
+    let mut world = world_of(&|at| Light::point(at, Vec3::splat(50.0)));
     let mut time = |what: &str, world: &LightWorld| {
         let mut rng = Rng(47);
         let mut at = move || {
@@ -64,10 +76,12 @@ fn samples(c: &mut Criterion) {
             });
         });
     };
-    time("2,000 lamps", &world);
+    time("2,000 spots", &spots);
+    time("2,000 profiles of 37 x 24", &profiles);
+    time("2,000 points", &world);
     let size = size();
     world.set_sky(Sky::equirectangular(size[0], &pixels(size)).expect("a sound map"));
-    time("2,000 lamps and a sky", &world);
+    time("2,000 points and a sky", &world);
 }
 
 criterion_group!(benches, maps, samples);

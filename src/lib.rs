@@ -224,6 +224,8 @@ mod pages {
     struct Visibility;
     #[doc = include_str!("../docs/sky.md")]
     struct SkyPage;
+    #[doc = include_str!("../docs/profiles.md")]
+    struct Profiles;
     #[doc = include_str!("../docs/streaming.md")]
     #[cfg(feature = "bake")]
     struct Streaming;

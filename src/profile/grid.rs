@@ -56,6 +56,13 @@ impl Grid {
         if t == 0.0 { low } else { low + (of_column(j + 1) - low) * t }
     }
 
+    /// The quads that a GPU stores: two numbers of angles, then all numbers.
+    #[cfg(feature = "gpu-plan")]
+    pub fn stored_quads(&self) -> u32 {
+        // Less than 2^20 numbers.
+        1 + (self.polar.len() + self.around.len() + self.candela.len()).div_ceil(4) as u32
+    }
+
     /// The direction of two angles, in the space of the lamp.
     fn direction(&self, polar: f32, around: f32) -> Vec3 {
         self.axes * Vec3::new(polar.sin() * around.cos(), polar.sin() * around.sin(), polar.cos())

@@ -51,7 +51,7 @@ pub(super) fn intern(grid: Grid) -> &'static Table {
         return found;
     }
     #[cfg(feature = "gpu-plan")]
-    let end = tables.all.last().map_or(0, |last| last.end) + super::stored::quad_count(&grid);
+    let end = tables.all.last().map_or(0, |last| last.end) + grid.stored_quads();
     let table: &'static Table = Box::leak(Box::new(Table {
         lobe: grid.lobe(),
         greatest: grid.candela.iter().copied().fold(0.0, f32::max),

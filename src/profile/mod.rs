@@ -142,6 +142,12 @@ impl Profile {
         interned::table_of(id).map(Self)
     }
 
+    /// Where the table of a GPU ends, in quads before the map of the sky.
+    #[cfg(feature = "gpu-plan")]
+    pub(crate) fn stored_end(self) -> u32 {
+        self.0.end
+    }
+
     /// The mean direction of emission in the space of the lamp, as long as the mean cosine of the angle to it.
     pub(crate) fn mean(self) -> Vec3 {
         self.0.lobe.mean

@@ -4,19 +4,11 @@
 //! angles and the intensities. Tables lie one before the other, from the place on where the map of the sky begins:
 //! so a table keeps its place, counted from there, when others come, and the sky keeps it too.
 
-use super::Profile;
-use super::grid::Grid;
 use super::interned::{Table, tables_after};
 
 /// The number of quads of the tables of all profiles that there are.
 pub(crate) fn stored_quads() -> u32 {
     tables_after(0).last().map_or(0, |last| last.end)
-}
-
-/// The number of quads of a grid's table.
-pub(super) fn quad_count(grid: &Grid) -> u32 {
-    // A grid has less than 2^20 numbers.
-    1 + (grid.polar.len() + grid.around.len() + grid.candela.len()).div_ceil(4) as u32
 }
 
 /// Calls a function with tables that end beyond a number of quads, and with their ends. No end is above `most`.
@@ -30,13 +22,6 @@ fn words(Table { grid, .. }: &Table) -> Vec<u32> {
     let mut words = vec![grid.polar.len() as u32, grid.around.len() as u32, 0, 0];
     let numbers = grid.polar.iter().chain(&grid.around).chain(&grid.candela);
     words.extend(numbers.map(|number| number.to_bits()));
-    words.resize(4 * quad_count(grid) as usize, 0);
+    words.resize(4 * grid.stored_quads() as usize, 0);
     words
-}
-
-impl Profile {
-    /// Where its table ends, in quads before the map of the sky.
-    pub(crate) fn stored_end(self) -> u32 {
-        self.0.end
-    }
 }

@@ -70,7 +70,7 @@ struct Level {
 }
 
 /// A square of a level: 2^level texels wide.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Square {
     pub level: usize,
     pub at: [usize; 2],
@@ -80,6 +80,11 @@ impl Square {
     /// Whether it holds a texel.
     pub fn contains(&self, texel: [usize; 2]) -> bool {
         texel.map(|at| at >> self.level) == self.at
+    }
+
+    /// Whether it has a texel from `first` on and before `end`.
+    pub fn meets(&self, first: [usize; 2], end: [usize; 2]) -> bool {
+        [0, 1].into_iter().all(|k| self.at[k] << self.level < end[k] && (self.at[k] + 1) << self.level > first[k])
     }
 
     /// The first place of its texels [in order](in_order), which follow each other.
@@ -195,13 +200,14 @@ impl Levels {
     }
 
     /// Stores the pixels of a part of the map, which lies within it, and the sums above. No channel is above
-    /// `greatest`.
-    pub fn set(&mut self, corner: [usize; 2], size: [usize; 2], pixels: &[Vec3], greatest: f32) {
+    /// `greatest`. Returns the first texel that changed and the end: all texels are stored anew for brighter pixels.
+    pub fn set(&mut self, corner: [usize; 2], size: [usize; 2], pixels: &[Vec3], greatest: f32) -> [[usize; 2]; 2] {
         let end = [0, 1].map(|k| corner[k] + size[k]);
         if corner[0] >= end[0] || corner[1] >= end[1] {
-            return;
+            return [corner, end];
         }
-        if greatest > MAX_SHARED * self.scale {
+        let is_brighter = greatest > MAX_SHARED * self.scale;
+        if is_brighter {
             self.store_anew(scale_for(greatest));
         }
         // Exact: scales are powers of two.
@@ -211,6 +217,7 @@ impl Levels {
         });
         self.sum(corner, end);
         self.note(corner, end);
+        if is_brighter { [[0, 0], self.size] } else { [corner, end] }
     }
 
     /// Notes that a part has changed.

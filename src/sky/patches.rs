@@ -1,7 +1,7 @@
 //! The patches of a map: squares of texels, small where much light comes from.
 
 use std::cmp::Ordering;
-use std::collections::BinaryHeap;
+use std::collections::{BinaryHeap, HashMap};
 
 use glam::Vec3;
 
@@ -61,12 +61,18 @@ impl PartialEq for Candidate {
 
 impl Eq for Candidate {}
 
-/// Cuts a map into patches in order: always the one whose light comes from most different directions.
-pub(super) fn cut(levels: &Levels) -> Vec<Patch> {
+/// Squares that were looked at, as patches; `None` for dark ones.
+pub(super) type Known = HashMap<Square, Option<Patch>>;
+
+/// Cuts a map into patches in order: always the one whose light comes from most different directions. Squares that are
+/// known are not computed, and all that are looked at become known.
+pub(super) fn cut(levels: &Levels, known: &mut Known) -> Vec<Patch> {
+    let mut candidate =
+        |square: Square| known.entry(square).or_insert_with(|| patch_of(levels, square)).map(Candidate::of);
     let first = (0..levels.count()).find(|level| levels.size_of(*level)[0] <= FIRST_SQUARES).unwrap_or(0);
     let [width, height] = levels.size_of(first);
     let squares = (0..height).flat_map(|y| (0..width).map(move |x| Square { level: first, at: [x, y] }));
-    let mut waiting: BinaryHeap<Candidate> = squares.filter_map(|square| candidate(levels, square)).collect();
+    let mut waiting: BinaryHeap<Candidate> = squares.filter_map(&mut candidate).collect();
     let least = LEAST_SHARE * waiting.iter().map(|candidate| candidate.patch.lux).sum::<f32>();
     let mut done = Vec::new();
     while let Some(Candidate { gain, patch }) = waiting.pop() {
@@ -74,7 +80,7 @@ pub(super) fn cut(levels: &Levels) -> Vec<Patch> {
             done.push(patch);
             continue;
         }
-        waiting.extend(below(levels, patch.place).filter_map(|square| candidate(levels, square)));
+        waiting.extend(below(levels, patch.place).filter_map(&mut candidate));
     }
     done.sort_unstable_by_key(|patch| patch.place.first_in_order());
     done
@@ -87,13 +93,17 @@ fn below(levels: &Levels, Square { level, at }: Square) -> impl Iterator<Item = 
     squares.filter(move |square| square.at[0] < size[0] && square.at[1] < size[1])
 }
 
-fn candidate(levels: &Levels, place: Square) -> Option<Candidate> {
+impl Candidate {
+    fn of(patch: Patch) -> Self {
+        Self { gain: if patch.place.level == 0 { 0.0 } else { patch.lux * patch.radius }, patch }
+    }
+}
+
+/// The patch that a square is; `None` if it is dark.
+fn patch_of(levels: &Levels, place: Square) -> Option<Patch> {
     let lux = levels.lux(place);
     // NaN is not above 0.
-    (lux > 0.0).then(|| {
-        let patch = patch(levels, place, lux);
-        Candidate { gain: if place.level == 0 { 0.0 } else { lux * patch.radius }, patch }
-    })
+    (lux > 0.0).then(|| patch(levels, place, lux))
 }
 
 fn patch(levels: &Levels, place: Square, lux: f32) -> Patch {

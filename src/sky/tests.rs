@@ -133,6 +133,8 @@ fn a_part_that_changes_leaves_what_a_new_map_has() {
             let error = (found - *pixel).abs().max_element();
             assert!(error <= pixel.max_element() / 500.0 + greatest * 2.0_f32.powi(-30), "{step} {pixel} {found}");
         }
+        // No patch is older than its texels.
+        assert!(sky.patches.iter().all(|patch| patch.lux == sky.levels.lux(patch.place)), "{step}");
         let total: f32 = sky.patches.iter().map(|patch| patch.lux).sum();
         let fresh = Sky::equirectangular(size[0], &pixels).expect("sound pixels");
         let expected: f32 = fresh.patches.iter().map(|patch| patch.lux).sum();

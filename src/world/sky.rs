@@ -25,7 +25,7 @@ impl LightWorld {
     /// | [`LightSampler::hit`](crate::LightSampler::hit) | what a ray finds that hits nothing and has a `max_dist` of infinity |
     ///
     /// O(1), and a tree of at most 1,024 lights is built. A GPU gets the map with the next
-    /// plan or upload, 5.3 bytes a pixel, in the buffer of the top level.
+    /// plan or upload, 4.3 bytes a pixel, in the buffer of the top level.
     ///
     /// ```
     /// use girandole::glam::Vec3;
