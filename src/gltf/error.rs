@@ -172,6 +172,14 @@ pub enum GltfError {
         /// What is wrong.
         message: String,
     },
+    /// A profile of EXT_lights_ies does not exist, cannot be read or is refused.
+    #[error("profile {profile}: {message}")]
+    Profile {
+        /// Index of the profile.
+        profile: usize,
+        /// What is wrong.
+        message: String,
+    },
     /// The document has more instances of emissive meshes and lights than
     /// [`GltfOptions::max_instances`](super::GltfOptions::max_instances).
     #[error("the document has {found} instances of lights; max_instances is {limit}")]
@@ -228,6 +236,7 @@ impl GltfError {
             Self::TooManyBytes { .. } => 717,
             Self::Image { .. } => 718,
             Self::TooManyInstances { .. } => 719,
+            Self::Profile { .. } => 720,
         }
     }
 }
@@ -261,6 +270,7 @@ mod tests {
             (717, GltfError::TooManyBytes { needed: 2, limit: 1 }),
             (718, GltfError::Image { image: 0, message: "it is missing".into() }),
             (719, GltfError::TooManyInstances { found: 2, limit: 1 }),
+            (720, GltfError::Profile { profile: 0, message: "it is missing".into() }),
         ];
         for (code, error) in errors {
             assert_eq!(error.code(), code, "{error}");

@@ -9,9 +9,11 @@ use ::gltf::buffer::Source;
 use ::gltf::{Buffer, Document, Gltf};
 
 use super::budget::Budget;
+use super::check::LIGHTS_IES;
 use super::error::{GltfError, shortened};
 use super::options::GltfOptions;
 use super::parse::parse_within;
+use super::profiles::add_files;
 use super::uri::{Location, decode_base64};
 
 /// What [`load`] loads: the path of a file, or its bytes. Both convert to this.
@@ -81,12 +83,13 @@ pub struct GltfFile {
 ///
 /// Buffers are the binary chunk of a .glb, base64 in data URIs, or regular files. The URI of a file
 /// is a relative path without `..`, so that it stays in the folder of the document. A link in that
-/// folder is followed. Images are not read: [`read_image`](super::read_image) reads them.
+/// folder is followed. Images are not read: [`read_image`](super::read_image) reads them. Profiles of
+/// EXT_lights_ies that are files are read too; in the document they are data URIs then.
 ///
 /// # Errors
 /// Those of [`parse`](super::parse), which come first, then [`GltfError::Uri`],
-/// [`GltfError::NoBinaryChunk`], [`GltfError::BufferLength`], [`GltfError::Read`] and
-/// [`GltfError::TooManyBytes`].
+/// [`GltfError::NoBinaryChunk`], [`GltfError::BufferLength`], [`GltfError::Profile`], [`GltfError::Read`]
+/// and [`GltfError::TooManyBytes`].
 ///
 /// # Cost
 /// Linear in the bytes of the file and of its buffers.
@@ -124,7 +127,14 @@ pub fn load<'a>(source: impl Into<GltfSource<'a>>, options: &GltfOptions) -> Res
 
 /// Parses a file and reads its buffers, from files in `folder` too if there is one.
 fn with_buffers(bytes: &[u8], folder: Option<&Path>, budget: &mut Budget) -> Result<GltfFile, GltfError> {
-    let Gltf { document, mut blob } = parse_within(bytes, budget)?;
+    let Gltf { mut document, mut blob } = parse_within(bytes, budget)?;
+    if let Some(folder) = folder
+        && document.extension_value(LIGHTS_IES).is_some()
+    {
+        let mut root = document.into_json();
+        add_files(&mut root, folder, budget)?;
+        document = Document::from_json_without_validation(root);
+    }
     let mut buffers = Vec::with_capacity(document.buffers().len());
     for buffer in document.buffers() {
         let mut data = match buffer.source() {

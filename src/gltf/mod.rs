@@ -1,4 +1,4 @@
-//! Loads light trees and instances from glTF 2.0: emissive surfaces and KHR_lights_punctual.
+//! Loads light trees and instances from glTF 2.0: emissive surfaces, KHR_lights_punctual and EXT_lights_ies.
 //!
 //! [`load`] reads a file and its buffers. No file makes it panic, unlike the gltf crate's own
 //! functions. [`load_lights`] makes one tree for each mesh with emissive primitives and one for
@@ -40,6 +40,7 @@ mod nodes;
 mod read;
 mod image;
 mod instancing;
+mod profiles;
 mod texture;
 mod average;
 mod plan;
@@ -56,6 +57,7 @@ pub use nodes::{is_hidden, local_transform, punctual_placement, scene_nodes, sur
 pub use options::{EmissiveSides, GltfOptions};
 pub use parse::parse;
 pub use plan::{LightSource, material_emission};
+pub use profiles::profile_placement;
 pub use read::{accessor_values, primitive_attribute, primitive_tex_coords, primitive_triangles};
 pub use texture::{TextureImage, TextureUse, TextureWrap};
 
@@ -78,8 +80,8 @@ pub struct NodeLights {
     /// The tree, which other nodes may share.
     pub tree: TreeKey,
     /// The instance. When the node moves to a transform `node`, move the instance to the
-    /// [`surface_placement`] of `node * local` if its lights are surfaces, and to the
-    /// [`punctual_placement`] of `node` otherwise.
+    /// [`surface_placement`] of `node * local` if its lights are surfaces, to the [`profile_placement`] of
+    /// `node` if it is a lamp with a profile, and to the [`punctual_placement`] of `node` otherwise.
     pub instance: InstanceKey,
     /// The transform of the instance to the space of the node: that of [`node_instances`].
     pub local: DAffine3,

@@ -28,7 +28,7 @@ pub struct GltfOptions {
     pub surface_scale: f32,
     /// Which sides of emissive triangles emit. Default: [`EmissiveSides::OfMaterial`].
     pub sides: EmissiveSides,
-    /// Whether the lights of KHR_lights_punctual are loaded. Default: true.
+    /// Whether the lights of KHR_lights_punctual and EXT_lights_ies are loaded. Default: true.
     pub punctual: bool,
     /// The policy of every instance. Default: [`Policy::Budgeted`].
     pub policy: Policy,

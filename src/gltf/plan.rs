@@ -7,17 +7,19 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use ::gltf::khr_lights_punctual::{self, Kind};
 use ::gltf::{Document, Material, Mesh, Node, Primitive, Semantic};
-use glam::{DAffine3, Vec3};
+use glam::{DAffine3, Quat, Vec3};
 
 use super::average::Averager;
 use super::error::GltfError;
 use super::instancing::Instances;
 use super::nodes::{is_hidden, punctual_placement, scene_nodes, surface_placement, world_transforms};
 use super::options::{EmissiveSides, GltfOptions};
+use super::profiles::{Lamp, profile_placement, read_profile};
 use super::read::{TexCoords, Triangles};
 use super::texture::{TextureImage, TextureUse, TextureWrap};
 use crate::instance::placement::Placement;
 use crate::light::{DirectionalLight, Light};
+use crate::profile::Profile;
 
 /// Where the lights of an instance come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +31,8 @@ pub enum LightSource {
     Surfaces,
     /// The node's point or spot light.
     Punctual,
+    /// The node's lamp with a photometric profile, of EXT_lights_ies.
+    Profile,
 }
 
 /// The radiance that a material emits, in nits: `emissiveFactor` times the strength of
@@ -82,8 +86,13 @@ impl Plan {
             if let Some(mesh) = node.mesh().filter(|_| options.surfaces) {
                 outline.add_mesh(node, &mesh, &transform)?;
             }
-            if let Some(light) = node.light().filter(|_| options.punctual) {
-                outline.add_light(index, &light, &transform)?;
+            if options.punctual {
+                if let Some(light) = node.light() {
+                    outline.add_light(index, &light, &transform)?;
+                }
+                if let Some(lamp) = Lamp::of(node)? {
+                    outline.add_lamp(index, &lamp, &transform)?;
+                }
             }
         }
         let limit = options.max_lights;
@@ -156,6 +165,10 @@ struct Outline<'a, B> {
     surfaces: BTreeMap<Vec<SurfaceKey>, usize>,
     /// The tree of each point or spot light that was met.
     punctual: BTreeMap<usize, usize>,
+    /// The profiles that were read.
+    profiles: BTreeMap<usize, Profile>,
+    /// The tree of each profile and bits of its factor that were met.
+    lamps: BTreeMap<(usize, [u32; 3]), usize>,
     trees: Vec<TreeOutline<'a>>,
     instances: Vec<PlannedInstance>,
     directional: Vec<(usize, DirectionalLight)>,
@@ -178,6 +191,8 @@ impl<'a, B: AsRef<[u8]>> Outline<'a, B> {
             meshes: BTreeMap::new(),
             surfaces: BTreeMap::new(),
             punctual: BTreeMap::new(),
+            profiles: BTreeMap::new(),
+            lamps: BTreeMap::new(),
             trees: Vec::new(),
             instances: Vec::new(),
             directional: Vec::new(),
@@ -321,6 +336,32 @@ impl<'a, B: AsRef<[u8]>> Outline<'a, B> {
         };
         self.check_instances(1)?;
         let (source, local) = (LightSource::Punctual, DAffine3::IDENTITY);
+        self.instances.push(PlannedInstance { node, source, tree, placement, local });
+        Ok(())
+    }
+
+    /// Adds an instance of a node's lamp with a profile.
+    fn add_lamp(&mut self, node: usize, lamp: &Lamp, transform: &DAffine3) -> Result<(), GltfError> {
+        let placement = profile_placement(transform).ok_or(GltfError::Transform { node })?;
+        let key = (lamp.profile, lamp.factor.to_array().map(f32::to_bits));
+        let tree = match self.lamps.get(&key) {
+            Some(&known) => known,
+            None => {
+                let profile = match self.profiles.get(&lamp.profile) {
+                    Some(&known) => known,
+                    None => read_profile(self.document, self.buffers, lamp.profile)?,
+                };
+                self.profiles.insert(lamp.profile, profile);
+                let light = Light::profile(Vec3::ZERO, Quat::IDENTITY, profile, lamp.factor);
+                let invalid = |source| GltfError::Light { what: "profile", index: lamp.profile, source };
+                light.validate().map_err(invalid)?;
+                let tree = self.add_tree(node, LightsOutline::Punctual(light), 1);
+                self.lamps.insert(key, tree);
+                tree
+            }
+        };
+        self.check_instances(1)?;
+        let (source, local) = (LightSource::Profile, DAffine3::IDENTITY);
         self.instances.push(PlannedInstance { node, source, tree, placement, local });
         Ok(())
     }

@@ -53,6 +53,11 @@ impl<'a> Location<'a> {
     }
 }
 
+/// A data URI of some bytes.
+pub(super) fn encode_base64(bytes: &[u8]) -> String {
+    format!("data:application/octet-stream;base64,{}", BASE64.encode(bytes))
+}
+
 /// The bytes of base64 text.
 pub(super) fn decode_base64(text: &str) -> Result<Vec<u8>, &'static str> {
     BASE64.decode(text).map_err(|_| "is not valid base64")

@@ -336,11 +336,8 @@ impl Levels {
     }
 
     /// The direction of a column and a row, in fractions.
-    pub fn direction(&self, [column, row]: [f32; 2]) -> Vec3 {
-        let [width, height] = self.size.map(|size| size as f32);
-        let (sin_phi, cos_phi) = (2.0 * PI * (column / width - 0.5)).sin_cos();
-        let (sin_theta, cos_theta) = (PI * row / height).sin_cos();
-        Vec3::new(sin_theta * cos_phi, cos_theta, sin_theta * sin_phi)
+    pub fn direction(&self, at: [f32; 2]) -> Vec3 {
+        direction(self.size, at)
     }
 
     /// Chooses a texel of a square in proportion to its light, and a direction in it. The first number chooses among
@@ -368,6 +365,14 @@ impl Levels {
         let angle = 2.0 * (above + (below - above) * u).clamp(0.0, 1.0).sqrt().asin();
         (angle / step).clamp(row as f32, row as f32 + 1.0)
     }
+}
+
+/// The direction of a column and a row of a map, in fractions.
+pub(super) fn direction(size: [usize; 2], [column, row]: [f32; 2]) -> Vec3 {
+    let [width, height] = size.map(|size| size as f32);
+    let (sin_phi, cos_phi) = (2.0 * PI * (column / width - 0.5)).sin_cos();
+    let (sin_theta, cos_theta) = (PI * row / height).sin_cos();
+    Vec3::new(sin_theta * cos_phi, cos_theta, sin_theta * sin_phi)
 }
 
 /// Whether the second of two is chosen in proportion to their weights. The number is stretched over the choice.

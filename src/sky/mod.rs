@@ -98,6 +98,29 @@ impl Sky {
         Ok(Self { patches: patches::cut(&levels, &mut known), levels, known })
     }
 
+    /// Makes a sky of `width` columns and half as many rows from a function: the radiance in nits that arrives from
+    /// a unit vector, which is taken at the middle of each pixel.
+    ///
+    /// O(pixels).
+    ///
+    /// # Errors
+    /// As for [`Sky::equirectangular`].
+    ///
+    /// ```
+    /// use girandole::{Sky, glam::Vec3};
+    /// let sky = Sky::from_fn(256, |direction| Vec3::new(60.0, 90.0, 160.0) * direction.y.max(0.0))?;
+    /// assert_eq!(sky.size(), [256, 128]);
+    /// assert!(sky.radiance(Vec3::Y).z > 159.0);
+    /// # Ok::<(), girandole::SkyError>(())
+    /// ```
+    pub fn from_fn(width: usize, radiance: impl Fn(Vec3) -> Vec3) -> Result<Self, SkyError> {
+        let height = width / 2;
+        let rows = 0..if (1..=MAX_SIZE).contains(&width) { height } else { 0 };
+        let middle = |x: usize, y: usize| levels::direction([width, height], [x as f32 + 0.5, y as f32 + 0.5]);
+        let pixels = rows.flat_map(|y| (0..width).map(move |x| (x, y)));
+        Self::equirectangular(width, &pixels.map(|(x, y)| radiance(middle(x, y))).collect::<Vec<_>>())
+    }
+
     /// Makes the map new to those who have read it, or another one.
     pub(crate) fn renew(&mut self) {
         self.levels.renew();

@@ -4,10 +4,10 @@
 use girandole::glam::{DVec3, Mat3, Vec3, vec3};
 use girandole::gltf::gltf::Semantic;
 use girandole::gltf::{
-    GltfError, GltfFile, GltfLights, GltfOptions, TextureImage, load, load_lights, load_lights_with_textures,
-    primitive_attribute, read_image,
+    GltfError, GltfFile, GltfLights, GltfOptions, LightSource, TextureImage, load, load_lights,
+    load_lights_with_textures, primitive_attribute, read_image,
 };
-use girandole::{Light, LightWorld, Shape};
+use girandole::{Light, LightId, LightWorld, ShadingPoint, Shape};
 
 use testbed::testing::gltf_documents::{
     Document, SQUARE, SQUARE_INDICES, data_uri, floats, png, square, square_primitive,
@@ -341,4 +341,88 @@ fn attributes_follow_the_triangles_of_their_primitive() {
     assert_eq!(primitive_attribute::<3, _>(0, &primitive, &Semantic::Normals, &file.buffers), Ok(None));
     let error = primitive_attribute::<3, _>(0, &primitive, &Semantic::Colors(0), &file.buffers);
     assert_eq!(error.expect_err("four components").code(), 703);
+}
+
+/// A lamp of 100 candela straight ahead and 50 to the right, none to the left.
+const IES: &[u8] =
+    b"IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 2 4 1 2 0 0 0 1 1 0\n0 90\n0 90 180 270\n100 50\n100 20\n100 0\n100 20\n";
+
+/// Two nodes with the same lamp, one of them turned and scaled, and a dimmed one.
+fn lamps(profile: &str) -> String {
+    format!(
+        "{{\"asset\":{{\"version\":\"2.0\"}},\"extensionsRequired\":[\"EXT_lights_ies\"],\"extensionsUsed\":[\"EXT_lights_ies\"],\
+         \"extensions\":{{\"EXT_lights_ies\":{{\"lights\":[{profile}]}}}},\
+         \"nodes\":[{{\"extensions\":{{\"EXT_lights_ies\":{{\"light\":0}}}}}},\
+         {{\"rotation\":[0,0.70710678,0,0.70710678],\"scale\":[2,3,4],\"translation\":[0,5,0],\
+         \"extensions\":{{\"EXT_lights_ies\":{{\"light\":0}}}}}},\
+         {{\"extensions\":{{\"EXT_lights_ies\":{{\"light\":0,\"multiplier\":3,\"color\":[1,0.5,0]}}}}}}]}}"
+    )
+}
+
+#[test]
+fn lamps_with_profiles_shine_along_z_and_are_turned_with_their_nodes() {
+    let file = open(&lamps(&format!("{{\"uri\":\"{}\"}}", data_uri(IES))));
+    let mut world = LightWorld::new();
+    let loaded = load_lights(&mut world, &file.document, &file.buffers, &GltfOptions::default()).expect("lamps");
+    assert!(loaded.nodes.iter().all(|node| node.source == LightSource::Profile));
+    // Nodes with the same lamp share a tree.
+    assert_eq!((loaded.nodes.len(), world.trees().count()), (3, 2));
+    let arriving = |node: usize, at: Vec3| {
+        let light = LightId::Local { instance: loaded.nodes[node].instance, light: 0 };
+        let found = world.sampler().sample_light(&ShadingPoint::surface(at, Vec3::ZERO), light, [0.5; 2]);
+        found.map_or(Vec3::ZERO, |incident| incident.radiance)
+    };
+    let close = |a: Vec3, b: Vec3| assert!((a - b).length() < 1.0e-3, "{a} {b}");
+    close(arriving(0, vec3(0.0, 0.0, -2.0)), Vec3::splat(25.0));
+    close(arriving(0, vec3(1.0, 0.0, -1.0e-6)), Vec3::splat(50.0));
+    close(arriving(0, vec3(-1.0, 0.0, -1.0e-6)), Vec3::ZERO);
+    close(arriving(0, vec3(0.0, 0.0, 1.0)), Vec3::ZERO);
+    // A quarter of a turn about +Y: ahead is -X, right is -Z. The scale does not change the intensity.
+    close(arriving(1, vec3(-2.0, 5.0, 0.0)), Vec3::splat(25.0));
+    close(arriving(1, vec3(-1.0e-6, 5.0, -1.0)), Vec3::splat(50.0));
+    close(arriving(2, vec3(0.0, 0.0, -2.0)), Vec3::new(75.0, 37.5, 0.0));
+    let options = GltfOptions { punctual: false, ..GltfOptions::default() };
+    let none = load_lights(&mut LightWorld::new(), &file.document, &file.buffers, &options).expect("no lamps");
+    assert_eq!(none.nodes.len(), 0);
+}
+
+#[test]
+fn profiles_are_read_from_files_beside_the_document_and_flaws_name_the_profile_and_the_line() {
+    let folder = std::env::temp_dir().join(format!("girandole_ies_{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder");
+    std::fs::write(folder.join("lamp.ies"), IES).expect("a file");
+    let path = folder.join("scene.gltf");
+    let file = |profile: &str| {
+        std::fs::write(&path, lamps(profile)).expect("a file");
+        load(&path, &GltfOptions::default())
+    };
+    let lights =
+        |file: &GltfFile| load_lights(&mut LightWorld::new(), &file.document, &file.buffers, &GltfOptions::default());
+    let with_file = file("{\"uri\":\"lamp.ies\"}").expect("the file is there");
+    assert_eq!(lights(&with_file).expect("lamps").nodes.len(), 3);
+    let refused = |profile: &str| match file(profile).and_then(|file| lights(&file)) {
+        Err(error) => (error.code(), error.to_string()),
+        Ok(loaded) => panic!("{loaded:?}"),
+    };
+    assert_eq!(refused("{\"uri\":\"../lamp.ies\"}").0, 720);
+    assert_eq!(refused("{\"uri\":\"none.ies\"}").0, 716);
+    assert_eq!(refused("{}"), (720, "profile 0: it has neither a URI nor a view of a buffer".into()));
+    let short = data_uri(&IES[..60]);
+    assert_eq!(
+        refused(&format!("{{\"uri\":\"{short}\"}}")),
+        (720, "profile 0: line 5: a horizontal angle is missing".into())
+    );
+    // Without a folder.
+    let unknown = open(&lamps("{\"uri\":\"lamp.ies\"}"));
+    assert!(matches!(lights(&unknown), Err(GltfError::Profile { profile: 0, .. })));
+    for (from, to) in [
+        ("\"light\":0}", "\"light\":7}"),
+        ("\"light\":0}", "\"lamp\":0}"),
+        ("\"multiplier\":3", "\"multiplier\":-3"),
+        ("[1,0.5,0]", "[1,0.5]"),
+    ] {
+        let text = lamps(&format!("{{\"uri\":\"{}\"}}", data_uri(IES))).replacen(from, to, 1);
+        assert!(lights(&open(&text)).is_err(), "{to}");
+    }
+    std::fs::remove_dir_all(&folder).expect("the folder of this test");
 }

@@ -62,7 +62,7 @@ impl Closeness {
 /// The scenes of a run. A glTF file of the options comes last.
 pub fn contests(options: &Options, closeness: &Closeness) -> Result<Vec<Contest>, SceneError> {
     let lights = closeness.yard_lights;
-    let city = || procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1 });
+    let city = || procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1, lamp_profile: None });
     let house = || {
         let (scene, world, _) = rooms::rooms(true)?;
         Ok::<_, SceneError>(Stage { scene, world, animation: Box::new(Still) })

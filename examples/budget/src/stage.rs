@@ -117,7 +117,7 @@ impl Stage {
     /// refitted.
     pub fn new(options: &StageOptions, clock: Arc<dyn Clock>) -> Result<Self, SceneError> {
         let StageOptions { kind, motion, seed, shading_points } = *options;
-        let city = CityOptions { size: kind.size(), cars: None, seed };
+        let city = CityOptions { size: kind.size(), cars: None, seed, lamp_profile: None };
         let city = procedural::stage_in(&city, LightWorld::with_clock(clock))?;
         let (scene, mut world) = (city.scene, city.world);
         let own: Vec<InstanceKey> = world.instances().collect();

@@ -112,7 +112,7 @@ impl City {
             "M" => Size::M,
             other => return Err(format!("There is no city of the size {other}: choose S or M.")),
         };
-        let mut stage = stage(&CityOptions { size, cars: None, seed: SEED }).map_err(text)?;
+        let mut stage = stage(&CityOptions { size, cars: None, seed: SEED, lamp_profile: None }).map_err(text)?;
         stage.world.set_glossy_sampling(true);
         let geometry = Geometry::new(&stage.scene).map_err(text)?;
         let buffers = SceneBuffers::new(&gpu.device, &gpu.queue, &stage.scene, &geometry).map_err(text)?;

@@ -63,7 +63,8 @@ impl Row {
 /// Measures one sample per pixel of a picture of a city, for each number of candidates.
 pub fn measure(machine: &Machine, timer: &Timer, size: Size, picture: (u32, u32)) -> Result<Vec<Row>, SceneError> {
     let refuse = |refusal| SceneError(format!("city {size:?}: {refusal}"));
-    let Stage { mut scene, mut world, mut animation } = procedural::stage(&CityOptions { size, cars: None, seed: 1 })?;
+    let Stage { mut scene, mut world, mut animation } =
+        procedural::stage(&CityOptions { size, cars: None, seed: 1, lamp_profile: None })?;
     animation.advance(TIME, &mut scene, &mut world)?;
     world.update(FrameBudget::UNLIMITED);
     let requests = requests(&scene, picture)?;

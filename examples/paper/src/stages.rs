@@ -45,7 +45,9 @@ impl Source {
     /// no tree.
     pub fn load(&self, start: f64) -> Result<Stage, SceneError> {
         let stage = match self {
-            Self::City(size) => procedural::stage(&CityOptions { size: *size, cars: None, seed: CITY_SEED })?,
+            Self::City(size) => {
+                procedural::stage(&CityOptions { size: *size, cars: None, seed: CITY_SEED, lamp_profile: None })?
+            }
             Self::Gltf { file, camera: (eye, target), path, vehicles } => {
                 let camera = Camera { eye: *eye, target: *target, vertical_fov: FIELD_OF_VIEW, up: Vec3::Y };
                 with_vehicles(gltf_scene::stage(file, Some(camera))?, *path, *vehicles)?

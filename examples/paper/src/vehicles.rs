@@ -25,7 +25,7 @@ struct Convoy {
 /// start again.
 pub fn with_vehicles(stage: Stage, (from, to): (Vec3, Vec3), count: usize) -> Result<Stage, SceneError> {
     let Stage { scene, world, animation } = stage;
-    let mut palette = Palette { materials: scene.materials.clone() };
+    let mut palette = Palette { materials: scene.materials.clone(), ..Palette::default() };
     let mut assembly = Assembly { scene, world };
     let designs = car_designs(&mut assembly, &mut palette)?;
     assembly.scene.materials = palette.materials;

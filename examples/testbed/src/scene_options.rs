@@ -1,5 +1,6 @@
 //! The part of the command line that selects a scene, which other programs share.
 
+use super::scene::dusk::{self, Dusk};
 use super::scene::gltf_scene;
 use super::scene::procedural::{self, CityOptions, Size};
 use super::scene::real_city::lamp_columns::LampColumns;
@@ -61,21 +62,39 @@ pub struct SceneOptions {
     /// Correction of the exposure in stops: 1 makes pictures twice as bright [from -20 to 20]
     #[arg(long, value_name = "EV", default_value_t = 0.0, value_parser = parse_exposure, allow_negative_numbers = true)]
     pub exposure: f32,
+    /// The time after sunset, in place of the night.
+    #[arg(skip)]
+    pub dusk: Option<Dusk>,
 }
 
 impl SceneOptions {
     /// Loads the scene for pictures of this width and height.
     pub fn load(&self, (width, height): (u32, u32)) -> Result<Stage, SceneError> {
-        let Self { gltf, lamps, traffic, vtypes, net, buildings, seed, cars, world, lamps_columns, .. } = self.clone();
+        let Self { gltf, lamps, traffic, vtypes, net, buildings, seed, cars, world, lamps_columns, dusk, .. } =
+            self.clone();
+        let lamp_profile = dusk.as_ref().map(Dusk::profile).transpose()?;
         let mut stage = if let Some(path) = gltf {
             gltf_scene::stage_in_frame(&path, self.camera(), width as f32 / height as f32)?
         } else if [&lamps, &traffic, &net, &buildings].into_iter().any(Option::is_some) {
             let (vehicle_types, lamp_columns) = (vtypes, lamps_columns.unwrap_or_default());
-            let files = RealCityOptions { lamps, lamp_columns, traffic, vehicle_types, net, buildings, cars, seed };
+            let files = RealCityOptions {
+                lamps,
+                lamp_columns,
+                traffic,
+                vehicle_types,
+                net,
+                buildings,
+                cars,
+                seed,
+                lamp_profile,
+            };
             real_city::stage(&files)?
         } else {
-            procedural::stage(&CityOptions { size: world, cars, seed })?
+            procedural::stage(&CityOptions { size: world, cars, seed, lamp_profile })?
         };
+        if dusk.is_some() {
+            dusk::set(&mut stage)?;
+        }
         if let Some(camera) = self.camera() {
             stage.scene.camera = camera;
         }

@@ -144,7 +144,8 @@ const EQUAL_TIME: [f64; 3] = [6.0, 2.4, 2.0];
 
 #[test]
 fn girandole_has_the_least_error_in_the_city() {
-    let city = procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1 }).expect("a city");
+    let city =
+        procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1, lamp_profile: None }).expect("a city");
     let Stage { mut scene, world, .. } = prepare(city, 0.0).expect("a city moves");
     scene.materials.iter_mut().for_each(|material| (material.roughness, material.metallic) = (1.0, 0.0));
     with_studio(&scene, &world, |studio| {

@@ -64,7 +64,10 @@ fn frames(mut stage: Stage, count: usize) -> Result<(Stage, Vec<Vec<Light>>), Sc
 }
 
 fn city((count, frame_count): (usize, usize)) -> Result<Motion, SceneError> {
-    let (stage, frames) = frames(procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1 })?, frame_count)?;
+    let (stage, frames) = frames(
+        procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1, lamp_profile: None })?,
+        frame_count,
+    )?;
     Ok(Motion { name: "city S".into(), frames, shading_points: shading_points(&stage.scene, &CITY_BOUNDS, count)? })
 }
 

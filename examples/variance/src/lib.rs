@@ -13,3 +13,4 @@ pub mod segments;
 pub mod torture;
 pub mod shadow_oracle;
 pub mod learning;
+pub mod sky;

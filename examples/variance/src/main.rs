@@ -12,6 +12,7 @@
 //!     [--world S|M|L] [--shading-points N]
 //! cargo run --release -p variance -- --out FILE.csv --shadows [--gltf FILE]
 //! cargo run --release -p variance -- --out FILE.csv --learn
+//! cargo run --release -p variance -- --out FILE.csv --sky [--shading-points N]
 //! ```
 //!
 //! `--quick` makes each of them small, to try it out. The first form prints a table and writes it as
@@ -29,7 +30,7 @@
 //! the length of their segments (`segments.rs`). `--shadows` measures how much noise with shadows a
 //! sampler would lose if it knew which lights are visible (`shadow_oracle/`); it takes some
 //! minutes. `--learn` measures how much of that a table of learnt visibility gains, and how fast
-//! (`learning.rs`). `docs/benchmarks.md` has measured tables and the rules of measurement.
+//! (`learning.rs`). `--sky` measures a sky beside lamps, chosen together and by halves (`sky.rs`). `docs/benchmarks.md` has measured tables and the rules of measurement.
 
 use clap::Parser;
 use scene::SceneError;
@@ -74,6 +75,9 @@ struct Options {
     /// Measure what a table of learnt visibility gains, instead
     #[arg(long, conflicts_with_all = ["gltf", "world", "deform", "candidates", "gloss", "torture", "shadows"])]
     learn: bool,
+    /// Measure a sky beside lamps, instead
+    #[arg(long, conflicts_with_all = ["gltf", "world", "deform", "candidates", "gloss", "torture", "shadows", "learn", "segments"])]
+    sky: bool,
     /// Number of shading points
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     shading_points: u32,
@@ -111,6 +115,9 @@ fn run(options: &Options) -> Result<(), SceneError> {
     }
     if options.learn {
         return variance::learning::run(count, effort, &options.out);
+    }
+    if options.sky {
+        return variance::sky::run(count, effort, &options.out);
     }
     let mut scenes = Vec::from(variance::stages::city(options.world, count)?);
     if let Some(path) = &options.gltf {

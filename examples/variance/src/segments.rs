@@ -241,7 +241,7 @@ fn measure(name: &str, stage: &Stage, (count, effort): (usize, Effort), table: &
 pub fn run(size: Size, gltf: Option<&Path>, (count, effort): (usize, Effort), out: &Path) -> Result<(), SceneError> {
     let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
     testbed::say!("{}", markdown_head(&SUMMARY));
-    let city = moved(procedural::stage(&CityOptions { size, cars: None, seed: 1 })?)?;
+    let city = moved(procedural::stage(&CityOptions { size, cars: None, seed: 1, lamp_profile: None })?)?;
     measure(&format!("city {size:?}"), &city, (count, effort), &mut table)?;
     if let Some(path) = gltf {
         let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();

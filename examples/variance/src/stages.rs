@@ -27,7 +27,7 @@ pub const CITY_BOUNDS: Aabb = Aabb { min: vec3(-300.0, -1.0, -300.0), max: vec3(
 
 /// The procedural city, and its swarm of drones alone with the same shading points.
 pub fn city(size: Size, count: usize) -> Result<[Lit; 2], SceneError> {
-    let stage = moved(procedural::stage(&CityOptions { size, cars: None, seed: 1 })?)?;
+    let stage = moved(procedural::stage(&CityOptions { size, cars: None, seed: 1, lamp_profile: None })?)?;
     let shading_points = shading_points(&stage.scene, &CITY_BOUNDS, count)?;
     let swarm = Lit { name: "swarm".into(), world: swarm(size)?, shading_points: shading_points.clone() };
     Ok([Lit { name: format!("city {size:?}"), world: stage.world, shading_points }, swarm])

@@ -11,6 +11,7 @@ use testbed::common::exit::one_line;
 use testbed::render::backend::BackendChoice;
 use testbed::render::settings::{LightChoice, Settings};
 use testbed::scene::SceneError;
+use testbed::scene::dusk::Dusk;
 use testbed::scene_options::{SceneOptions, parse_size};
 
 /// Longest side of a picture, pixels.
@@ -50,6 +51,12 @@ pub struct Options {
     pub candidates: CandidateCount,
     #[command(flatten)]
     pub scene: SceneOptions,
+    /// The time after sunset: a sky that samples choose beside lamps, and street lamps with a photometric profile
+    #[arg(long, conflicts_with_all = ["gltf", "sampler", "sum", "compare"])]
+    pub dusk: bool,
+    /// Let street lamps shine at dusk as this file says: IES, or EULUMDAT (.ldt)
+    #[arg(long, value_name = "FILE", requires = "dusk")]
+    pub ies: Option<PathBuf>,
     /// Time that rebuilds of light trees may take per frame, in milliseconds
     #[arg(long, value_name = "MS", default_value_t = 1.0, value_parser = parse_budget, allow_negative_numbers = true)]
     pub budget_ms: f64,
@@ -105,7 +112,10 @@ impl Options {
             Ok(options) if options.compare && options.backend == BackendChoice::Gpu => {
                 Err(SceneError("--compare renders on the CPU and cannot be used with --backend gpu; see --help".into()))
             }
-            Ok(options) => Ok(Parsed::Run(Box::new(options))),
+            Ok(mut options) => {
+                options.scene.dusk = options.dusk.then(|| Dusk { ies: options.ies.clone() });
+                Ok(Parsed::Run(Box::new(options)))
+            }
             Err(error) if error.use_stderr() => Err(SceneError(one_line(&error))),
             Err(help) => Ok(Parsed::Help(help.to_string())),
         }
@@ -223,6 +233,9 @@ mod tests {
             "--backend gl",
             "--gltf a.glb --lamps b.csv",
             "--gltf a.glb --cars 5",
+            "--gltf a.glb --dusk",
+            "--dusk --sum",
+            "--ies lamp.ies",
             "--traffic a.xml --world S",
             "--net a.net.xml --world S",
             "--gltf a.glb --net b.net.xml",

@@ -251,7 +251,7 @@ mod tests {
             meshes: vec![Mesh { triangles: vec![Triangle { vertices: corners, material: 0 }], ..Mesh::default() }],
             objects: vec![Object { mesh: 0, transform: Affine3A::IDENTITY, emission_scale: 1.0, visible: true }],
             camera: Camera { eye: Vec3::new(0.0, 0.0, 10.0), target: Vec3::ZERO, vertical_fov: 0.8, up: Vec3::Y },
-            sky: Sky { zenith: Vec3::ZERO, horizon: Vec3::ZERO, ambient: Vec3::ZERO, haze: 0.0 },
+            sky: Sky::default(),
             lamp_clearance: 0.1,
             exposure: 1.0,
             is_metered: false,

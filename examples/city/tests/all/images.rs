@@ -8,13 +8,14 @@ use testbed::render::backend::{self, BackendChoice};
 use testbed::render::geometry::{Geometry, Occluders};
 use testbed::render::image::Image;
 use testbed::render::settings::{LightChoice, Settings};
+use testbed::scene::dusk::{self, Dusk};
 use testbed::scene::procedural::{self, CityOptions, Size};
 use testbed::scene::{Stage, gltf_scene};
 use testbed::testing::small_scene;
 use testbed::testing::support::Rng;
 
 use girandole::glam::{DVec3, Vec3};
-use girandole::{CandidateCount, FrameBudget, SplitCount};
+use girandole::{CandidateCount, Effects, FrameBudget, SplitCount};
 
 pub const PACE: Pace = Pace { fps: 24.0, start: 0.0, budget: FrameBudget::UNLIMITED };
 
@@ -96,15 +97,28 @@ fn both_backends_render_the_same_picture() {
 
 #[test]
 fn both_backends_render_the_same_picture_of_the_city() {
-    let options = CityOptions { size: Size::S, cars: None, seed: 1 };
+    let options = CityOptions { size: Size::S, cars: None, seed: 1, lamp_profile: None };
     assert_same_pictures("city", || procedural::stage(&options).expect("a valid scene"), 2);
+}
+
+#[test]
+fn both_backends_render_the_same_picture_at_dusk() {
+    let lamp_profile = Some(Dusk::default().profile().expect("a profile"));
+    let options = CityOptions { size: Size::S, cars: None, seed: 1, lamp_profile };
+    let stage = || {
+        let mut stage = procedural::stage(&options).expect("a valid scene");
+        dusk::set(&mut stage).expect("a valid sky");
+        assert!(stage.world.active_effects().contains(Effects::SKY | Effects::PROFILES));
+        stage
+    };
+    assert_same_pictures("dusk", stage, 1);
 }
 
 /// Which points a cell keeps depends on all bits of their positions, and so on how rays are rounded. The
 /// samples of a cell whose points are others differ by their noise.
 #[test]
 fn both_backends_render_the_same_picture_from_shared_cuts_but_for_a_few_cells() {
-    let options = CityOptions { size: Size::S, cars: None, seed: 1 };
+    let options = CityOptions { size: Size::S, cars: None, seed: 1, lamp_profile: None };
     let settings = Settings { light_choice: LightChoice::SharedCuts, ..settings(48, 27, 16, 5) };
     let [cpu, gpu] = [BackendChoice::Cpu, BackendChoice::Gpu].map(|choice| {
         let mut session = session(procedural::stage(&options).expect("a valid scene"), settings.clone(), choice);
@@ -158,7 +172,8 @@ fn no_shadow_ray_is_traced_in_a_scene_that_casts_no_shadows() {
 
 #[test]
 fn shadow_rays_that_are_skipped_are_not_blocked() {
-    let city = procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1 }).expect("a valid scene");
+    let city = procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1, lamp_profile: None })
+        .expect("a valid scene");
     for scene in [city.scene, small_scene::stage(true).expect("the small scene is valid").scene] {
         let geometry = Geometry::new(&scene).expect("a valid scene");
         let mut rng = Rng(91);

@@ -28,6 +28,7 @@ pub const FIGURES: &[Figure] = &[
     noise::CANDIDATES,
     noise::SHADOWS,
     noise::LEARNING,
+    noise::SKY,
     world::DEFORM,
     world::BUDGET_PLOT,
     world::BUDGET,

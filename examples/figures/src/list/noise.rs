@@ -292,3 +292,21 @@ pub const LEARNING: Figure = table(
         ..VIEW
     }],
 );
+
+/// A sky beside lamps.
+pub const SKY: Figure = table(
+    "sky",
+    "docs/sky.md",
+    &[View {
+        from: &["sky/sky.csv"],
+        keys: &[("scene", "scene"), ("sampler", "sampler")],
+        cells: &[
+            cell("σ", "sigma_mean", Digits(2)),
+            cell("σ, 95 %", "sigma_p95", Digits(2)),
+            cell("shadow rays", "rays", Digits(1)),
+            cell("σ at equal rays", "sigma_of_equal_rays", Digits(2)),
+            cell("ns", "ns", Digits(3)),
+        ],
+        ..VIEW
+    }],
+);

@@ -85,6 +85,17 @@ pub const RUNS: &[Run] = &[
         ..RUN
     },
     Run {
+        name: "sky",
+        program: "variance",
+        arguments: "--sky",
+        quick: Some("--sky --quick --shading-points 2"),
+        out: Some("sky.csv"),
+        has_fewer_rows: true,
+        is_timed: true,
+        seconds: 15,
+        ..RUN
+    },
+    Run {
         name: "deform",
         program: "variance",
         arguments: "--deform --shading-points 100",

@@ -437,7 +437,7 @@ mod tests {
             meshes: vec![mesh],
             objects: scales.map(object).to_vec(),
             camera: Camera { eye: Vec3::Z, target: Vec3::ZERO, vertical_fov: 1.0, up: Vec3::Y },
-            sky: Sky { zenith: Vec3::ZERO, horizon: Vec3::ZERO, ambient: Vec3::ZERO, haze: 0.0 },
+            sky: Sky::default(),
             lamp_clearance: 0.1,
             exposure: 1.0,
             is_metered: false,

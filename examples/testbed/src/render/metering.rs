@@ -139,7 +139,7 @@ mod tests {
                 vertical_fov: 2.0 * (width * 0.5 / 1000.0).atan(),
                 up: Vec3::Y,
             },
-            sky: Sky { zenith: Vec3::ONE, horizon: Vec3::ONE, ambient: Vec3::ZERO, haze: 0.0 },
+            sky: Sky { zenith: Vec3::ONE, horizon: Vec3::ONE, ..Sky::default() },
             lamp_clearance: 0.1,
             exposure: 1.0,
             is_metered: true,

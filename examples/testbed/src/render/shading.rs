@@ -44,7 +44,8 @@ impl View {
 
 /// Radiance of the sky in a direction. Below the horizon it is that of the horizon.
 pub fn sky_radiance(sky: &Sky, direction: Vec3) -> Vec3 {
-    sky.horizon.lerp(sky.zenith, direction.y.max(0.0).sqrt())
+    let glow = direction.dot(sky.sun).max(0.0).powi(8);
+    sky.horizon.lerp(sky.zenith, direction.y.max(0.0).sqrt()) + sky.glow * glow
 }
 
 /// What arrives of the radiance of a surface at `distance` metres through haze, which shines like the
@@ -136,7 +137,7 @@ mod tests {
     #[test]
     fn haze_hides_what_is_far_and_clear_air_nothing() {
         let horizon = Vec3::new(0.2, 0.14, 0.17);
-        let sky = |haze| Sky { zenith: Vec3::ZERO, horizon, ambient: Vec3::ZERO, haze };
+        let sky = |haze| Sky { horizon, haze, ..Sky::default() };
         let radiance = Vec3::new(3.0, 0.1, 1.0);
         assert_eq!(through_haze(&sky(0.0), radiance, 1e8), radiance);
         let half = through_haze(&sky(1e-3), radiance, 1e3 * std::f32::consts::LN_2);

@@ -45,7 +45,7 @@ impl Assembly {
     /// An empty scene and the given light world, which may have a clock of its own.
     pub fn with_world(world: LightWorld) -> Self {
         let camera = Camera { eye: Vec3::Y, target: Vec3::Z, vertical_fov: 1.0, up: Vec3::Y };
-        let sky = Sky { zenith: Vec3::ZERO, horizon: Vec3::ZERO, ambient: Vec3::ZERO, haze: 0.0 };
+        let sky = Sky::default();
         let scene = Scene {
             materials: Vec::new(),
             textures: Vec::new(),
@@ -69,6 +69,7 @@ impl Assembly {
             horizon: vec3(0.2, 0.14, 0.17),
             ambient: vec3(0.03, 0.035, 0.05),
             haze: HAZE,
+            ..Sky::default()
         };
         let direction = vec3(0.42, -0.8, -0.43).normalize();
         self.world.add_directional(DirectionalLight { direction, illuminance: vec3(0.16, 0.21, 0.32) })?;

@@ -25,6 +25,8 @@ pub mod part;
 pub mod assembly;
 
 pub mod designs;
+#[cfg(feature = "native")]
+pub mod dusk;
 
 pub mod rooms;
 #[cfg(feature = "native")]

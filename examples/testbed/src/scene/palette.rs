@@ -1,5 +1,6 @@
 //! Materials that are collected while parts are built. Equal materials share an index.
 
+use girandole::Profile;
 use girandole::glam::{Vec3, vec3};
 
 use super::Material;
@@ -18,6 +19,8 @@ pub struct Glow {
 pub struct Palette {
     /// These become [`super::Scene::materials`].
     pub materials: Vec<Material>,
+    /// Street lamps shine as it says, if there is one.
+    pub lamp_profile: Option<Profile>,
 }
 
 impl Palette {

@@ -129,7 +129,7 @@ pub struct Camera {
 }
 
 /// The radiance of the sky, and the faint light without shadows that it adds to surfaces. Nits.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sky {
     /// Radiance straight up.
     pub zenith: Vec3,
@@ -140,6 +140,10 @@ pub struct Sky {
     /// The share of the light of surfaces that haze replaces by the radiance at the horizon on each
     /// metre to the camera; 0 for clear air.
     pub haze: f32,
+    /// Added around the sun, which is just below the horizon: see [`sky_radiance`](crate::render::shading::sky_radiance).
+    pub glow: Vec3,
+    /// The unit direction of the sun; zero if there is no glow.
+    pub sun: Vec3,
 }
 
 /// Everything that a renderer needs, except for the lights.

@@ -43,6 +43,8 @@ fn build(is_still: bool) -> Result<Stage, Box<dyn std::error::Error>> {
             ambient: Vec3::new(0.02, 0.02, 0.03),
             // Both backends look through the same haze.
             haze: 0.01,
+            glow: Vec3::new(0.1, 0.05, 0.02),
+            sun: Vec3::new(0.6, 0.0, -0.8),
         },
         lamp_clearance: 0.3,
         exposure: 0.12,

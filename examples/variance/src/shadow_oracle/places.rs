@@ -37,7 +37,7 @@ pub struct Place {
 
 /// A street of city S, from the height of eyes.
 pub fn street() -> Result<Place, SceneError> {
-    let stage = procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1 })?;
+    let stage = procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1, lamp_profile: None })?;
     from_stage("street of city S".into(), stage, |_| STREET_EYES.to_vec())
 }
 

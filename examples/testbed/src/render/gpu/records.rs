@@ -46,6 +46,10 @@ pub struct FrameUniform {
     /// The radiance that shows as white, in nits.
     pub white: f32,
     pub padding: [u32; 2],
+    pub glow: Vec3,
+    pub padding_after_glow: u32,
+    pub sun: Vec3,
+    pub padding_after_sun: u32,
 }
 
 /// What a picture is made with.
@@ -100,6 +104,10 @@ impl FrameUniform {
             splits: splits.get() as u32,
             white: 1.0 / scene.exposure,
             padding: [0; 2],
+            glow: scene.sky.glow,
+            padding_after_glow: 0,
+            sun: scene.sky.sun,
+            padding_after_sun: 0,
         }
     }
 }

@@ -5,7 +5,10 @@
 // test `both_backends_render_the_same_picture` compares them.
 
 fn sky_radiance(direction: vec3<f32>) -> vec3<f32> {
-    return mix(frame.horizon, frame.zenith, sqrt(max(direction.y, 0.0)));
+    let toward_sun = max(dot(direction, frame.sun), 0.0);
+    let squared = toward_sun * toward_sun;
+    let glow = squared * squared * squared * squared;
+    return mix(frame.horizon, frame.zenith, sqrt(max(direction.y, 0.0))) + frame.glow * glow;
 }
 
 fn through_haze(radiance: vec3<f32>, dist: f32) -> vec3<f32> {

@@ -44,6 +44,9 @@ struct Frame {
     splits: u32,
     // The radiance that shows as white, in nits.
     white: f32,
+    // Of the sky around the sun.
+    glow: vec3<f32>,
+    sun: vec3<f32>,
 }
 
 struct Node {

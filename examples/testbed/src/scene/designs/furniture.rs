@@ -1,6 +1,7 @@
 //! Street furniture: lamps, traffic lights, trees, benches and market stalls.
 
-use girandole::glam::{Vec3, vec3};
+use girandole::Light;
+use girandole::glam::{Quat, Vec3, vec3};
 
 use super::palette::{COOL, Glow, NEUTRAL, Palette, SODIUM, SOFT};
 use super::part::Part;
@@ -54,6 +55,12 @@ pub fn lamp(kind: Lamp, height: f32, lumens: f32, palette: &mut Palette) -> Part
     // The light lies just below its housing and faces down.
     let glow = palette.glow(color, nits(4.0 * half_x * half_z));
     part.glow(vec3(0.0, height, head.z), Vec3::X * half_x, Vec3::Z * half_z, glow);
+    if let Some(profile) = palette.lamp_profile {
+        // C0 is along the road, and C270 over it.
+        let down = Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2);
+        let factor = color / color.dot(vec3(0.2126, 0.7152, 0.0722)) * (lumens / profile.flux().max(1.0e-6));
+        part.lights = vec![Light::profile(vec3(0.0, height - 0.02, head.z), down, profile, factor)];
+    }
     part
 }
 

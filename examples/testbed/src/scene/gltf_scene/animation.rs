@@ -5,7 +5,8 @@ use girandole::glam::{DAffine3, DVec3, Quat, Vec3, Vec4};
 use girandole::gltf::gltf::animation::{Interpolation, Property};
 use girandole::gltf::gltf::scene::Transform;
 use girandole::gltf::{
-    GltfFile, LightSource, accessor_values, local_transform, punctual_placement, scene_nodes, surface_placement,
+    GltfFile, LightSource, accessor_values, local_transform, profile_placement, punctual_placement, scene_nodes,
+    surface_placement,
 };
 use girandole::{DirectionalLight, LightWorld};
 
@@ -206,6 +207,7 @@ impl Animation for Player {
             let placement = match lights.source {
                 LightSource::Surfaces => Some(surface_placement(&(transform * lights.local))),
                 LightSource::Punctual => punctual_placement(&transform),
+                LightSource::Profile => profile_placement(&transform),
                 _ => unreachable!("this version has no others"),
             };
             if let Some(placement) = placement {

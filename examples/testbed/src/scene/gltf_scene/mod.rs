@@ -57,6 +57,8 @@ const SKY: Sky = Sky {
     horizon: Vec3::new(0.02, 0.018, 0.02),
     ambient: Vec3::new(0.012, 0.014, 0.02),
     haze: 0.0,
+    glow: Vec3::ZERO,
+    sun: Vec3::ZERO,
 };
 
 /// Required extensions that are not read, and the commands of glTF Transform that convert such files.

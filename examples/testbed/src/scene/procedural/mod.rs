@@ -11,8 +11,8 @@
 //! 5. `swarm` and `flicker`: a drone swarm, which is one deforming light tree, and neon signs that
 //!    flicker.
 
-use girandole::LightWorld;
 use girandole::glam::{Affine3A, Vec2, vec2, vec3};
+use girandole::{LightWorld, Profile};
 
 use super::assembly::Assembly;
 use super::designs::{buildings, furniture, land, signs, vehicles};
@@ -64,6 +64,8 @@ pub struct CityOptions {
     pub cars: Option<usize>,
     /// Different seeds build different cities.
     pub seed: u64,
+    /// Street lamps shine as it says, if there is one.
+    pub lamp_profile: Option<Profile>,
 }
 
 /// What a size stands for.
@@ -102,7 +104,7 @@ pub fn stage(options: &CityOptions) -> Result<Stage, SceneError> {
 pub fn stage_in(options: &CityOptions, world: LightWorld) -> Result<Stage, SceneError> {
     let plan = options.size.plan();
     let mut assembly = Assembly::with_world(world);
-    let mut palette = Palette::default();
+    let mut palette = Palette { lamp_profile: options.lamp_profile, ..Palette::default() };
     let mut kit = Kit::new(&mut assembly, &mut palette, options.seed)?;
     place_blocks(&mut assembly, &mut kit, &plan, options.seed)?;
     place_land(&mut assembly, &mut palette, plan.blocks as f32 * PITCH);
@@ -185,7 +187,7 @@ mod tests {
     use super::*;
 
     fn city(size: Size) -> Stage {
-        stage(&CityOptions { size, cars: None, seed: 1 }).unwrap()
+        stage(&CityOptions { size, cars: None, seed: 1, lamp_profile: None }).unwrap()
     }
 
     #[test]
@@ -202,7 +204,7 @@ mod tests {
     #[test]
     fn the_same_seed_builds_the_same_city() {
         let (mut first, mut second) = (city(Size::S), city(Size::S));
-        let other = stage(&CityOptions { size: Size::S, cars: None, seed: 2 }).unwrap();
+        let other = stage(&CityOptions { size: Size::S, cars: None, seed: 2, lamp_profile: None }).unwrap();
         assert_ne!(first.world.light_count(), other.world.light_count());
         for frame in 0..3 {
             for stage in [&mut first, &mut second] {
@@ -236,7 +238,7 @@ mod tests {
 
     #[test]
     fn a_city_without_cars_is_built_and_too_many_cars_are_refused() {
-        let with = |cars| stage(&CityOptions { size: Size::S, cars: Some(cars), seed: 1 });
+        let with = |cars| stage(&CityOptions { size: Size::S, cars: Some(cars), seed: 1, lamp_profile: None });
         assert!(with(0).is_ok());
         for count in [1_000_000, 1_100_000, usize::MAX] {
             assert!(with(count).is_err_and(|error| error.0.contains("cars")), "{count}");

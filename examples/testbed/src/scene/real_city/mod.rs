@@ -16,6 +16,7 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
+use girandole::Profile;
 use girandole::glam::{Affine3A, DVec2, Vec2, dvec2, vec2, vec3};
 
 use super::assembly::Assembly;
@@ -81,6 +82,8 @@ pub struct RealCityOptions {
     pub cars: Option<usize>,
     /// Determines what the files do not: the colours of vehicles, houses, and parked cars.
     pub seed: u64,
+    /// Street lamps shine as it says, if there is one.
+    pub lamp_profile: Option<Profile>,
 }
 
 /// Positions in national grids can lie megametres from (0, 0). If the middle of the lamps or, without lamps, the
@@ -129,7 +132,7 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     };
     let shift = if first.abs().max_element() > MAX_OFFSET { (first / 1000.0).round() * 1000.0 } else { DVec2::ZERO };
     let mut assembly = Assembly::new();
-    let mut palette = Palette::default();
+    let mut palette = Palette { lamp_profile: options.lamp_profile, ..Palette::default() };
     let lamp_positions: Vec<Vec2> = lamps.iter().map(|lamp| to_plane(dvec2(lamp.east, lamp.north) - shift)).collect();
     let (posts, post_of) = grid::thin(&lamp_positions, ground::LEAST_ROW_GAP);
     let (guessed, mut arms) = ground::road_segments(&posts, options.seed);
