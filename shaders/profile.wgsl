@@ -46,16 +46,20 @@ fn light_profile_column(table: LightProfile, around: u32, cell: u32, share: f32)
 fn light_profile_candela(light: LightRecord, direction: vec3<f32>) -> f32 {
     // The lamp's record holds the pole and the direction of angle 0 around it.
     let across = vec2(dot(light.c, direction), dot(cross(light.c, light.b), direction));
-    let first = light_params.sky_map - light.profile;
-    let head = light_top[first];
-    let table = LightProfile(first, head.x, head.y);
-    let polar = light_profile_cell(table, 0u, table.polar, atan2(length(across), dot(light.b, direction)));
+    let start = light_params.sky_map - light.profile;
+    let head = light_top[start];
+    let table = LightProfile(start, head.x, head.y);
+    // Angles may round to more than half a turn, and to more than a whole one.
+    let from_pole = min(atan2(length(across), dot(light.b, direction)), 0.25 * LIGHT_FOUR_PI);
+    let polar = light_profile_cell(table, 0u, table.polar, from_pole);
     // A single angle around the pole stands for all.
     var around = vec2(0.0);
     if table.around > 1u {
         let angle = atan2(across.y, across.x);
-        let is_before = angle < light_profile_number(table, table.polar);
-        let turned = select(angle, angle + 0.5 * LIGHT_FOUR_PI, is_before);
+        let first = light_profile_number(table, table.polar);
+        let last = light_profile_number(table, table.polar + table.around - 1u);
+        var turned = select(angle, angle + 0.5 * LIGHT_FOUR_PI, angle < first);
+        turned = select(turned, min(turned, last), last - first >= LIGHT_WHOLE_TURN);
         around = light_profile_cell(table, table.polar, table.around, turned);
     }
     if polar.y < 0.0 || around.y < 0.0 {

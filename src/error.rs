@@ -525,7 +525,8 @@ pub enum ProfileError {
         /// The beginning of the word.
         text: String,
     },
-    /// A number is out of range; angles are also if they do not ascend.
+    /// A number is out of range. The least angle allowed is 0.001 degrees above the one before. Intensities are shown
+    /// after all factors.
     #[error("line {line}: {what} is {value:?}, outside {least:?} to {most:?}")]
     Range {
         /// The line, from 1 on.

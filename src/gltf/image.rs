@@ -6,7 +6,8 @@ use ::gltf::image::Source;
 
 use super::budget::Budget;
 use super::error::{GltfError, shortened};
-use super::load::{GltfFile, file_length, read};
+use super::files::{file_length, read};
+use super::load::GltfFile;
 use super::options::GltfOptions;
 use super::read::view_bytes;
 use super::uri::{Location, decode_base64};

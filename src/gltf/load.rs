@@ -1,8 +1,5 @@
 //! Loads files with their buffers.
 
-use std::fmt::Display;
-use std::fs::{self, File};
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use ::gltf::buffer::Source;
@@ -11,6 +8,7 @@ use ::gltf::{Buffer, Document, Gltf};
 use super::budget::Budget;
 use super::check::LIGHTS_IES;
 use super::error::{GltfError, shortened};
+use super::files::{file_length, read};
 use super::options::GltfOptions;
 use super::parse::parse_within;
 use super::profiles::add_files;
@@ -116,19 +114,24 @@ pub struct GltfFile {
 pub fn load<'a>(source: impl Into<GltfSource<'a>>, options: &GltfOptions) -> Result<GltfFile, GltfError> {
     let mut budget = Budget::new(options.max_bytes);
     match source.into() {
-        GltfSource::Bytes(bytes) => with_buffers(bytes, None, &mut budget),
+        GltfSource::Bytes(bytes) => with_buffers(bytes, None, options, &mut budget),
         GltfSource::Path(path) => {
             let length = file_length(path)?;
             let bytes = read(path, length, &mut budget)?;
-            with_buffers(&bytes, path.parent(), &mut budget)
+            with_buffers(&bytes, path.parent(), options, &mut budget)
         }
     }
 }
 
 /// Parses a file and reads its buffers, from files in `folder` too if there is one.
-fn with_buffers(bytes: &[u8], folder: Option<&Path>, budget: &mut Budget) -> Result<GltfFile, GltfError> {
+fn with_buffers(
+    bytes: &[u8],
+    folder: Option<&Path>,
+    options: &GltfOptions,
+    budget: &mut Budget,
+) -> Result<GltfFile, GltfError> {
     let Gltf { mut document, mut blob } = parse_within(bytes, budget)?;
-    if let Some(folder) = folder
+    if let Some(folder) = folder.filter(|_| options.punctual)
         && document.extension_value(LIGHTS_IES).is_some()
     {
         let mut root = document.into_json();
@@ -169,27 +172,4 @@ fn contents(buffer: &Buffer<'_>, uri: &str, folder: Option<&Path>, budget: &mut 
 fn check_length(buffer: &Buffer<'_>, length: u64) -> Result<(), GltfError> {
     let stated = buffer.length() as u64;
     if length >= stated { Ok(()) } else { Err(GltfError::BufferLength { buffer: buffer.index(), length, stated }) }
-}
-
-/// The length of a regular file. Others may have no end, or wait for a writer when they are opened.
-pub(super) fn file_length(path: &Path) -> Result<u64, GltfError> {
-    let metadata = fs::metadata(path).map_err(|error| read_error(path, &error))?;
-    if metadata.is_file() { Ok(metadata.len()) } else { Err(read_error(path, &"it is not a regular file")) }
-}
-
-/// The first `length` bytes of a file, or all if there are fewer.
-pub(super) fn read(path: &Path, length: u64, budget: &mut Budget) -> Result<Vec<u8>, GltfError> {
-    budget.take(length)?;
-    let mut bytes = Vec::new();
-    let reserved = usize::try_from(length).is_ok_and(|length| bytes.try_reserve_exact(length).is_ok());
-    if !reserved {
-        return Err(read_error(path, &"there is not enough memory"));
-    }
-    let file = File::open(path).map_err(|error| read_error(path, &error))?;
-    file.take(length).read_to_end(&mut bytes).map_err(|error| read_error(path, &error))?;
-    Ok(bytes)
-}
-
-fn read_error(path: &Path, what: &dyn Display) -> GltfError {
-    GltfError::Read { path: path.to_owned(), message: what.to_string() }
 }

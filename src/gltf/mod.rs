@@ -35,6 +35,7 @@ mod budget;
 mod check;
 mod parse;
 mod uri;
+mod files;
 mod load;
 mod nodes;
 mod read;

@@ -9,7 +9,7 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 use super::budget::Budget;
 use super::check::LIGHTS_IES as NAME;
 use super::error::{GltfError, document_error, shortened};
-use super::load::{file_length, read};
+use super::files::{file_length, read};
 use super::nodes::{is_hidden, surface_placement};
 use super::read::view_bytes;
 use super::uri::{Location, decode_base64, encode_base64};

@@ -22,6 +22,9 @@ use crate::keys::slot_of;
 use crate::profile::stored_quads;
 use crate::world::LightWorld;
 
+/// Room for profiles grows by so many quads: 64 KiB.
+const PROFILE_QUADS: u32 = 1 << 12;
+
 /// The room that the changes of a world need on the GPU. Make [`Reservation::new_buffers`], then
 /// call [`Reservation::plan`].
 ///
@@ -165,7 +168,8 @@ impl LightPlanner {
         let has_masks = effects.contains(Effects::MASKS);
         let map_quads = MapQuads {
             profiles: match effects.contains(Effects::PROFILES) {
-                true => stored_quads().next_power_of_two(),
+                // In steps, so that not each new profile takes another buffer.
+                true => stored_quads().next_multiple_of(PROFILE_QUADS),
                 false => 0,
             },
             sky: world.sky().map_or(0, |(_, sky)| sky.stored_quads()),

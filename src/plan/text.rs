@@ -15,6 +15,7 @@ use crate::instance::sector;
 use crate::light;
 use crate::math::dice;
 use crate::math::solid_angle;
+use crate::profile;
 use crate::sampling::counts::{self, SplitCount};
 use crate::sampling::cut;
 use crate::sampling::cuts;
@@ -494,6 +495,7 @@ pub(crate) fn constants() -> String {
         ("ROUNDING", visibility::ROUNDING),
         ("BLOCK_MIDDLE", visibility::BLOCK_MIDDLE),
         ("SKY_DIST", sky::SKY_DIST),
+        ("WHOLE_TURN", profile::WHOLE_TURN),
     ] {
         // As f64: the shortest digits of the greatest f32 are above it, which Tint refuses.
         let _ = writeln!(text, "const LIGHT_{name}: f32 = {:e};", f64::from(value));
@@ -853,7 +855,7 @@ mod tests {
                 Effects::PROFILES,
                 "light_profile_number light_profile_cell light_profile_column light_profile_candela light_from_profile \
                  LightProfile LightProfile.first LightProfile.polar LightProfile.around LightRecord.profile \
-                 LIGHT_KIND_PROFILE",
+                 LIGHT_KIND_PROFILE LIGHT_WHOLE_TURN",
             ),
             (Effects::SECTORS, "light_from_home LightInstance.sector LIGHT_SECTOR_EDGE"),
             (

@@ -7,6 +7,9 @@ use glam::{DVec3, Mat3, Vec3};
 /// The most numbers that a grid has, with those that symmetry adds: half degrees in all directions.
 pub(super) const MAX_VALUES: usize = 1 << 18;
 
+/// Planes that cover as much go all around, in radians.
+pub(crate) const WHOLE_TURN: f32 = 6.283;
+
 /// Where a cone is looked for, cells are cut into squares of at most this side, in radians.
 const FINE: f32 = 2.0 * PI / 180.0;
 
@@ -38,14 +41,16 @@ pub(super) struct Lobe {
 }
 
 impl Grid {
-    /// The intensity in a direction of any length, whose coordinates are along the axes of the grid. 0 for the zero
-    /// vector.
+    /// The intensity in a direction of any length but 0, whose coordinates are along the axes of the grid.
     pub fn candela(&self, direction: Vec3) -> f32 {
         let polar = direction.x.hypot(direction.y).atan2(direction.z);
         let around = direction.y.atan2(direction.x);
         // A single angle has a cell of no width.
         let first = self.around[0];
         let around = if around < first { around + TAU } else { around };
+        // A whole turn has no end, however the angle rounds.
+        let last = self.around[self.around.len() - 1];
+        let around = if last - first >= WHOLE_TURN { around.min(last) } else { around };
         let column = if self.around.len() == 1 { Some((0, 0.0)) } else { cell(&self.around, around) };
         let (Some((i, s)), Some((j, t))) = (cell(&self.polar, polar), column) else { return 0.0 };
         let of_column = |j: usize| {

@@ -52,7 +52,7 @@ fn has_ballast_factor(reader: &mut Reader<'_>) -> Result<bool, ProfileError> {
             reader.line().ok_or(ProfileError::Missing { line: 1, what: "a line that begins with TILT=" })?;
         let upper = text.to_ascii_uppercase();
         if line == 1 {
-            is_early = !(upper.ends_with(b"LM-63-2002") || upper.ends_with(b"LM-63-2019"));
+            is_early = ![&b"LM-63-1995"[..], b"LM-63-2002", b"LM-63-2019"].iter().any(|name| upper.ends_with(name));
         }
         let Some(tilt) = upper.strip_prefix(b"TILT=") else { continue };
         // How much the lamps emit when the luminaire is tilted; the tilt of an instance does not change it.

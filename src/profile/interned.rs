@@ -45,16 +45,22 @@ pub(super) fn table_of(id: u64) -> Option<&'static Table> {
 /// The table of a grid.
 pub(super) fn intern(grid: Grid) -> &'static Table {
     let id = id_of(&grid);
+    let known = |tables: &Tables| tables.by_id.get(&id)?.iter().find(|table| table.grid == grid).copied();
+    if let Some(found) = known(&TABLES.read().unwrap_or_else(PoisonError::into_inner)) {
+        return found;
+    }
+    // Others wait for no integrals.
+    let (lobe, greatest) = (grid.lobe(), grid.candela.iter().copied().fold(0.0, f32::max));
     // Tables are added last, so a panic leaves them whole.
     let mut tables = TABLES.write().unwrap_or_else(PoisonError::into_inner);
-    if let Some(found) = tables.by_id.get(&id).and_then(|same| same.iter().find(|table| table.grid == grid)) {
+    if let Some(found) = known(&tables) {
         return found;
     }
     #[cfg(feature = "gpu-plan")]
     let end = tables.all.last().map_or(0, |last| last.end) + grid.stored_quads();
     let table: &'static Table = Box::leak(Box::new(Table {
-        lobe: grid.lobe(),
-        greatest: grid.candela.iter().copied().fold(0.0, f32::max),
+        lobe,
+        greatest,
         id,
         #[cfg(feature = "gpu-plan")]
         end,

@@ -9,9 +9,10 @@ use crate::error::ProfileError;
 /// The coordinates of a measurement: what its angles are from and around.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Coordinates {
-    /// Of headlamps: horizontal angles around the vertical axis, vertical ones above the horizon.
+    /// Of headlamps: horizontal angles around the vertical axis, clockwise from above; vertical ones above the horizon.
     A,
-    /// Of floodlights: vertical angles around the horizontal axis, horizontal ones from the middle toward its right end.
+    /// Of floodlights: vertical angles around the horizontal axis, upward; horizontal ones from the middle to its right
+    /// end.
     B,
     /// Of most luminaires: horizontal angles around the direction straight down, vertical ones from it.
     C,
@@ -81,10 +82,10 @@ impl Measured {
         let Self { coordinates, vertical, horizontal, candela, factor } = self;
         let is_c = coordinates == Coordinates::C;
         let vertical = angles(&vertical, if is_c { [0.0, 180.0] } else { [-90.0, 90.0] })?;
-        let lines = horizontal.last().map_or(1, |last| last.line);
-        let horizontal = angles(&horizontal, if is_c { [-360.0, 360.0] } else { [-90.0, 90.0] })?;
+        let line = horizontal.last().map_or(1, |last| last.line);
+        let horizontal = angles(&horizontal, if is_c { [-180.0, 360.0] } else { [-90.0, 90.0] })?;
         if !is_c && horizontal.len() < 2 {
-            return Err(ProfileError::Missing { line: lines, what: "a second horizontal angle" });
+            return Err(ProfileError::Missing { line, what: "a second horizontal angle" });
         }
         let intensity = |number: Number| {
             let Number { value, line, what } = number;
@@ -92,30 +93,33 @@ impl Measured {
         };
         let values = candela.into_iter().map(intensity).collect::<Result<_, _>>()?;
         let table = Table { rows: vertical, columns: horizontal, values };
-        let (x, y) = (Vec3::X, Vec3::Y);
+        // Upward is +X, and rightward -Y.
+        let (x, y, z) = (Vec3::X, Vec3::Y, Vec3::Z);
         let (table, axes) = match coordinates {
-            Coordinates::C => (whole_turn(table, lines)?, [x, y, Vec3::NEG_Z]),
+            Coordinates::C => (whole_turn(table, line)?, [x, y, -z]),
             // From above instead of above the horizon.
             Coordinates::A => {
                 let mut table = table.of_both_sides().transposed().of_both_sides().reversed();
                 table.columns.iter_mut().for_each(|angle| *angle += 90.0);
-                (table.transposed(), [Vec3::NEG_Z, x, y])
+                (table.transposed(), [-z, -y, x])
             }
+            // From the left end.
             Coordinates::B => {
                 let mut table = table.of_both_sides();
                 table.columns.iter_mut().for_each(|angle| *angle += 90.0);
-                (table.transposed().of_both_sides(), [Vec3::NEG_Z, y, Vec3::NEG_X])
+                (table.transposed().of_both_sides(), [-z, x, y])
             }
         };
         if table.values.len() > MAX_VALUES {
-            return Err(ProfileError::Size { line: lines, found: table.values.len(), most: MAX_VALUES });
+            return Err(ProfileError::Size { line, found: table.values.len(), most: MAX_VALUES });
         }
-        let radians = |angles: &[f64]| angles.iter().map(|angle| angle.to_radians() as f32).collect();
+        // A sum turns -0 into 0, so that equal tables have equal bits.
+        let radians = |angles: &[f64]| angles.iter().map(|angle| angle.to_radians() as f32 + 0.0).collect();
         Ok(Grid {
             polar: radians(&table.rows),
             around: radians(&table.columns),
-            candela: table.values.iter().map(|value| *value as f32).collect(),
-            axes: Mat3::from_cols_array_2d(&axes.map(|axis| axis.to_array())),
+            candela: table.values.iter().map(|value| *value as f32 + 0.0).collect(),
+            axes: Mat3::from_cols_array_2d(&axes.map(|axis| (axis + 0.0).to_array())),
         })
     }
 }
@@ -148,12 +152,21 @@ fn whole_turn(table: Table, line: usize) -> Result<Table, ProfileError> {
         (0.0 | 90.0 | -90.0, 180.0) => Ok(table.mirrored()),
         (_, 360.0) => Ok(table),
         // The last plane is the first one, and is left out.
-        (_, turn) if turn > 180.0 && turn < 360.0 => {
+        (_, turn) if turn > 180.0 && turn < 360.0 && 360.0 - turn < widest(&table.columns) + MIN_STEP => {
             let mut table = table;
+            if 360.0 - turn < MIN_STEP {
+                table.columns.pop();
+                table.values.truncate(table.rows.len() * table.columns.len());
+            }
             table.columns.push(first + 360.0);
             table.values.extend_from_within(..table.rows.len());
             Ok(table)
         }
         _ => Err(ProfileError::Turn { line, first, last }),
     }
+}
+
+/// The greatest difference of two angles that follow each other.
+fn widest(angles: &[f64]) -> f64 {
+    angles.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max)
 }

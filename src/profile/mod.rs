@@ -19,6 +19,8 @@ use std::hash::{Hash, Hasher};
 use glam::{Mat3, Quat, Vec3};
 
 use crate::error::ProfileError;
+#[cfg(feature = "gpu-plan")]
+pub(crate) use grid::WHOLE_TURN;
 use interned::Table;
 use measured::{Coordinates, Measured};
 #[cfg(feature = "gpu-plan")]
@@ -28,7 +30,7 @@ use text::Number;
 /// How much a lamp emits in each direction, in candela.
 ///
 /// [`Light::profile`](crate::Light::profile) makes a lamp of it. In the space of the lamp, vertical angle 0 is at
-/// -Z, where spots of glTF point too, and the plane C0 is at +X, C90 at +Y (types A and B: right is +X, up is +Y).
+/// -Z, where spots of glTF point too, and the plane C0 is at +X, C90 at +Y. Of types A and B, upward is +X and rightward -Y.
 /// Between the angles of a file intensities are interpolated linearly; beyond them it is dark.
 ///
 /// A profile is a reference to a table that is kept as long as the process runs: 4 bytes for each intensity,
@@ -56,26 +58,33 @@ pub struct Profile(&'static Table);
 impl Profile {
     /// Reads an IES file: LM-63 of 1986 to 2019, of type A, B or C.
     ///
-    /// Candela are multiplied by the file's multiplier, its ballast factor and, before 2002, the factor after it. Types
+    /// Candela are multiplied by the file's multiplier, its ballast factor and, before 1995, the factor after it. Types
     /// A and B with angles from 0 to 90 degrees are symmetric, and so is type C with planes from 0 to 90 or 180, or
     /// from 90 to 270. What `TILT` says about tilted lamps is passed over.
     ///
     /// O(intensities).
     ///
     /// # Errors
-    /// [`ProfileError`], with the line, for a file that ends early, a word that is no number, and numbers out of
-    /// range: angles must ascend by at least 0.001 degrees, planes must cover a turn together with their symmetry,
-    /// intensities are from 0 to 10¹⁵ candela, and there are at most 262,144 with those that symmetry adds.
+    /// [`ProfileError`], with the line:
+    ///
+    /// - a file that ends early, and a word that is no number;
+    /// - angles that do not ascend by 0.001 degrees, or are out of range: vertical ones from 0 to 180 for type C, all
+    ///   angles from -90 to 90 for types A and B, planes from -180 to 360;
+    /// - less than two vertical angles, for types A and B also less than two horizontal ones, and more than 4,096;
+    /// - planes that are no turn, with their symmetry; a whole turn may lack the last plane, which is the first;
+    /// - intensities that are negative or above 10¹⁵ candela, after all factors;
+    /// - more than 262,144 intensities, with the ones that symmetry adds.
     pub fn ies(file: &[u8]) -> Result<Self, ProfileError> {
         Self::of(ies::read(file)?)
     }
 
-    /// Reads a EULUMDAT file. Of several sets of lamps, its intensities are those with the first one.
+    /// Reads a EULUMDAT file. Its intensities are those of 1,000 lumens: they are multiplied by the conversion
+    /// factor and by the lumens of the first set of lamps over 1,000.
     ///
     /// O(intensities).
     ///
     /// # Errors
-    /// As for [`Profile::ies`].
+    /// As for [`Profile::ies`], with at most 1,024 planes and angles of a plane.
     pub fn eulumdat(file: &[u8]) -> Result<Self, ProfileError> {
         Self::of(eulumdat::read(file)?)
     }
@@ -159,14 +168,10 @@ impl Profile {
     }
 
     /// The axes of the grid, in the space in which a rotation turns the lamp.
+    #[cfg(feature = "gpu-plan")]
     pub(crate) fn axes(self, rotation: Quat) -> Mat3 {
-        let axes = self.0.grid.axes;
+        let (axes, rotation) = (self.0.grid.axes, rotation.normalize());
         Mat3::from_cols(rotation * axes.x_axis, rotation * axes.y_axis, rotation * axes.z_axis)
-    }
-
-    /// The intensity in a direction along these axes, of any length but 0.
-    pub(crate) fn candela_along(self, axes: &Mat3, direction: Vec3) -> f32 {
-        self.0.grid.candela(axes.transpose() * direction)
     }
 }
 

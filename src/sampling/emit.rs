@@ -90,9 +90,8 @@ pub(crate) fn sample_light(
         }
         Shape::Profile { position, rotation, profile } => {
             let toward = frame.toward(position, shading_point);
-            let axes = profile.axes(Quat::from_array(rotation));
-            let candela = profile.candela_along(&axes, frame.to_local * -toward);
-            from_delta(light, toward, candela, shading_point)
+            let in_lamp = Quat::from_array(rotation).conjugate() * (frame.to_local * -toward);
+            from_delta(light, toward, profile.candela(in_lamp), shading_point)
         }
         Shape::Rectangle { center, half_u, half_v, two_sided } => {
             let (a, b) = (frame.to_world * half_u, frame.to_world * half_v);

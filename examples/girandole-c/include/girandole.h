@@ -959,7 +959,7 @@ GirandoleStatus girandole_world_set_directional(struct GirandoleWorld *world,
 GirandoleStatus girandole_world_remove_directional(struct GirandoleWorld *world, uint64_t directional);
 
 // Reads an IES file (LM-63 of 1986 to 2019) and stores its profile: a number that is the same for equal profiles in
-// all processes, and never 0. The profile is kept as long as the process runs, once for equal files. Baked trees
+// all processes. The profile is kept as long as the process runs, once for equal files. Baked trees
 // with such lamps are loaded after their profiles.
 GirandoleStatus girandole_profile_from_ies(const uint8_t *bytes,
                                            size_t size,
@@ -978,7 +978,9 @@ GirandoleStatus girandole_world_set_sky(struct GirandoleWorld *world,
                                         const struct GirandoleVec3 *map,
                                         uint64_t *instance);
 
-// Changes a part of the map: so many columns and rows from a column and a row on, in rows from the top down.
+// Changes a part of the map: width columns from column on, and height rows from row on. part: its pixels in nits, in
+// rows from the top down. Returns 1301 for a pixel that is refused, 1302 for a part that leaves the map, and 1303 for
+// a world without a sky.
 GirandoleStatus girandole_world_set_sky_part(struct GirandoleWorld *world,
                                              uint32_t column,
                                              uint32_t row,

@@ -6,7 +6,7 @@ use crate::memory::{array, result};
 use crate::status::{GirandoleStatus, call};
 
 /// Reads an IES file (LM-63 of 1986 to 2019) and stores its profile: a number that is the same for equal profiles in
-/// all processes, and never 0. The profile is kept as long as the process runs, once for equal files. Baked trees
+/// all processes. The profile is kept as long as the process runs, once for equal files. Baked trees
 /// with such lamps are loaded after their profiles.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_profile_from_ies(

@@ -43,7 +43,9 @@ pub unsafe extern "C" fn girandole_world_set_sky(
     })
 }
 
-/// Changes a part of the map: so many columns and rows from a column and a row on, in rows from the top down.
+/// Changes a part of the map: width columns from column on, and height rows from row on. part: its pixels in nits, in
+/// rows from the top down. Returns 1301 for a pixel that is refused, 1302 for a part that leaves the map, and 1303 for
+/// a world without a sky.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_set_sky_part(
     world: *mut GirandoleWorld,

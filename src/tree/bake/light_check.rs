@@ -35,7 +35,7 @@ static LIMITS: [Limits; KINDS.len()] = [
     limits(RECTANGLE, b"ccccccccc"),
     limits(TRIANGLE, b"ccccccccc"),
     limits(SPHERE, b"cccr....."),
-    // Profiles have to be looked up: no record is within these limits.
+    // Profiles have to be looked up: no record of one is within these limits, which its first number exceeds.
     limits(POINT, b"........."),
     limits(RECTANGLE | TWO_SIDED, b"ccccccccc"),
     limits(TRIANGLE | TWO_SIDED, b"ccccccccc"),

@@ -3,7 +3,7 @@
 
 use crate::measuring::irradiance::irradiance;
 use crate::measuring::reflection::reflection;
-use girandole::glam::{Quat, Vec3};
+use girandole::glam::{Mat3, Quat, Vec3};
 use girandole::light::luminance;
 use girandole::{Incident, Light, LightId, LightSampler, LightWorld, Placement, ShadingPoint, Shape};
 
@@ -66,10 +66,13 @@ fn carry(light: &Light, placement: &Placement) -> Light {
             inner_angle,
             outer_angle,
         },
-        // A turn and one scale; a mirrored or sheared beam is taken for the nearest that is not.
+        // Exact for turns and one scale: a mirrored or sheared beam is turned as its -Z and +X are.
         Shape::Profile { position, rotation, profile } => {
-            let turn = Quat::from_mat3(&(linear / linear.determinant().cbrt()));
-            let rotation = (turn * Quat::from_array(rotation)).normalize().to_array();
+            let axes = linear * Mat3::from_quat(Quat::from_array(rotation));
+            let back = axes.z_axis.normalize_or(Vec3::Z);
+            let right = axes.x_axis.reject_from_normalized(back).normalize_or(back.any_orthonormal_vector());
+            let turned = Mat3::from_cols(right, back.cross(right), back);
+            let rotation = Quat::from_mat3(&turned).normalize().to_array();
             Shape::Profile { position: point(position), rotation, profile }
         }
         // In a mirrored instance two corners change places, or the front would become the back.
