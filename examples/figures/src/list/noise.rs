@@ -307,6 +307,7 @@ pub const SKY: Figure = table(
             cell("σ at equal rays", "sigma_of_equal_rays", Digits(2)),
             cell("ns", "ns", Digits(3)),
         ],
+        labels: &[("girandole", "one distribution")],
         ..VIEW
     }],
 );
