@@ -190,7 +190,9 @@ impl Place {
         let [both, lamps] = samplers;
         let of_texel = |i: usize, light: f32, surface: f32| {
             let texel = &self.texels[i];
-            texel.luminance * texel.direction.dot(at.normal).max(0.0) * texel.solid_angle / (light + surface)
+            let value = texel.luminance * texel.direction.dot(at.normal).max(0.0) * texel.solid_angle;
+            // A texel whose middle is below the horizon has no density either.
+            if value > 0.0 { value / (light + surface) } else { 0.0 }
         };
         let of_surface = |i: usize| self.texels[i].direction.dot(at.normal).max(0.0) * self.texels[i].solid_angle / PI;
         let [choice, a, b, c, d, e] = *u;

@@ -256,7 +256,9 @@ mod tests {
             first_half,
             is_spread,
             splits,
-            white
+            white,
+            glow,
+            sun
         );
         same!("Node", Node, min0, child0, max0, padding0, min1, child1, max1, padding1);
         same!("Triangle", PackedTriangle, corner, material, edge1, flags, edge2, attributes);
