@@ -8,7 +8,7 @@ use glam::{DVec3, Mat3, Vec3};
 pub(super) const MAX_VALUES: usize = 1 << 18;
 
 /// Planes that cover as much go all around, in radians.
-pub(crate) const WHOLE_TURN: f32 = 6.283;
+pub(crate) const WHOLE_TURN: f32 = 0.9999 * TAU;
 
 /// Where a cone is looked for, cells are cut into squares of at most this side, in radians.
 const FINE: f32 = 2.0 * PI / 180.0;

@@ -222,7 +222,8 @@ fn types_a_and_b_turn_about_the_vertical_and_the_horizontal_axis() {
     // Up is +X, and right is -Y.
     let of_a = |v: f32, h: f32| Vec3::new(v.sin(), -v.cos() * h.sin(), -v.cos() * h.cos());
     let of_b = |v: f32, h: f32| Vec3::new(h.cos() * v.sin(), -h.sin(), -h.cos() * v.cos());
-    let directions: [(Coordinates, &dyn Fn(f32, f32) -> Vec3); 2] = [(Coordinates::A, &of_a), (Coordinates::B, &of_b)];
+    type Direction = fn(f32, f32) -> Vec3;
+    let directions: [(Coordinates, Direction); 2] = [(Coordinates::A, of_a), (Coordinates::B, of_b)];
     for (coordinates, direction) in directions {
         for is_half in [[false; 2], [true; 2], [true, false]] {
             let grid = beam(coordinates, [40.0, 30.0], is_half);
@@ -353,7 +354,8 @@ fn tables_up_to_the_greatest_size_are_read() {
 #[test]
 fn broken_files_are_refused_or_read_and_never_more() {
     let lamp = eulumdat_file(4, 4, &[[100.0, 50.0, 0.0], [90.0, 40.0, 1.0]]);
-    let readers: [(&str, fn(&[u8]) -> Result<Measured, ProfileError>); 2] = [(IES, ies::read), (&lamp, eulumdat::read)];
+    type Reader = fn(&[u8]) -> Result<Measured, ProfileError>;
+    let readers: [(&str, Reader); 2] = [(IES, ies::read), (&lamp, eulumdat::read)];
     for (file, read) in readers {
         // Every beginning: what ends before the last number is an error.
         let numbers_end = file.trim_end().len();

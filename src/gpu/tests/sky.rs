@@ -181,7 +181,7 @@ fn the_gpu_samples_the_sky_as_the_cpu_does_and_follows_its_changes() {
     let mut quads = 0;
     map.for_each_change(map.revision() - 1, |_, run| quads += run.len());
     // The head, and the quads of one or more blocks of each of four levels.
-    assert_eq!(quads, 1 + 4 * (2 * 3 + 1 * 2 + 1 + 1));
+    assert_eq!(quads, 1 + 4 * (2 * 3 + 2 + 1 + 1));
     lights.upload(&world).expect("room enough");
     compare(&world, &run(&mut lights, &pipeline, &own), "with a part");
 
