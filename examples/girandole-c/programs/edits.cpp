@@ -152,13 +152,13 @@ void sky_and_profiles() {
     const auto up = girandole_surface_point(vec3(0, 0, 0), vec3(0, 1, 0));
     const auto mean = [&] {
         double lux = 0.0;
-        const int steps = 64;
-        for (int i = 0; i < steps * steps; i++) {
-            const float a = (i % steps + 0.5f) / steps, b = (i / steps + 0.5f) / steps;
-            const float u[] = {std::fmod(a * 64, 1.0f), b, a, std::fmod(b * 64, 1.0f)};
+        const int count = 20000;
+        Random random;
+        for (int i = 0; i < count; i++) {
+            const float u[] = {random.next(), random.next(), random.next(), random.next()};
             GirandoleSample s;
             check(girandole_world_sample(world.get(), 0, &up, u, 1, &s));
-            lux += s.radiance.y * s.direction.y * s.weight / (steps * steps);
+            lux += s.radiance.y * s.direction.y * s.weight / count;
         }
         return lux;
     };
