@@ -16,7 +16,9 @@ mod text;
 use std::fmt;
 use std::hash::{Hash, Hasher};
 
-use glam::{Mat3, Quat, Vec3};
+use glam::Vec3;
+#[cfg(feature = "gpu-plan")]
+use glam::{Mat3, Quat};
 
 use crate::error::ProfileError;
 #[cfg(feature = "gpu-plan")]
