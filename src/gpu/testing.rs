@@ -7,7 +7,7 @@ use std::sync::{Arc, LazyLock, Mutex, OnceLock, PoisonError};
 use glam::{DVec3, Mat3, Quat, Vec3};
 use testbed::common::gpu as shared;
 
-use super::GpuLights;
+use super::{GpuLights, SampleRecord, SampleRequest};
 use crate::effects::Effects;
 use crate::instance::placement::Placement;
 use crate::light::{DirectionalLight, Light};
@@ -87,6 +87,32 @@ pub(crate) fn noop() -> (wgpu::Device, wgpu::Queue) {
 /// The content of a buffer with `COPY_SRC` after all work that was submitted so far.
 pub(crate) fn read<T: bytemuck::Pod>(device: &wgpu::Device, queue: &wgpu::Queue, buffer: &wgpu::Buffer) -> Vec<T> {
     shared::read(device, queue, buffer).expect("the device finishes its work and the buffer maps")
+}
+
+/// The commands that build the top level and sample by the shader for some effects, and the buffer for the samples.
+pub(crate) fn record_batch(
+    lights: &mut GpuLights,
+    requests: &[SampleRequest],
+    variant: Effects,
+) -> (wgpu::CommandEncoder, wgpu::Buffer) {
+    let (device, queue) = gpu();
+    let buffer = |size: usize| {
+        device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size: size as u64,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        })
+    };
+    let count = requests.len() as u32;
+    let (input, output) = (buffer(size_of_val(requests)), buffer(size_of::<SampleRecord>() * requests.len()));
+    queue.write_buffer(&input, 0, bytemuck::cast_slice(requests));
+    let variant = variant - Effects::MOVING;
+    let pipeline = compiled_once(("batch_sample", Some(variant)), || lights.sampling.compile(variant));
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    lights.build_top(&mut encoder);
+    lights.sample_with(&pipeline, &mut encoder, &input, &output, count);
+    (encoder, output)
 }
 
 /// A number in [0, 1) for each index and purpose; the same every time.

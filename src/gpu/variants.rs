@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use glam::{DVec3, Mat3, Quat, Vec3};
 
-use super::testing::{compiled_once, compute_pipeline, gpu, gpu_lights, random, random_vec, read, small_sky};
+use super::testing::{compute_pipeline, gpu, gpu_lights, random, random_vec, read, record_batch, small_sky};
 use super::*;
 use crate::effects::EFFECT_HOLD_UPDATES;
 use crate::instance::placement::Placement;
@@ -142,24 +142,7 @@ fn sample(lights: &mut GpuLights, variant: Effects) -> Vec<SampleRecord> {
 
 /// The commands that build the top level and sample, and the buffer for the samples.
 fn record(lights: &mut GpuLights, variant: Effects) -> (wgpu::CommandEncoder, wgpu::Buffer) {
-    let (device, queue) = gpu();
-    let requests = requests();
-    let buffer = |size| {
-        device.create_buffer(&wgpu::BufferDescriptor {
-            label: None,
-            size,
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
-            mapped_at_creation: false,
-        })
-    };
-    let (input, output) = (buffer(size_of_val(&requests[..]) as u64), buffer(u64::from(SHADING_POINTS) * 48));
-    queue.write_buffer(&input, 0, bytemuck::cast_slice(&requests));
-    let variant = variant - Effects::MOVING;
-    let pipeline = compiled_once(("batch_sample", Some(variant)), || lights.sampling.compile(variant));
-    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    lights.build_top(&mut encoder);
-    lights.sample_with(&pipeline, &mut encoder, &input, &output, SHADING_POINTS);
-    (encoder, output)
+    record_batch(lights, &requests(), variant)
 }
 
 /// The lights of a world, stored for these effects.

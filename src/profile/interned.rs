@@ -72,6 +72,12 @@ pub(super) fn intern(grid: Grid) -> &'static Table {
     table
 }
 
+/// Where the last table ends.
+#[cfg(feature = "gpu-plan")]
+pub(super) fn last_end() -> u32 {
+    TABLES.read().unwrap_or_else(PoisonError::into_inner).all.last().map_or(0, |last| last.end)
+}
+
 /// The tables whose ends are beyond a number of quads, in order.
 #[cfg(feature = "gpu-plan")]
 pub(super) fn tables_after(quads: u32) -> Vec<&'static Table> {

@@ -4,11 +4,11 @@
 //! angles and the intensities. Tables lie one before the other, from the place on where the map of the sky begins:
 //! so a table keeps its place, counted from there, when others come, and the sky keeps it too.
 
-use super::interned::{Table, tables_after};
+use super::interned::{Table, last_end, tables_after};
 
 /// The number of quads of the tables of all profiles that there are.
 pub(crate) fn stored_quads() -> u32 {
-    tables_after(0).last().map_or(0, |last| last.end)
+    last_end()
 }
 
 /// Calls a function with tables that end beyond a number of quads, and with their ends. No end is above `most`.

@@ -186,6 +186,10 @@ fn planes_that_go_around_leave_no_dark_wedge_and_others_are_refused() {
         let before = Vec3::new(1.0, -1.0e-8, -1.0);
         assert!((profile.candela(before) - 1.0).abs() < 1.0e-5, "{planes:?}");
     }
+    // Nearer to a turn than f32 tells.
+    let file = b"TILT=NONE\n1 -1 1 2 3 1 1 0 0 0 1 1 0\n0 90\n0 180 359.9999999\n1 1\n1 1\n1 1\n";
+    let nearly = Profile::ies(file).expect("all planes");
+    assert!((nearly.candela(Vec3::new(1.0, -1.0e-8, -1.0)) - 1.0).abs() < 1.0e-5);
     let refused: [&[f32]; 5] =
         [&[0.0, 95.0, 190.0], &[-360.0, -180.0, 0.0], &[-180.0, 0.0, 181.0], &[0.0, 100.0], &[0.0, 90.0, 360.5]];
     for planes in refused {

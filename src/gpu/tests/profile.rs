@@ -3,7 +3,7 @@
 use glam::{DVec3, Mat3, Quat, Vec3};
 
 use crate::effects::Effects;
-use crate::gpu::testing::{compiled_once, gpu, gpu_lights, random, random_vec, read};
+use crate::gpu::testing::{gpu, gpu_lights, random, random_vec, read, record_batch, small_sky};
 use crate::gpu::{GpuLights, SampleRecord, SampleRequest};
 use crate::instance::placement::Placement;
 use crate::keys::LightId;
@@ -43,22 +43,7 @@ fn requests() -> Vec<SampleRequest> {
 
 fn samples(lights: &mut GpuLights) -> Vec<SampleRecord> {
     let (device, queue) = gpu();
-    let buffer = |size| {
-        device.create_buffer(&wgpu::BufferDescriptor {
-            label: None,
-            size,
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
-            mapped_at_creation: false,
-        })
-    };
-    let requests = requests();
-    let input = buffer(size_of_val(&requests[..]) as u64);
-    let output = buffer(size_of::<SampleRecord>() as u64 * u64::from(COUNT));
-    queue.write_buffer(&input, 0, bytemuck::cast_slice(&requests));
-    let pipeline = compiled_once(("batch_sample", Some(Effects::all())), || lights.sampling.compile(Effects::all()));
-    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    lights.build_top(&mut encoder);
-    lights.sample_with(&pipeline, &mut encoder, &input, &output, COUNT);
+    let (encoder, output) = record_batch(lights, &requests(), Effects::all());
     queue.submit([encoder.finish()]);
     read(&device, &queue, &output)
 }
@@ -109,7 +94,7 @@ fn the_gpu_samples_profiles_as_the_cpu_does_and_gets_each_table_once() {
     assert!(with_known < 40_000 && with_new > with_known + 4 * 181 * 72, "{with_known} {with_new}");
     compare(&world, &mut lights, "two profiles");
     // The sky lies behind the tables, and begins elsewhere when they grow.
-    world.set_sky(crate::gpu::testing::small_sky());
+    world.set_sky(small_sky());
     lights.upload(&world).expect("room enough");
     compare(&world, &mut lights, "with a sky");
 }
