@@ -31,6 +31,28 @@ fn light_meets(ray: LightRay, head: vec4<u32>, packed: LightPackedChild, dist: f
     return light_has_flux(packed) && near <= far * LIGHT_BOX_ROUNDING;
 }
 
+// Where a ray meets the plane of a triangle or parallelogram: how far that is along both edges from the first
+// corner, as x and y, and the distance. Twin of `flat_hit`.
+fn light_flat_hit(
+    light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, direction: vec3<f32>,
+) -> vec3<f32> {
+    let is_parallelogram = (light.kind & LIGHT_KIND_MASK) == LIGHT_KIND_RECTANGLE;
+    let to_corner = light_toward(light_flat_corner(light), instance, shading_point);
+    let u = light_linear(instance.to_world, select(light.b - light.a, 2.0 * light.b, is_parallelogram));
+    let v = light_linear(instance.to_world, select(light.c - light.a, 2.0 * light.c, is_parallelogram));
+    let across = cross(direction, v);
+    let determinant = dot(u, across);
+    // Compilers may assume that no number is NaN.
+    let inverse = select(0.0, 1.0 / determinant, determinant != 0.0);
+    let around = cross(u, to_corner);
+    return vec3(-dot(to_corner, across), dot(direction, around), dot(v, around)) * inverse;
+}
+
+fn light_flat_corner(light: LightRecord) -> vec3<f32> {
+    let is_parallelogram = (light.kind & LIGHT_KIND_MASK) == LIGHT_KIND_RECTANGLE;
+    return light.a - select(vec3(0.0), light.b + light.c, is_parallelogram);
+}
+
 // The distance at which a ray hits a light that shines toward the ray's origin, or a number that is not
 // above 0.
 fn light_hit_dist(
@@ -54,23 +76,14 @@ fn light_hit_dist(
     if !is_parallelogram && kind != LIGHT_KIND_TRIANGLE {
         return 0.0;
     }
-    let corner = light.a - select(vec3(0.0), light.b + light.c, is_parallelogram);
-    let to_corner = light_toward(corner, instance, shading_point);
-    let u = light_linear(instance.to_world, select(light.b - light.a, 2.0 * light.b, is_parallelogram));
-    let v = light_linear(instance.to_world, select(light.c - light.a, 2.0 * light.c, is_parallelogram));
-    let across = cross(direction, v);
-    let determinant = dot(u, across);
-    // Compilers may assume that no number is NaN.
-    let inverse = select(0.0, 1.0 / determinant, determinant != 0.0);
-    let a = -dot(to_corner, across) * inverse;
-    let around = cross(u, to_corner);
-    let b = dot(direction, around) * inverse;
+    let hit = light_flat_hit(light, instance, shading_point, direction);
+    let to_corner = light_toward(light_flat_corner(light), instance, shading_point);
     var is_lit = dot(light_flat_normal_area(light, instance), to_corner) < 0.0;
     // #if TWO_SIDED
     is_lit = is_lit || (light.kind & LIGHT_TWO_SIDED) != 0u;
     // #endif
-    let is_inside = a >= 0.0 && b >= 0.0 && select(a + b, max(a, b), is_parallelogram) <= 1.0;
-    return select(0.0, dot(v, around) * inverse, is_inside && is_lit);
+    let is_inside = hit.x >= 0.0 && hit.y >= 0.0 && select(hit.x + hit.y, max(hit.x, hit.y), is_parallelogram) <= 1.0;
+    return select(0.0, hit.z, is_inside && is_lit);
 }
 
 // A light and its distance. `instance` is LIGHT_NO_INSTANCE if no light is hit.
@@ -221,4 +234,24 @@ fn light_hit(shading_point: LightShadingPoint, direction: vec3<f32>, max_dist: f
     }
     // #endif
     return hit;
+}
+
+// Where on a triangle or parallelogram the point of a sample or of a hit is: how far it is along both edges from the
+// first corner, each from 0 to 1. 0 for other lights. Twin of `LightSampler::place_on_light`.
+fn light_place_on(shading_point: LightShadingPoint, s: LightSample) -> vec2<f32> {
+    var place = vec2(0.0);
+    // #if AREAS
+    if s.pmf > 0.0 && s.instance < light_params.slots {
+        let instance = light_instance(s.instance);
+        let record = light_record(instance.light_base + s.light);
+        let kind = record.kind & LIGHT_KIND_MASK;
+        let is_parallelogram = kind == LIGHT_KIND_RECTANGLE;
+        if is_parallelogram || kind == LIGHT_KIND_TRIANGLE {
+            // Rounding may lead a little beyond the edges.
+            place = clamp(light_flat_hit(record, instance, shading_point, s.direction).xy, vec2(0.0), vec2(1.0));
+            place -= select(0.5 * max(place.x + place.y - 1.0, 0.0), 0.0, is_parallelogram);
+        }
+    }
+    // #endif
+    return place;
 }

@@ -23,8 +23,9 @@
 //! | 1200 to 1201 | [`CutError`] |
 //! | 1300 to 1303 | [`SkyError`] |
 //! | 1400 to 1406 | [`ProfileError`] |
+//! | 1500 to 1502 | [`TextureError`] |
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 use crate::keys::{DirectionalKey, InstanceKey, RegionKey, TreeKey};
 
@@ -499,6 +500,49 @@ impl SkyError {
             Self::Pixel { .. } => 1301,
             Self::Part { .. } => 1302,
             Self::NoSky => 1303,
+        }
+    }
+}
+
+/// Why a [`Texture`](crate::Texture) or a [`TexturedSurface`](crate::TexturedSurface) was refused. Codes 1500 to 1502.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TextureError {
+    /// The texels are no whole rows, none, or too many.
+    #[error("{texels} texels are not 1 to {max} whole rows of {width}, which must be 1 to {max}")]
+    Size {
+        /// The given width.
+        width: usize,
+        /// The given number of texels.
+        texels: usize,
+        /// The largest width and height.
+        max: usize,
+    },
+    /// A texel is negative, not finite or too bright.
+    #[error("texel {texel} is {value}; each channel must be from 0 to {max}")]
+    Texel {
+        /// The index of the texel.
+        texel: usize,
+        /// The given texel.
+        value: Vec3,
+        /// The greatest value allowed.
+        max: f32,
+    },
+    /// A texture coordinate is not finite.
+    #[error("the texture coordinates {value} are not finite")]
+    Coordinate {
+        /// The given coordinates.
+        value: Vec2,
+    },
+}
+
+impl TextureError {
+    /// The stable code, see [`error`](self).
+    pub fn code(&self) -> u32 {
+        match self {
+            Self::Size { .. } => 1500,
+            Self::Texel { .. } => 1501,
+            Self::Coordinate { .. } => 1502,
         }
     }
 }

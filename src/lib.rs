@@ -142,6 +142,7 @@ pub mod cluster;
 mod profile;
 pub mod light;
 mod sky;
+mod texture;
 pub mod tree;
 pub mod policy;
 pub mod scheduler;
@@ -164,7 +165,8 @@ mod f64_reference;
 
 pub use effects::{EffectCounts, Effects};
 pub use error::{
-    BudgetError, CountError, CutError, LightError, PlacementError, ProfileError, SkyError, VisibilityError, WorldError,
+    BudgetError, CountError, CutError, LightError, PlacementError, ProfileError, SkyError, TextureError,
+    VisibilityError, WorldError,
 };
 
 pub use glam;
@@ -188,6 +190,7 @@ pub use scheduler::FrameBudget;
 pub use shading::gloss::Gloss;
 pub use shading::shading_point::ShadingPoint;
 pub use sky::Sky;
+pub use texture::{Texture, TextureWrap, TexturedSurface};
 pub use tree::{Attribute, Attributes, LightTree};
 pub use visibility::{VisibilityOptions, VisibilityTable};
 #[cfg(feature = "gpu")]

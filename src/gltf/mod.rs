@@ -29,6 +29,7 @@
 //! # Ok::<(), girandole::gltf::GltfError>(())
 //! ```
 
+mod emissive;
 mod error;
 mod options;
 mod budget;
@@ -43,7 +44,6 @@ mod image;
 mod instancing;
 mod profiles;
 mod texture;
-mod average;
 mod plan;
 
 use ::gltf::Document;
@@ -60,7 +60,9 @@ pub use parse::parse;
 pub use plan::{LightSource, material_emission};
 pub use profiles::profile_placement;
 pub use read::{accessor_values, primitive_attribute, primitive_tex_coords, primitive_triangles};
-pub use texture::{TextureImage, TextureUse, TextureWrap};
+pub use texture::{TextureImage, TextureUse};
+
+pub use crate::texture::TextureWrap;
 
 use crate::error::WorldError;
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey};
@@ -120,14 +122,17 @@ pub fn load_lights<B: AsRef<[u8]>>(
     load_lights_with_textures(world, document, buffers, &[], options)
 }
 
-/// As [`load_lights`], with emissive textures: the emission of each triangle is multiplied by the
-/// average colour of its emissive texture over the triangle.
+/// As [`load_lights`], with emissive textures: triangles over which a texture varies are cut into parts
+/// ([`Texture::split`](crate::Texture::split), with [`GltfOptions::texture_noise`] and [`GltfOptions::texture_parts`]),
+/// and the emission of each part is multiplied by the average of its texels.
 ///
 /// `images` holds decoded images by their index in the document; [`read_image`] reads the bytes to
 /// decode. Images that are `None` or beyond the end of the list count as white, and so do textures
 /// whose coordinates the primitive lacks. The wrap modes, KHR_texture_transform and the set of
-/// coordinates are respected; [`TextureUse`] holds them. Colours are converted from sRGB to linear,
-/// and alpha is ignored. Texels count as squares of one colour, whatever the filter.
+/// coordinates are respected; [`TextureUse`] holds them. Colours are converted from sRGB to linear.
+/// Texels count as squares of one colour, whatever the filter. What the alpha of the base colour's texture cuts
+/// out (`alphaMode` MASK) does not emit, and where it blends (BLEND) the emission is multiplied by it; but if that
+/// texture lies on the surface in another way than the emissive one, it is not regarded.
 ///
 /// A triangle over which the texture is black becomes no light. A mesh with only such triangles
 /// gets neither a tree nor instances.
@@ -137,10 +142,8 @@ pub fn load_lights<B: AsRef<[u8]>>(
 /// has the wrong number of bytes, or if the transform of its texture is not finite.
 ///
 /// # Cost
-/// That of [`load_lights`], plus up to 10,000 steps for each triangle with a texture: the average is
-/// exact for triangles of up to 128 texels along each axis, and larger ones are averaged over reduced
-/// copies of the image. Copies take passes over the image, one or two for each size of triangle, and up
-/// to 0.4 GB.
+/// That of [`load_lights`], plus that of [`Texture::light`](crate::Texture::light) for each part, and for each that is
+/// cut.
 pub fn load_lights_with_textures<B: AsRef<[u8]>>(
     world: &mut LightWorld,
     document: &Document,

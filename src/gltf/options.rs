@@ -28,13 +28,19 @@ pub struct GltfOptions {
     pub surface_scale: f32,
     /// Which sides of emissive triangles emit. Default: [`EmissiveSides::OfMaterial`].
     pub sides: EmissiveSides,
+    /// The noise of emissive textures within a light, at which primitives are no longer cut into parts:
+    /// see [`Texture::split`](crate::Texture::split). Default: 0.3.
+    pub texture_noise: f32,
+    /// The most lights that a primitive gets beyond its triangles, by cutting those whose emissive texture
+    /// varies. 0 for one light of a triangle, which emits the average. Default: 1,024.
+    pub texture_parts: usize,
     /// Whether the lights of KHR_lights_punctual and EXT_lights_ies are loaded. Default: true.
     pub punctual: bool,
     /// The policy of every instance. Default: [`Policy::Budgeted`].
     pub policy: Policy,
     /// The most lights that one call creates; a document with more is refused with
     /// [`GltfError::TooManyLights`](super::GltfError::TooManyLights) before memory is allocated for
-    /// any of them.
+    /// any of them. Textures are cut into no more parts than this leaves.
     ///
     /// A tree that several nodes share counts once. The limit exists because a small file can
     /// describe many lights: primitives with different materials can share one accessor. Default:
@@ -64,6 +70,8 @@ impl Default for GltfOptions {
             surfaces: true,
             surface_scale: 1.0,
             sides: EmissiveSides::default(),
+            texture_noise: 0.3,
+            texture_parts: 1 << 10,
             punctual: true,
             policy: Policy::default(),
             max_lights: 1 << 22,

@@ -9,24 +9,25 @@ use ::gltf::khr_lights_punctual::{self, Kind};
 use ::gltf::{Document, Material, Mesh, Node, Primitive, Semantic};
 use glam::{DAffine3, Quat, Vec3};
 
-use super::average::Averager;
+use super::emissive::{EmissiveTexture, TextureKey, Textures};
 use super::error::GltfError;
 use super::instancing::Instances;
 use super::nodes::{is_hidden, punctual_placement, scene_nodes, surface_placement, world_transforms};
 use super::options::{EmissiveSides, GltfOptions};
 use super::profiles::{Lamp, profile_placement, read_profile};
-use super::read::{TexCoords, Triangles};
-use super::texture::{TextureImage, TextureUse, TextureWrap};
+use super::read::Triangles;
+use super::texture::TextureImage;
 use crate::instance::placement::Placement;
 use crate::light::{DirectionalLight, Light};
 use crate::profile::Profile;
+use crate::texture::TexturedSurface;
 
 /// Where the lights of an instance come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum LightSource {
-    /// The emissive triangles of the node's mesh: one light each, in the order of the primitives. A
-    /// primitive with the accessors and the emission of an earlier one of its mesh adds no lights,
+    /// The emissive triangles of the node's mesh, in the order of the primitives: one light each, or more of a
+    /// primitive whose texture varies. A primitive with the accessors and the emission of an earlier one of its mesh adds no lights,
     /// since it covers the same surface. Triangles whose emissive texture is black add none.
     Surfaces,
     /// The node's point or spot light.
@@ -121,13 +122,7 @@ struct Surface<'a> {
     triangles: Triangles<'a>,
     radiance: Vec3,
     two_sided: bool,
-    texture: Option<SurfaceTexture<'a>>,
-}
-
-/// An emissive texture whose image and coordinates are there.
-struct SurfaceTexture<'a> {
-    coordinates: TexCoords<'a>,
-    texture: TextureUse,
+    texture: Option<EmissiveTexture<'a>>,
 }
 
 /// What the lights of a primitive depend on: primitives with equal keys have equal lights.
@@ -140,16 +135,6 @@ struct SurfaceKey {
     radiance: [u32; 3],
     two_sided: bool,
     texture: Option<TextureKey>,
-}
-
-/// What the average of a texture depends on.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct TextureKey {
-    image: usize,
-    coordinates: Option<usize>,
-    /// Bits of the transform.
-    transform: [u32; 6],
-    wrap: [TextureWrap; 2],
 }
 
 /// The first pass: trees by what they are made from, instances, and the number of lights.
@@ -269,35 +254,16 @@ impl<'a, B: AsRef<[u8]>> Outline<'a, B> {
             EmissiveSides::Front => false,
             EmissiveSides::Both => true,
         };
-        let texture = self.surface_texture(&material, primitive)?;
+        let texture = EmissiveTexture::of(&material, primitive, self.images, self.buffers)?;
         let key = SurfaceKey {
             mode: primitive.mode().as_gl_enum(),
             positions: primitive.get(&Semantic::Positions).map(|accessor| accessor.index()),
             indices: primitive.indices().map(|accessor| accessor.index()),
             radiance: radiance.to_array().map(f32::to_bits),
             two_sided,
-            texture: texture.as_ref().map(|texture| texture.key(primitive)),
+            texture: texture.as_ref().map(|texture| texture.key),
         };
         Ok(Some((key, Surface { mesh, triangles, radiance, two_sided, texture })))
-    }
-
-    /// The emissive texture of a material; `None` if there is none, or its image or its coordinates
-    /// are not there.
-    fn surface_texture(
-        &self,
-        material: &Material<'_>,
-        primitive: &Primitive<'_>,
-    ) -> Result<Option<SurfaceTexture<'a>>, GltfError> {
-        let Some(info) = material.emissive_texture() else { return Ok(None) };
-        let texture = TextureUse::of(&info);
-        let Some(image) = self.images.get(texture.image).copied().flatten() else { return Ok(None) };
-        image.check(texture.image)?;
-        if !texture.transform.is_finite() {
-            let message = "the transform of its texture is not finite".into();
-            return Err(GltfError::Image { image: texture.image, message });
-        }
-        let coordinates = TexCoords::new(primitive, texture.tex_coord, self.buffers)?;
-        Ok(coordinates.map(|coordinates| SurfaceTexture { coordinates, texture }))
     }
 
     /// Adds an instance of a node's point or spot light, or a directional light.
@@ -374,11 +340,13 @@ impl<'a, B: AsRef<[u8]>> Outline<'a, B> {
 
     /// The second pass: reads and checks the lights of all trees. Leaves out trees without lights.
     fn read(self) -> Result<Plan, GltfError> {
-        let mut averagers = Averagers { images: self.images, averagers: BTreeMap::new() };
+        let mut textures = Textures::default();
+        let found = self.light_count as usize + self.directional.len();
+        let mut room = self.options.max_lights.saturating_sub(found);
         let (mut trees, mut kept) = (Vec::new(), Vec::with_capacity(self.trees.len()));
         for tree in self.trees {
             let lights = match tree.lights {
-                LightsOutline::Surfaces(surfaces) => surface_lights(&surfaces, &mut averagers)?,
+                LightsOutline::Surfaces(surfaces) => surface_lights(&surfaces, &mut textures, self.options, &mut room)?,
                 LightsOutline::Punctual(light) => vec![light],
             };
             kept.push((!lights.is_empty()).then_some(trees.len()));
@@ -392,52 +360,42 @@ impl<'a, B: AsRef<[u8]>> Outline<'a, B> {
     }
 }
 
-impl SurfaceTexture<'_> {
-    fn key(&self, primitive: &Primitive<'_>) -> TextureKey {
-        let TextureUse { image, tex_coord, transform, wrap, .. } = self.texture;
-        TextureKey {
-            image,
-            coordinates: primitive.get(&Semantic::TexCoords(tex_coord)).map(|accessor| accessor.index()),
-            transform: transform.to_cols_array().map(f32::to_bits),
-            wrap,
-        }
-    }
-}
-
-/// The averagers of images, by the index of the image.
-struct Averagers<'a> {
-    images: &'a [Option<TextureImage<'a>>],
-    averagers: BTreeMap<usize, Averager<'a>>,
-}
-
-impl<'a> Averagers<'a> {
-    /// The averager of an image; `None` if it is not there.
-    fn get(&mut self, image: usize) -> Option<&mut Averager<'a>> {
-        let found = self.images.get(image).copied().flatten()?;
-        Some(self.averagers.entry(image).or_insert_with(|| Averager::new(found)))
-    }
-}
-
-/// One light for each triangle, without those over which the texture is black.
-fn surface_lights(surfaces: &[Surface<'_>], averagers: &mut Averagers<'_>) -> Result<Vec<Light>, GltfError> {
+/// The lights of primitives: one for each triangle, or more of those whose texture is cut into parts, without those over
+/// which the texture is black. `room` is the number of lights that may be added to those of triangles.
+fn surface_lights<'a>(
+    surfaces: &[Surface<'a>],
+    textures: &mut Textures<'a>,
+    options: &GltfOptions,
+    room: &mut usize,
+) -> Result<Vec<Light>, GltfError> {
     let mut lights = Vec::with_capacity(surfaces.iter().map(|surface| surface.triangles.count()).sum());
     for surface in surfaces {
         let invalid = |source| GltfError::Light { what: "mesh", index: surface.mesh, source };
-        for (triangle, vertices) in surface.triangles.iter().enumerate() {
-            let vertices = vertices?;
-            let mut radiance = surface.radiance;
-            if let Some(SurfaceTexture { coordinates, texture }) = &surface.texture {
-                let corners = surface.triangles.tex_coords(triangle, coordinates)?;
-                let average = averagers.get(texture.image).map(|averager| averager.average(corners, texture));
-                radiance *= average.unwrap_or(Vec3::ONE);
-            }
-            let light = Light::triangle(vertices, radiance);
+        let mut add = |light: Light| {
             let light = if surface.two_sided { light.two_sided() } else { light };
             light.validate().map_err(invalid)?;
-            if radiance != Vec3::ZERO {
+            if light.emission != Vec3::ZERO {
                 lights.push(light);
             }
-        }
+            Ok(())
+        };
+        let triangles = surface.triangles.iter().enumerate();
+        let Some(texture) = &surface.texture else {
+            for (_, vertices) in triangles {
+                add(Light::triangle(vertices?, surface.radiance))?;
+            }
+            continue;
+        };
+        let textured = triangles.map(|(triangle, vertices)| {
+            let corners = texture.on_image(surface.triangles.tex_coords(triangle, &texture.coordinates)?);
+            Ok(TexturedSurface::white_triangle(vertices?, surface.radiance).with_exact_tex_coords(corners))
+        });
+        let textured = textured.collect::<Result<Vec<_>, GltfError>>()?;
+        let shown = textures.get(texture)?;
+        let most = textured.len() + options.texture_parts.min(*room);
+        let parts = shown.split(&textured, options.texture_noise, most);
+        *room -= parts.len() - textured.len();
+        parts.iter().try_for_each(|part| add(shown.light(part)))?;
     }
     Ok(lights)
 }

@@ -5,6 +5,7 @@ use ::gltf::texture::{Info, MagFilter, WrappingMode};
 use glam::{Affine2, Mat2, Vec2};
 
 use super::error::GltfError;
+use crate::texture::TextureWrap;
 
 /// A decoded image: rows from the top, four bytes for each pixel.
 ///
@@ -31,18 +32,6 @@ impl TextureImage<'_> {
             format!("{} bytes are not the pixels of {} x {} pixels", self.rgba.len(), self.width, self.height);
         Err(GltfError::Image { image, message })
     }
-}
-
-/// What a texture shows beyond the sides of its image.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub enum TextureWrap {
-    /// The image again. The default of glTF.
-    #[default]
-    Repeat,
-    /// The image again, each copy mirrored.
-    Mirror,
-    /// The pixels at its sides.
-    Clamp,
 }
 
 impl From<WrappingMode> for TextureWrap {

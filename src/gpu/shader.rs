@@ -57,6 +57,9 @@ use crate::plan::{ShaderParts, TargetHook};
 /// // returned for this unit vector. Its radiance is 0 if there is none. A ray that hits nothing finds
 /// // the sky if `max_dist` is 1e18 or more.
 /// fn light_hit(shading_point: LightShadingPoint, direction: vec3<f32>, max_dist: f32) -> LightSample
+/// // Where on a triangle or parallelogram the point of a sample or of a hit is, from 0 to 1 along both edges
+/// // from the first corner: see `LightSampler::place_on_light`.
+/// fn light_place_on(shading_point: LightShadingPoint, s: LightSample) -> vec2<f32>
 /// // The 32 bits that the engine has given to an instance: see `LightWorld::set_user_data`.
 /// fn light_user_data(instance: u32) -> u32
 /// // How many clusters an invocation splits at most before it chooses a light, as in

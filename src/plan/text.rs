@@ -817,7 +817,7 @@ mod tests {
                  light_orthonormal light_normal_area light_tree_margin LIGHT_KIND_RECTANGLE LIGHT_KIND_TRIANGLE \
                  LIGHT_KIND_SPHERE LIGHT_TWO_SIDED LIGHT_CLOSE LIGHT_MIN_INVERSE_PDF LIGHT_TINY \
                  light_point_pdf light_surface_pdf light_sphere_pdf light_flat_normal_area \
-                 light_ray light_meets light_hit_dist light_first_hit LIGHT_MIN_DIRECTION LIGHT_BOX_ROUNDING \
+                 light_ray light_meets light_hit_dist light_flat_hit light_flat_corner light_first_hit LIGHT_MIN_DIRECTION LIGHT_BOX_ROUNDING \
                  LightRay LightRay.position LightRay.margin LightRay.inverse \
                  LightFirstHit LightFirstHit.instance LightFirstHit.light LightFirstHit.dist",
             ),

@@ -3,7 +3,7 @@
 //! Twin of `shaders/hit.wgsl`. The trees that choose lights bound them with boxes, so a ray finds the lights
 //! that it hits in the same nodes, and an engine needs no list of lights of its own.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use crate::instance::transform::InstanceTransform;
 use crate::keys::LightId;
@@ -53,6 +53,27 @@ impl LightSampler<'_> {
         let incident = Incident { direction, dist, radiance, pdf, is_delta: false, along: 0.0 };
         let pmf = self.pmf(shading_point, light);
         Some(LightSample { light, pmf, incident, user_data: self.world.user_data(instance).unwrap_or(0) })
+    }
+
+    /// Returns where on a triangle or parallelogram the point of a sample or of a hit is: how far it is along both edges
+    /// from the first corner, each from 0 to 1. The first corner of a triangle is its first vertex, and the edges end
+    /// at the second and the third; a parallelogram begins at the corner at `-half_u - half_v`, and its edges run along
+    /// `half_u` and `half_v`.
+    ///
+    /// An engine whose lights have textures finds the texel there:
+    /// [`TexturedSurface::tex_coord`](crate::TexturedSurface::tex_coord). `None` for lights of other shapes, for a
+    /// segment, and for samples of another world.
+    pub fn place_on_light(&self, shading_point: &ShadingPoint, sample: &LightSample) -> Option<Vec2> {
+        let LightId::Local { instance, light } = sample.light else { return None };
+        LocalSegment::of(shading_point).is_none().then_some(())?;
+        let placed = self.world.instance(instance)?;
+        let record = self.world.tree(placed.tree)?.lights().get(light as usize)?;
+        let frame = placed.shown()?.frame(self.world.home());
+        let hit = flat_hit(record, &frame, shading_point, sample.incident.direction)?;
+        // Rounding may lead a little beyond the edges.
+        let place = hit.place.clamp(Vec2::ZERO, Vec2::ONE);
+        let excess = if hit.is_parallelogram { 0.0 } else { (place.x + place.y - 1.0).max(0.0) };
+        Some(place - 0.5 * excess)
     }
 
     /// The first light, and its distance.
@@ -147,10 +168,46 @@ impl Ray {
     }
 }
 
-/// The distance at which a ray hits a light that shines toward the ray's origin, if it is less than `max_dist`.
+/// A ray in the plane of a triangle or parallelogram.
+struct FlatHit {
+    dist: f32,
+    /// How far it is along both edges from the first corner, from 0 to 1 on the light.
+    place: Vec2,
+    is_parallelogram: bool,
+    /// Whether the light shines toward the ray's origin.
+    is_lit: bool,
+}
+
+/// Where a ray meets the plane of a light; `None` for lights that have none.
 ///
-/// Triangles and rectangles are intersected as by Möller and Trumbore (*Fast, Minimum Storage Ray-Triangle
-/// Intersection*, 1997), relative to the shading point.
+/// As by Möller and Trumbore (*Fast, Minimum Storage Ray-Triangle Intersection*, 1997), relative to the shading point.
+fn flat_hit(
+    light: &Light,
+    frame: &InstanceTransform,
+    shading_point: &ShadingPoint,
+    direction: Vec3,
+) -> Option<FlatHit> {
+    let (corner, edges, is_parallelogram, two_sided) = match light.shape {
+        Shape::Rectangle { center, half_u, half_v, two_sided } => {
+            (center - half_u - half_v, [2.0 * half_u, 2.0 * half_v], true, two_sided)
+        }
+        Shape::Triangle { vertices: [p, q, r], two_sided } => (p, [q - p, r - p], false, two_sided),
+        Shape::Point { .. } | Shape::Spot { .. } | Shape::Profile { .. } | Shape::Sphere { .. } => return None,
+    };
+    let normal_area = frame.normal_area(edges[0].cross(edges[1]));
+    let (to_corner, [u, v]) = (frame.toward(corner, shading_point), edges.map(|edge| frame.to_world * edge));
+    let across = direction.cross(v);
+    let inverse = u.dot(across).recip();
+    let around = u.cross(to_corner);
+    Some(FlatHit {
+        dist: v.dot(around) * inverse,
+        place: Vec2::new(-to_corner.dot(across) * inverse, direction.dot(around) * inverse),
+        is_parallelogram,
+        is_lit: is_lit_side(to_corner, normal_area, two_sided),
+    })
+}
+
+/// The distance at which a ray hits a light that shines toward the ray's origin, if it is less than `max_dist`.
 fn hit_dist(
     light: &Light,
     frame: &InstanceTransform,
@@ -158,37 +215,25 @@ fn hit_dist(
     direction: Vec3,
     max_dist: f32,
 ) -> Option<f32> {
-    let flat = |corner: Vec3, edges: [Vec3; 2], is_parallelogram: bool, two_sided: bool| {
-        let normal_area = frame.normal_area(edges[0].cross(edges[1]));
-        let (to_corner, [u, v]) = (frame.toward(corner, shading_point), edges.map(|edge| frame.to_world * edge));
-        let across = direction.cross(v);
-        let inverse = u.dot(across).recip();
-        let a = -to_corner.dot(across) * inverse;
-        let around = u.cross(to_corner);
-        let b = direction.dot(around) * inverse;
-        let dist = v.dot(around) * inverse;
-        let farthest = if is_parallelogram { a.max(b) } else { a + b };
-        let is_inside = a >= 0.0 && b >= 0.0 && farthest <= 1.0;
-        (is_inside && is_lit_side(to_corner, normal_area, two_sided)).then_some(dist)
+    let on_sphere = |center: Vec3, radius: f32| {
+        let to_center = frame.to_local * frame.toward(center, shading_point);
+        let local = frame.to_local * direction;
+        let length_sq = local.length_squared();
+        let along = to_center.dot(local) / length_sq;
+        // From the ray to the centre: a difference of squares would lose digits.
+        let beside_sq = (to_center - local * along).length_squared();
+        let outside = to_center.length_squared() - radius * radius;
+        let half_chord = ((radius * radius - beside_sq).max(0.0) / length_sq).sqrt();
+        let is_hit = outside > 0.0 && along > 0.0 && beside_sq <= radius * radius;
+        is_hit.then(|| outside / (length_sq * (along + half_chord)))
+    };
+    let on_surface = |FlatHit { dist, place, is_parallelogram, is_lit }: FlatHit| {
+        let farthest = if is_parallelogram { place.max_element() } else { place.x + place.y };
+        (place.x >= 0.0 && place.y >= 0.0 && farthest <= 1.0 && is_lit).then_some(dist)
     };
     let dist = match light.shape {
-        Shape::Point { .. } | Shape::Spot { .. } | Shape::Profile { .. } => None,
-        Shape::Rectangle { center, half_u, half_v, two_sided } => {
-            flat(center - half_u - half_v, [2.0 * half_u, 2.0 * half_v], true, two_sided)
-        }
-        Shape::Triangle { vertices: [p, q, r], two_sided } => flat(p, [q - p, r - p], false, two_sided),
-        Shape::Sphere { center, radius } => {
-            let to_center = frame.to_local * frame.toward(center, shading_point);
-            let local = frame.to_local * direction;
-            let length_sq = local.length_squared();
-            let along = to_center.dot(local) / length_sq;
-            // From the ray to the centre: a difference of squares would lose digits.
-            let beside_sq = (to_center - local * along).length_squared();
-            let outside = to_center.length_squared() - radius * radius;
-            let half_chord = ((radius * radius - beside_sq).max(0.0) / length_sq).sqrt();
-            let is_hit = outside > 0.0 && along > 0.0 && beside_sq <= radius * radius;
-            is_hit.then(|| outside / (length_sq * (along + half_chord)))
-        }
+        Shape::Sphere { center, radius } => on_sphere(center, radius),
+        _ => flat_hit(light, frame, shading_point, direction).and_then(on_surface),
     };
     let reaches = |dist: &f32| {
         let dist_sq = dist * dist;

@@ -46,11 +46,20 @@ fn textured_square(texture: &str) -> String {
     ))
 }
 
-/// Loads a document with one image. `None` is an image that is not decoded.
+/// Loads a document with one image, and one light for a triangle. `None` is an image that is not decoded.
 fn load_textured(text: &str, image: Option<TextureImage<'_>>) -> (LightWorld, Result<GltfLights, GltfError>) {
+    load_in_parts(text, &[image], 0)
+}
+
+/// Loads a document with images, and some lights beyond those of triangles.
+fn load_in_parts(
+    text: &str,
+    images: &[Option<TextureImage<'_>>],
+    texture_parts: usize,
+) -> (LightWorld, Result<GltfLights, GltfError>) {
     let (file, mut world) = (open(text), LightWorld::new());
-    let result =
-        load_lights_with_textures(&mut world, &file.document, &file.buffers, &[image], &GltfOptions::default());
+    let options = GltfOptions { texture_parts, ..GltfOptions::default() };
+    let result = load_lights_with_textures(&mut world, &file.document, &file.buffers, images, &options);
     (world, result)
 }
 
@@ -91,6 +100,73 @@ fn triangles_whose_texture_is_black_have_no_lights() {
     let (world, result) = load_textured(&textured_square(""), image(4, &pixels(4, 4, |_, _| false)));
     assert_eq!(result.map(|lights| lights.nodes.len()), Ok(0));
     assert_eq!((world.tree_count(), world.instance_count()), (0, 0));
+}
+
+#[test]
+fn triangles_whose_texture_varies_are_cut_into_parts_within_the_limits() {
+    // A bright bar, an eighth of the image.
+    let rgba = pixels(64, 64, |_, y| (16..24).contains(&y));
+    let loaded = |parts: usize| {
+        let (world, result) = load_in_parts(&textured_square(""), &[image(64, &rgba)], parts);
+        result.expect("a valid document");
+        let lights = lights(&world);
+        (lights.len(), lights.iter().map(|light| f64::from(light.flux())).sum::<f64>())
+    };
+    let (whole, flux) = loaded(0);
+    assert_eq!(whole, 2);
+    for (parts, most) in [(2, 2), (3, 5), (4, 5), (40, 41)] {
+        let (count, same) = loaded(parts);
+        assert!(count <= most && (same / flux - 1.0).abs() < 1.0e-5, "{parts}: {count} {same} {flux}");
+    }
+    // A document may not have more lights with its parts either.
+    let file = open(&textured_square(""));
+    for (max_lights, most) in [(2, 2), (4, 4), (5, 5)] {
+        let options = GltfOptions { max_lights, ..GltfOptions::default() };
+        let mut world = LightWorld::new();
+        load_lights_with_textures(&mut world, &file.document, &file.buffers, &[image(64, &rgba)], &options)
+            .expect("a valid document");
+        assert!(world.light_count() <= most, "{max_lights}: {}", world.light_count());
+    }
+}
+
+#[test]
+fn what_the_alpha_of_the_base_colour_cuts_out_does_not_emit() {
+    // The right half is transparent, the left half half so.
+    let mut rgba = pixels(2, 1, |_, _| true);
+    (rgba[3], rgba[7]) = (128, 0);
+    let (cut, white) = (TextureImage { width: 2, height: 1, rgba: &rgba }, pixels(4, 4, |_, _| true));
+    let text = |base: &str, alpha: &str, emissive: &str| {
+        square().text(&format!(
+            "'nodes':[{{'mesh':0}}],'meshes':[{{'primitives':[{}]}}],'images':[{{'uri':'a.png'}},{{'uri':'b.png'}}],\
+             'textures':[{{'source':0}},{{'source':1}}],'materials':[{{'emissiveFactor':[1,1,1],{emissive}\
+             'pbrMetallicRoughness':{{'baseColorTexture':{base}}}{alpha},\
+             'extensions':{{'KHR_materials_emissive_strength':{{'emissiveStrength':10}}}}}}]",
+            square_primitive(0)
+        ))
+    };
+    let mean = |base: &str, alpha: &str, emissive: &str| {
+        let (world, result) = load_in_parts(&text(base, alpha, emissive), &[Some(cut), image(4, &white)], 0);
+        result.expect("a valid document");
+        lights(&world).iter().map(|light| light.emission.x).sum::<f32>() / 2.0
+    };
+    for emissive in ["", "'emissiveTexture':{'index':1},"] {
+        let plain = "{'index':0}";
+        let found = |alpha: &str| mean(plain, alpha, emissive);
+        let close = |found: f32, expected: f32| assert!((found - expected).abs() < 1.0e-3, "{found} not {expected}");
+        close(found(""), 10.0);
+        close(found(",'alphaMode':'MASK'"), 5.0);
+        close(found(",'alphaMode':'BLEND'"), 5.0 * 128.0 / 255.0);
+        close(found(",'alphaMode':'MASK','alphaCutoff':0.1"), 5.0);
+        let (_, result) = load_in_parts(
+            &text(plain, ",'alphaMode':'MASK','alphaCutoff':0.6", emissive),
+            &[Some(cut), image(4, &white)],
+            0,
+        );
+        assert_eq!(result.map(|lights| lights.nodes.len()), Ok(0));
+    }
+    // Two images that lie differently: the emissive one alone counts.
+    let turned = "{'index':0,'extensions':{'KHR_texture_transform':{'scale':[0.5,1]}}}";
+    assert_eq!(mean(turned, ",'alphaMode':'MASK'", "'emissiveTexture':{'index':1},"), 10.0);
 }
 
 #[test]

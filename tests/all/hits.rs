@@ -1,6 +1,6 @@
 //! The first light that a ray hits, against all lights in turn, in f64.
 
-use girandole::glam::{DMat3, DVec3, Mat3, Vec3};
+use girandole::glam::{DMat3, DVec3, Mat3, Vec2, Vec3};
 use girandole::gpu::GpuLights;
 use girandole::{
     Effects, FrameBudget, Light, LightId, LightSample, LightTree, LightWorld, Placement, Policy, ShadingPoint, Shape,
@@ -206,30 +206,34 @@ fn rays_in_an_engines_shader_hit_what_they_hit_on_the_cpu() {
     lights.upload(&world).expect("room enough");
     let sampler = world.sampler();
     let mut questions: Vec<[f32; 12]> = Vec::new();
-    let mut expected = Vec::new();
+    let (mut expected, mut places) = (Vec::new(), Vec::new());
     for _ in 0..4000 {
         let (at, direction, max_dist) = ray(&mut rng, &world);
         let max_dist = max_dist.min(1.0e18);
         let ([x, y, z], [p, q, r]) = (at.position.to_array(), at.normal.to_array());
         let [a, b, c] = direction.to_array();
         questions.push([x, y, z, f32::from_bits(at.mask), p, q, r, max_dist, a, b, c, 0.0]);
-        expected.push(sampler.hit(&at, direction, max_dist));
+        let hit = sampler.hit(&at, direction, max_dist);
+        places.push(hit.and_then(|hit| sampler.place_on_light(&at, &hit)));
+        expected.push(hit);
     }
     let text = lights.shader(1, Effects::all()).join(
         "struct Question { position: vec3<f32>, mask: u32, normal: vec3<f32>, max_dist: f32, direction: vec3<f32> }
         @group(0) @binding(0) var<storage, read> questions: array<Question>;
-        @group(0) @binding(1) var<storage, read_write> answers: array<LightSample>;
+        struct Answer { hit: LightSample, place: vec2<f32> }
+        @group(0) @binding(1) var<storage, read_write> answers: array<Answer>;
         @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
             if id.x >= arrayLength(&questions) { return; }
             let q = questions[id.x];
             let point = light_masked_point(light_surface_point(q.position, q.normal), q.mask);
-            answers[id.x] = light_hit(point, q.direction, q.max_dist);
+            let hit = light_hit(point, q.direction, q.max_dist);
+            answers[id.x] = Answer(hit, light_place_on(point, hit));
         }",
     );
-    let answers: Vec<[f32; 12]> = ask(&mut lights, text, &questions, expected.len());
+    let answers: Vec<[f32; 16]> = ask(&mut lights, text, &questions, expected.len());
     let (mut hits, mut edges) = (0, 0);
-    for (cpu, gpu) in expected.iter().zip(&answers) {
-        let [_, _, _, dist, red, green, blue, pdf, pmf, instance, light, _] = *gpu;
+    for ((cpu, gpu), place) in expected.iter().zip(&answers).zip(&places) {
+        let [_, _, _, dist, red, green, blue, pdf, pmf, instance, light, _, x, y, ..] = *gpu;
         let radiance = Vec3::new(red, green, blue);
         let named = (radiance != Vec3::ZERO).then(|| LightId::Local {
             instance: world.instance_at(instance.to_bits()).expect("a live slot"),
@@ -241,6 +245,8 @@ fn rays_in_an_engines_shader_hit_what_they_hit_on_the_cpu() {
                 assert!(close(radiance.length(), cpu.incident.radiance.length()), "{gpu:?} {cpu:?}");
                 // Near its edge, the density of a surface is the inverse of a small difference.
                 assert!(close(pdf, cpu.incident.pdf) || pdf > 1.0e3, "{gpu:?} {cpu:?}");
+                let on_light = Vec2::new(x, y);
+                assert!(on_light.distance(place.unwrap_or(Vec2::ZERO)) < 1.0e-3, "{on_light} {place:?} {cpu:?}");
                 hits += 1;
             }
             None if named.is_none() => {}

@@ -43,6 +43,7 @@ mod shared_cuts;
 mod small_trees;
 mod solid_angle;
 mod stand_ins;
+mod textures;
 mod torture;
 mod tree;
 mod trees_made_elsewhere;

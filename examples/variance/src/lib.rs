@@ -14,3 +14,4 @@ pub mod torture;
 pub mod shadow_oracle;
 pub mod learning;
 pub mod sky;
+pub mod signs;

@@ -13,6 +13,7 @@
 //! cargo run --release -p variance -- --out FILE.csv --shadows [--gltf FILE]
 //! cargo run --release -p variance -- --out FILE.csv --learn
 //! cargo run --release -p variance -- --out FILE.csv --sky [--shading-points N]
+//! cargo run --release -p variance -- --out FILE.csv --signs
 //! ```
 //!
 //! `--quick` makes each of them small, to try it out. The first form prints a table and writes it as
@@ -30,7 +31,8 @@
 //! the length of their segments (`segments.rs`). `--shadows` measures how much noise with shadows a
 //! sampler would lose if it knew which lights are visible (`shadow_oracle/`); it takes some
 //! minutes. `--learn` measures how much of that a table of learnt visibility gains, and how fast
-//! (`learning.rs`). `--sky` measures a sky beside lamps, chosen together and by halves (`sky.rs`). `docs/benchmarks.md` has measured tables and the rules of measurement.
+//! (`learning.rs`). `--sky` measures a sky beside lamps, chosen together and by halves (`sky.rs`). `--signs` measures
+//! surfaces that emit an image (`signs.rs`). `docs/benchmarks.md` has measured tables and the rules of measurement.
 
 use clap::Parser;
 use scene::SceneError;
@@ -78,6 +80,9 @@ struct Options {
     /// Measure a sky beside lamps, instead
     #[arg(long, conflicts_with_all = ["gltf", "world", "deform", "candidates", "gloss", "torture", "shadows", "learn", "segments"])]
     sky: bool,
+    /// Measure signs and films, instead
+    #[arg(long, conflicts_with_all = ["gltf", "world", "deform", "candidates", "gloss", "torture", "shadows", "learn", "segments", "sky"])]
+    signs: bool,
     /// Number of shading points
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     shading_points: u32,
@@ -118,6 +123,9 @@ fn run(options: &Options) -> Result<(), SceneError> {
     }
     if options.sky {
         return variance::sky::run(count, effort, &options.out);
+    }
+    if options.signs {
+        return variance::signs::run(count, effort, &options.out);
     }
     let mut scenes = Vec::from(variance::stages::city(options.world, count)?);
     if let Some(path) = &options.gltf {

@@ -29,6 +29,7 @@ pub const FIGURES: &[Figure] = &[
     noise::SHADOWS,
     noise::LEARNING,
     noise::SKY,
+    noise::SIGNS,
     world::DEFORM,
     world::BUDGET_PLOT,
     world::BUDGET,

@@ -311,3 +311,21 @@ pub const SKY: Figure = table(
         ..VIEW
     }],
 );
+
+/// Signs and films in parts.
+pub const SIGNS: Figure = table(
+    "signs",
+    "docs/textures.md",
+    &[View {
+        from: &["signs/signs.csv"],
+        keys: &[("image", "image"), ("parts", "parts")],
+        cells: &[
+            cell("σ", "sigma_mean", Digits(2)),
+            cell("σ, 95 %", "sigma_p95", Digits(2)),
+            cell("a sample in ns", "sample_ns", Digits(2)),
+            cell("to cut, in ms", "cut_ms", Digits(2)),
+            cell("a frame of a film, in ms", "frame_ms", Digits(2)),
+        ],
+        ..VIEW
+    }],
+);

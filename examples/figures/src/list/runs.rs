@@ -96,6 +96,17 @@ pub const RUNS: &[Run] = &[
         ..RUN
     },
     Run {
+        name: "signs",
+        program: "variance",
+        arguments: "--signs",
+        quick: Some("--signs --quick"),
+        out: Some("signs.csv"),
+        has_fewer_rows: true,
+        is_timed: true,
+        seconds: 15,
+        ..RUN
+    },
+    Run {
         name: "deform",
         program: "variance",
         arguments: "--deform --shading-points 100",

@@ -1,0 +1,13 @@
+//! Surfaces that emit an image: signs, screens, and meshes with emissive textures.
+//!
+//! A surface is [cut](split) into parts, each of which is an ordinary light that emits the average of its texels
+//! ([`image`]). So the tree over the parts is what chooses among bright and dark texels.
+
+mod cells;
+mod image;
+mod split;
+mod surface;
+
+pub use cells::TextureWrap;
+pub use image::Texture;
+pub use surface::TexturedSurface;
