@@ -229,6 +229,8 @@ mod pages {
     struct SkyPage;
     #[doc = include_str!("../docs/profiles.md")]
     struct Profiles;
+    #[doc = include_str!("../docs/textures.md")]
+    struct Textures;
     #[doc = include_str!("../docs/streaming.md")]
     #[cfg(feature = "bake")]
     struct Streaming;
