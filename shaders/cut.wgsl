@@ -207,6 +207,11 @@ fn light_weigh(
     // #if COUNTS
     light_nodes_read++;
     // #endif
+    // #if SKY
+    // #if PORTALS
+    let portals = light_portals_in_sight(place, shading_point);
+    // #endif
+    // #endif
     var lanes = LightLanes(vec4(0.0), vec4(0.0));
     // #if SEGMENTS
     // A loop for each kind of estimate, so that an adapter that runs both sides of a branch runs one
@@ -231,6 +236,13 @@ fn light_weigh(
             var estimate = light_importance(packed, local, view);
             // #if MASKS
             estimate.lux *= light_seen_share(in_top, packed.child_bits, shading_point.mask);
+            // #endif
+            // #if SKY
+            // #if PORTALS
+            if portals != 0u {
+                estimate.lux *= light_portal_share(portals, light_quad(in_top, at), packed, shading_point);
+            }
+            // #endif
             // #endif
             light_take(cut, &lanes, place.instance, slot, packed, view, local, weighing, estimate);
         }

@@ -85,6 +85,7 @@ fn estimate(
     // #if LEARNS
     learnt: LightCell,
     // #endif
+    is_center: bool,
 ) -> Estimate {
     let in_top = place.instance == LIGHT_NO_INSTANCE;
     let at = place.index * light_params.node_stride;
@@ -105,6 +106,15 @@ fn estimate(
     // #endif
     // #if MASKS
     found.lux *= light_seen_share(in_top, packed.child_bits, point.mask);
+    // #endif
+    // #if SKY
+    // #if PORTALS
+    // The middle stands for all points of the cell, which may see other parts of the sky.
+    let portals = select(light_portals_in_sight(place, point), 0u, is_center);
+    if portals != 0u {
+        found.lux *= light_portal_share(portals, light_quad(in_top, at), packed, point);
+    }
+    // #endif
     // #endif
     return Estimate(found.lux, found.doubt, is_lit, is_light);
 }
@@ -176,6 +186,7 @@ fn cut_build(
             // #if LEARNS
             learnt,
             // #endif
+            is_center,
         );
         let lux = select(0.0, found.lux, is_view);
         importance[count * 64u + lane] = lux;

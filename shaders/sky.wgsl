@@ -216,4 +216,93 @@ fn light_patch_of(instance: LightInstance, texel: vec2<u32>) -> u32 {
     let holds = end != 0u && light_square_holds(light_patch_square(light_record(instance.light_base + first)), texel);
     return select(LIGHT_NO_INSTANCE, first, holds);
 }
+
+// #if PORTALS
+// A quad of a portal's record. Twin of `portal_quads`.
+fn light_portal_quad(portal: u32, quad: u32) -> vec4<f32> {
+    return bitcast<vec4<f32>>(light_top[light_params.parts - 7u - 6u * portal + quad]);
+}
+
+// Whether a point is in the room of a portal.
+fn light_is_in_room(portal: u32, position: vec3<f32>) -> bool {
+    let at = vec4(position, 1.0);
+    let in_room = vec3(
+        dot(light_portal_quad(portal, 0u), at), dot(light_portal_quad(portal, 1u), at),
+        dot(light_portal_quad(portal, 2u), at),
+    );
+    return all(abs(in_room) <= vec3(1.0));
+}
+
+// A bit for each portal of the rooms that a shading point is in, for nodes of the sky; 0 for others. Twin of
+// `PortalsInSight::new`.
+fn light_portals_in_sight(place: LightPlace, shading_point: LightShadingPoint) -> u32 {
+    if place.instance != light_params.sky {
+        return 0u;
+    }
+    // #if SEGMENTS
+    if light_is_segment(shading_point) {
+        return 0u;
+    }
+    // #endif
+    var seen = 0u;
+    let count = light_top[light_params.parts - 1u].x;
+    for (var portal = 0u; portal < count; portal++) {
+        seen |= select(0u, 1u << portal, light_is_in_room(portal, shading_point.position));
+    }
+    return seen;
+}
+
+// The distance of a box's centre to a plane, positive in front, how far the box reaches along its normal, and the
+// distance to the middle of the portal.
+fn light_portal_side(
+    in_world: vec3<f32>, depth: f32, instance: LightInstance, center: vec3<f32>, half_size: vec3<f32>,
+) -> vec3<f32> {
+    let normal = light_transposed(instance.to_world, in_world);
+    let length_sq = dot(normal, normal);
+    let inverse = select(0.0, inverseSqrt(length_sq), length_sq > 0.0);
+    return vec3(
+        dot(normal, center) * inverse, dot(abs(normal), half_size) * inverse,
+        select(1.0, depth * inverse, length_sq > 0.0),
+    );
+}
+
+// Twin of `share_between`.
+fn light_share_between(a: vec3<f32>, b: vec3<f32>) -> f32 {
+    let within = min(a.x + a.y, b.x + b.y);
+    let share = min(within, a.z + b.z) / (a.y + b.y);
+    return select(clamp(share, LIGHT_LEAST_SHARE, 1.0), 0.0, within <= 0.0);
+}
+
+// The share of a child of the sky that is behind portals. Twin of `PortalsInSight::weigh`.
+fn light_portal_share(
+    portals: u32, head: vec4<u32>, packed: LightPackedChild, shading_point: LightShadingPoint,
+) -> f32 {
+    let half_step = light_half_steps(head.w);
+    let low = light_low(packed);
+    let high = light_high(packed);
+    let center = bitcast<vec3<f32>>(head.xyz) + (high + low) * half_step;
+    let half_size = (high - low) * half_step + LIGHT_PORTAL_SLACK;
+    let instance = light_instance(light_params.sky);
+    var share = 0.0;
+    for (var rest = portals; rest != 0u; rest &= rest - 1u) {
+        let portal = firstTrailingBit(rest);
+        let to = light_portal_quad(portal, 3u).xyz - shading_point.position;
+        let u = light_portal_quad(portal, 4u).xyz;
+        let v = light_portal_quad(portal, 5u).xyz;
+        let volume = dot(cross(u, v), to);
+        let turn = select(1.0, -1.0, volume < 0.0);
+        let depth = abs(volume) / length(to);
+        let along_u = light_share_between(
+            light_portal_side(turn * cross(to + u, v), depth, instance, center, half_size),
+            light_portal_side(turn * cross(u - to, v), depth, instance, center, half_size),
+        );
+        let along_v = light_share_between(
+            light_portal_side(turn * cross(-to - v, u), depth, instance, center, half_size),
+            light_portal_side(turn * cross(to - v, u), depth, instance, center, half_size),
+        );
+        share += along_u * along_v;
+    }
+    return min(share, 1.0);
+}
+// #endif
 // #endif

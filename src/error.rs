@@ -21,7 +21,7 @@
 //! | 1000 to 1001 | [`VisibilityError`] |
 //! | 1100 to 1107 | `tree::BakeError` |
 //! | 1200 to 1201 | [`CutError`] |
-//! | 1300 to 1303 | [`SkyError`] |
+//! | 1300 to 1305 | [`SkyError`] |
 //! | 1400 to 1406 | [`ProfileError`] |
 //! | 1500 to 1502 | [`TextureError`] |
 
@@ -451,7 +451,7 @@ impl VisibilityError {
     }
 }
 
-/// Why a [`Sky`](crate::Sky), or a part of one, was refused. Codes 1300 to 1303.
+/// Why a [`Sky`](crate::Sky), or a part of one, was refused. Codes 1300 to 1305.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SkyError {
@@ -490,6 +490,20 @@ pub enum SkyError {
     /// The world has no sky.
     #[error("the world has no sky")]
     NoSky,
+    /// There are too many portals.
+    #[error("{given} portals are more than {max}")]
+    Portals {
+        /// The given number.
+        given: usize,
+        /// The greatest number allowed.
+        max: usize,
+    },
+    /// A portal has a number that is not finite, or a room without a volume.
+    #[error("portal {portal} has a number that is not finite, or a room without a volume")]
+    Portal {
+        /// The index of the portal.
+        portal: usize,
+    },
 }
 
 impl SkyError {
@@ -500,6 +514,8 @@ impl SkyError {
             Self::Pixel { .. } => 1301,
             Self::Part { .. } => 1302,
             Self::NoSky => 1303,
+            Self::Portals { .. } => 1304,
+            Self::Portal { .. } => 1305,
         }
     }
 }

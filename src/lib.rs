@@ -172,6 +172,7 @@ pub use error::{
 pub use glam;
 pub use instance::appearance::MAX_FACTOR;
 pub use instance::placement::{MAX_DISTANCE, MAX_SCALE, Placement};
+pub use instance::portal::Portal;
 pub use instance::sector::ORIGIN_GRID;
 pub use keys::{DirectionalKey, InstanceKey, LightId, RegionKey, TreeKey};
 pub use light::{DirectionalLight, Light, Shape};

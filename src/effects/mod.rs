@@ -37,7 +37,7 @@ use std::ops::{BitAnd, BitOr, BitOrAssign, Sub, SubAssign};
 /// assert_eq!(effects.names().collect::<Vec<_>>(), ["CONES", "RANGES"]);
 /// ```
 #[derive(Clone, Copy, Default, PartialEq, Eq, Hash)]
-pub struct Effects(u16);
+pub struct Effects(u32);
 
 /// Makes the constants of the effects, which it numbers.
 macro_rules! effects {
@@ -46,7 +46,7 @@ macro_rules! effects {
         enum Number { $($name,)* }
 
         impl Effects {
-            $($(#[$doc])* pub const $name: Self = Self(1 << Number::$name as u16);)*
+            $($(#[$doc])* pub const $name: Self = Self(1 << Number::$name as u32);)*
 
             /// The names of all effects, by their numbers.
             pub(crate) const NAMES: &[&str] = &[$(stringify!($name),)*];
@@ -109,6 +109,12 @@ effects! {
     SKY,
     /// A light has a photometric profile. It comes with [`Effects::CONES`].
     PROFILES,
+    /// The world has portals, through which the sky enters rooms: see
+    /// [`LightWorld::set_portals`](crate::LightWorld::set_portals).
+    ///
+    /// This is a setting: its count is 0 or 1. It changes no layout, and no shader that is made without
+    /// [`Effects::SKY`].
+    PORTALS,
 }
 
 impl Effects {

@@ -301,7 +301,7 @@ mod tests {
         let texts: Vec<_> = paths.map(|path| std::fs::read_to_string(path).expect("a text")).collect();
         let blocks_of = |text| str::split(text, "```wgsl\n").skip(1).filter_map(|rest| rest.split("```").next());
         let blocks: Vec<_> = texts.iter().flat_map(|text| blocks_of(text)).collect();
-        assert_eq!(blocks.len(), 9);
+        assert_eq!(blocks.len(), 10);
         for effects in [Effects::all(), Effects::empty()] {
             // Only shaders that know segments have the distance along one.
             let knows = |block: &&&str| effects.contains(Effects::SEGMENTS) || !block.contains("light_segment(");

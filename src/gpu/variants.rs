@@ -10,6 +10,7 @@ use super::testing::{compute_pipeline, gpu, gpu_lights, random, random_vec, read
 use super::*;
 use crate::effects::EFFECT_HOLD_UPDATES;
 use crate::instance::placement::Placement;
+use crate::instance::portal::Portal;
 use crate::keys::{InstanceKey, TreeKey};
 use crate::light::{DirectionalLight, Light};
 use crate::plan::layout::{InstanceRecord, ParamsRecord, Strides};
@@ -118,6 +119,13 @@ fn world_of(effects: Effects) -> LightWorld {
     if effects.contains(Effects::SKY) {
         world.set_sky(small_sky());
     }
+    if effects.contains(Effects::PORTALS) {
+        let (center, room) = (
+            DVec3::new(0.0, 10.0, 0.0),
+            Placement { linear: Mat3::from_diagonal(Vec3::splat(10.0)), ..Placement::IDENTITY },
+        );
+        world.set_portals(&[Portal { center, half_u: 8.0 * Vec3::X, half_v: 8.0 * Vec3::Z, room }]).unwrap();
+    }
     assert_eq!(world.effects() | Effects::MOVING, effects | Effects::MOVING);
     world
 }
@@ -171,7 +179,7 @@ fn assert_alike(ours: &[SampleRecord], twin: &[SampleRecord], what: &str) {
     assert!(mismatches <= MAX_MISMATCHES && lit > 500, "{what}: {mismatches} differ, {lit} are lit");
 }
 
-const EFFECTS: [Effects; 11] = [
+const EFFECTS: [Effects; 12] = [
     Effects::CONES,
     Effects::RANGES,
     Effects::AREAS,
@@ -183,6 +191,7 @@ const EFFECTS: [Effects; 11] = [
     Effects::SECTORS,
     Effects::SKY,
     Effects::PROFILES,
+    Effects::PORTALS,
 ];
 
 #[test]

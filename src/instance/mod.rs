@@ -4,5 +4,6 @@
 pub(crate) mod appearance;
 pub(crate) mod part;
 pub(crate) mod placement;
+pub(crate) mod portal;
 pub(crate) mod sector;
 pub(crate) mod transform;

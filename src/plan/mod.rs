@@ -122,6 +122,7 @@ pub use target_hook::TargetHook;
 pub use text::{ShaderParts, wgsl, wgsl_of_marks, wgsl_previous, wgsl_with};
 
 use crate::effects::Effects;
+use crate::instance::portal::PlacedPortal;
 use crate::instance::sector;
 use crate::keys::slot_of;
 use crate::sampling::cut::NO_INSTANCE;
@@ -177,6 +178,8 @@ pub struct LightPlanner {
     written_sky: u64,
     /// Where the tables of profiles that the device has end, in quads.
     written_profiles: u32,
+    /// The portals that the device has.
+    written_portals: Vec<PlacedPortal>,
     lists: ReusedLists,
 }
 
@@ -199,6 +202,7 @@ impl LightPlanner {
             number: 0,
             written_sky: 0,
             written_profiles: 0,
+            written_portals: Vec::new(),
             lists: ReusedLists::default(),
         }
     }

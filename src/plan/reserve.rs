@@ -18,6 +18,7 @@ use super::stored::Stored;
 use super::top::MapQuads;
 use super::tree_writes::written_records;
 use crate::effects::Effects;
+use crate::instance::portal::PORTAL_QUADS;
 use crate::keys::slot_of;
 use crate::profile::stored_quads;
 use crate::world::LightWorld;
@@ -167,6 +168,7 @@ impl LightPlanner {
         room.slots = self.instances.pool.alloc(more_slots, growth)?;
         let has_masks = effects.contains(Effects::MASKS);
         let map_quads = MapQuads {
+            portals: if effects.contains(Effects::PORTALS) { PORTAL_QUADS } else { 0 },
             profiles: match effects.contains(Effects::PROFILES) {
                 // In steps, so that not each new profile takes another buffer.
                 true => stored_quads().next_multiple_of(PROFILE_QUADS),

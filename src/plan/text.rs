@@ -10,8 +10,8 @@ use super::target_hook::TargetHook;
 use super::{layout, stored};
 use crate::cluster;
 use crate::effects::Effects;
-use crate::instance::part;
 use crate::instance::sector;
+use crate::instance::{part, portal};
 use crate::light;
 use crate::math::dice;
 use crate::math::solid_angle;
@@ -412,6 +412,8 @@ pub(crate) fn constants() -> String {
     }
     for (name, value) in [
         ("VARIANCE_SHARE", importance::VARIANCE_SHARE),
+        ("PORTAL_SLACK", portal::PORTAL_SLACK),
+        ("LEAST_SHARE", portal::LEAST_SHARE),
         ("COSINE_WIDTH_SQ", importance::COSINE_WIDTH_SQ),
         ("NEAR_GAIN", importance::NEAR_GAIN),
         ("NEAR_VARIANCE", importance::NEAR_VARIANCE),
@@ -612,6 +614,7 @@ mod tests {
             "pmf",
             "pdf",
             "hit",
+            "place_on",
             "user_data",
             "generation",
             "stands_in",
@@ -637,6 +640,9 @@ mod tests {
         }
         assert_eq!(wgsl(0, Effects::all()), wgsl(0, Effects::all() - Effects::MOVING), "moving lights need no code");
     }
+
+    const PORTAL_NAMES: &str = "light_portal_quad light_is_in_room light_portals_in_sight light_portal_share \
+        light_share_between light_portal_side LIGHT_PORTAL_SLACK LIGHT_LEAST_SHARE";
 
     const LEARNING_NAMES: &str = "light_learnt light_visibility_records light_row_counts light_side light_cell light_bin \
         light_child_bin light_learnt_share light_visible_share light_place_share light_toward_sample light_row_or_claim \
@@ -851,6 +857,7 @@ mod tests {
                  light_sky_from light_sky_pdf light_in_order light_patch_of LightSquare LightSquare.level \
                  LightSquare.at LIGHT_SKY_LINK LIGHT_KIND_SKY LIGHT_SKY_LEVELS",
             ),
+            (Effects::PORTALS, PORTAL_NAMES),
             (
                 Effects::PROFILES,
                 "light_profile_number light_profile_cell light_profile_column light_profile_candela light_from_profile \
@@ -875,8 +882,12 @@ mod tests {
             let without = module_names(&wgsl(0, Effects::all() - effect));
             assert!(without.is_subset(&all));
             let missing: HashSet<&str> = all.difference(&without).map(String::as_str).collect();
-            // Code for solid angles is part of that for areas.
-            let nested = if effect == Effects::AREAS { SOLID_ANGLE_NAMES } else { "" };
+            // Code for solid angles is part of that for areas, and code for portals of that for the sky.
+            let nested = match effect {
+                Effects::AREAS => SOLID_ANGLE_NAMES,
+                Effects::SKY => PORTAL_NAMES,
+                _ => "",
+            };
             let expected = names.split_whitespace().chain(nested.split_whitespace()).collect();
             assert_eq!(missing, expected, "without {effect:?}");
         }

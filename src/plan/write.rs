@@ -15,6 +15,7 @@ use super::room::{Room, TreeRoom};
 use super::scatter::{MAX_TARGETS, Scattered, scatter};
 use super::tree_writes::{Source, TreeRuns, written_records};
 use crate::effects::Effects;
+use crate::instance::portal::portal_quads;
 use crate::keys::slot_of;
 use crate::math::dice::hash;
 use crate::profile::for_each_table;
@@ -96,6 +97,7 @@ impl Reservation<'_> {
             planner.trees.lights.write(commands, &mut Scattered::default(), run, records);
         }
         planner.scatter(commands, staged);
+        planner.write_portals(commands, world, is_new_top);
         planner.write_profiles(commands, is_new_top);
         planner.write_sky(commands, world, is_new_top);
         planner.write_params(commands, world, effects);
@@ -276,6 +278,18 @@ impl LightPlanner {
                 self.trees.records.write(commands, &mut staged.trees, target, fill);
             }
         }
+    }
+
+    /// Writes the portals if the buffer has others.
+    fn write_portals(&mut self, commands: &mut Commands, world: &LightWorld, is_new: bool) {
+        let portals = world.placed_portals();
+        if self.top.map_quads().portals == 0 || (!is_new && self.written_portals == portals) {
+            return;
+        }
+        self.written_portals = portals.to_vec();
+        let quads = portal_quads(portals);
+        let first = self.top.parts() - quads.len() as u32;
+        commands.write(self.top.nodes(), 16 * u64::from(first), bytemuck::cast_slice(&quads));
     }
 
     /// Writes the tables of profiles that the buffer lacks.

@@ -8,6 +8,7 @@ use std::fmt;
 use glam::{Mat3, Vec3};
 
 use crate::instance::part::{Part, SINGLE};
+use crate::instance::portal::PortalsInSight;
 use crate::keys::{InstanceKey, LightId, slot_of};
 use crate::light::{DirectionalLight, luminance};
 use crate::math::dice::{choice_pmf, clamp_unit, hashed_unit};
@@ -137,13 +138,21 @@ pub(crate) struct LearntWorldTrees<'a, 's> {
     learnt: LearntCell<'a>,
 }
 
-/// The same, where masks hide some lights, and whatever is learnt. A type of its own for the same
-/// reason.
+/// The same, where masks hide some lights, or a room some of the sky, and whatever is learnt. A type of its own for the
+/// same reason.
 pub(crate) struct MaskedWorldTrees<'a, 's> {
     trees: WorldTrees<'a, 's>,
     learnt: Option<LearntCell<'a>>,
+    hidden: Hidden<'a>,
+}
+
+/// What a shading point does not see.
+#[derive(Clone, Copy)]
+pub(crate) struct Hidden<'a> {
     /// [`TopLevel::masks`].
     masks: &'a [NodeMasks],
+    /// The slot of the sky, and the portals through which it is seen.
+    portals: Option<(u32, PortalsInSight<'a>)>,
 }
 
 impl<'a> InstanceTrees<'a> for WorldTrees<'a, '_> {
@@ -159,15 +168,22 @@ impl<'a> InstanceTrees<'a> for WorldTrees<'a, '_> {
     }
 }
 
+impl Hidden<'_> {
+    /// What masks alone hide.
+    pub fn by_masks(self) -> Self {
+        Self { portals: None, ..self }
+    }
+}
+
 impl<'a, 's> WorldTrees<'a, 's> {
     /// The same with what is learnt about the cell of the shading point.
     pub fn with(self, learnt: LearntCell<'a>) -> LearntWorldTrees<'a, 's> {
         LearntWorldTrees { trees: self, learnt }
     }
 
-    /// The same with the masks of the top level.
-    pub fn with_masks(self, masks: &'a [NodeMasks], learnt: Option<LearntCell<'a>>) -> MaskedWorldTrees<'a, 's> {
-        MaskedWorldTrees { trees: self, learnt, masks }
+    /// The same without what is hidden.
+    pub fn without(self, hidden: Hidden<'a>, learnt: Option<LearntCell<'a>>) -> MaskedWorldTrees<'a, 's> {
+        MaskedWorldTrees { trees: self, learnt, hidden }
     }
 }
 
@@ -205,15 +221,18 @@ impl<'a> InstanceTrees<'a> for MaskedWorldTrees<'a, '_> {
     fn weigh_masks(&self, tree: &TreeView<'a>, node: u32, record: &Node, importance: &mut Lanes) {
         // Below the top level all lights have the mask of one instance.
         if !tree.is_top() {
+            if let Some((_, portals)) = self.hidden.portals.as_ref().filter(|(sky, _)| *sky == tree.instance) {
+                portals.weigh(record, importance);
+            }
             return;
         }
-        let mask = self.trees.shading_point.mask;
-        let unions = self.masks.get(node as usize).map_or([u32::MAX; WIDTH], |masks| masks.children);
+        let (mask, masks) = (self.trees.shading_point.mask, self.hidden.masks);
+        let unions = masks.get(node as usize).map_or([u32::MAX; WIDTH], |masks| masks.children);
         for slot in 0..WIDTH {
             if unions[slot] & mask == 0 {
                 importance[slot] = 0.0;
             } else if let Some(ChildRef::Node(child)) = record.child(slot) {
-                importance[slot] *= self.masks.get(child as usize).map_or(1.0, |masks| masks.shares.seen(mask));
+                importance[slot] *= masks.get(child as usize).map_or(1.0, |masks| masks.shares.seen(mask));
             }
         }
     }
@@ -221,16 +240,16 @@ impl<'a> InstanceTrees<'a> for MaskedWorldTrees<'a, '_> {
 
 /// Evaluates an expression for a shading point with the source of its candidates, the illuminance by
 /// directional lights in lux, and a reference to the trees around it. There is a copy of the expression
-/// for each kind of source and trees: cells that share a cut, masks that hide lights, what is learnt.
+/// for each kind of source and trees: cells that share a cut, what is hidden, what is learnt.
 macro_rules! with_cut {
     ($sampler:expr, $shading_point:expr, |$source:ident, $directional_lux:ident, $trees:ident| $run:expr) => {{
         let trees = $sampler.world_trees($shading_point);
         let $directional_lux = $sampler.directional_lux($shading_point);
-        let masks = $sampler.masks($shading_point);
+        let hidden = $sampler.hidden($shading_point);
         match $sampler.shared_cut($shading_point, $directional_lux) {
-            Some($source) => match masks {
-                Some(masks) => {
-                    let $trees = &trees.with_masks(masks, None);
+            Some($source) => match hidden {
+                Some(hidden) => {
+                    let $trees = &trees.without(hidden, None);
                     $run
                 }
                 None => {
@@ -243,9 +262,9 @@ macro_rules! with_cut {
                 // Where cells share cuts, those alone know what is learnt: looking it up for the few points without
                 // a cell took longer than it gained.
                 let learnt = if $sampler.cuts.is_none() { $sampler.learnt($shading_point) } else { None };
-                match (masks, learnt) {
-                    (Some(masks), learnt) => {
-                        let $trees = &trees.with_masks(masks, learnt);
+                match (hidden, learnt) {
+                    (Some(hidden), learnt) => {
+                        let $trees = &trees.without(hidden, learnt);
                         $run
                     }
                     (None, Some(learnt)) => {
@@ -535,10 +554,10 @@ impl<'a> LightSampler<'a> {
         WorldTrees { sampler: self, shading_point }
     }
 
-    /// The masks of the top level; `None` if no mask hides anything from a shading point.
-    pub(crate) fn masks(&self, shading_point: &ShadingPoint) -> Option<&'a [NodeMasks]> {
-        let masks = &self.top.masks;
-        (!masks.is_empty() || shading_point.mask == 0).then_some(masks)
+    /// What is hidden from a shading point; `None` if nothing is.
+    pub(crate) fn hidden(&self, shading_point: &ShadingPoint) -> Option<Hidden<'a>> {
+        let (masks, portals) = (&self.top.masks, self.portals(shading_point));
+        (!masks.is_empty() || shading_point.mask == 0 || portals.is_some()).then_some(Hidden { masks, portals })
     }
 
     /// What is learnt about the cell of a shading point.

@@ -3,11 +3,13 @@
 use glam::Vec3;
 
 use crate::instance::placement::Placed;
-use crate::keys::LightId;
+use crate::instance::portal::PortalsInSight;
+use crate::keys::{LightId, slot_of};
 use crate::math::dice::clamp_unit;
 use crate::sampling::cut::TreeView;
 use crate::sampling::emit::{Incident, MIN_INVERSE_PDF, MIN_PDF};
 use crate::sampling::sample::{LightSample, LightSampler};
+use crate::shading::segment::LocalSegment;
 use crate::shading::shading_point::ShadingPoint;
 use crate::sky::SkyPoint;
 
@@ -18,6 +20,17 @@ impl<'a> LightSampler<'a> {
         let mask = self.world.instance(key)?.appearance.mask;
         let (_, tree) = (mask & shading_point.mask != 0).then(|| self.tree_view(key, shading_point))??;
         (!tree.nodes.is_empty()).then_some(tree)
+    }
+
+    /// The slot of the sky, and the portals through which a shading point sees it; `None` if it is in no room.
+    pub(crate) fn portals(&self, shading_point: &ShadingPoint) -> Option<(u32, PortalsInSight<'a>)> {
+        let portals = self.world.placed_portals();
+        if portals.is_empty() || LocalSegment::of(shading_point).is_some() {
+            return None;
+        }
+        let (key, _) = self.world.sky()?;
+        let axes = self.world.instance(key)?.shown()?.linear.linear;
+        Some((slot_of(key), PortalsInSight::new(portals, shading_point.position, axes)?))
     }
 
     /// Chooses a point of a patch.
@@ -70,5 +83,7 @@ fn arriving(placed: &Placed, shading_point: &ShadingPoint, point: SkyPoint) -> O
     Some(Incident { direction, dist: f32::INFINITY, radiance: point.radiance, pdf, is_delta: false, along: 0.0 })
 }
 
+#[cfg(test)]
+mod portal_tests;
 #[cfg(test)]
 mod tests;

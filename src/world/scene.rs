@@ -11,6 +11,7 @@ use super::sums::{Sums, TreeTerms};
 use crate::effects::Effects;
 use crate::instance::appearance::Appearance;
 use crate::instance::placement::{Placed, Placement};
+use crate::instance::portal::{PlacedPortal, Portal};
 use crate::keys::{DirectionalKey, InstanceKey, RegionKey, TreeKey};
 use crate::light::DirectionalLight;
 use crate::policy::{AttributeHistory, Policy, PolicySet};
@@ -26,8 +27,19 @@ pub(super) struct Scene {
     pub directionals: SlotMap<DirectionalKey, DirectionalLight>,
     /// The map of the sky, and the instance of its patches.
     pub sky: Option<(InstanceKey, Sky)>,
+    pub portals: Vec<Portal>,
+    /// The same relative to the origin.
+    pub placed_portals: Vec<PlacedPortal>,
     pub births: BirthCounter,
     pub origin: Origin,
+}
+
+impl Scene {
+    /// Brings the portals relative to the origin up to date.
+    pub fn place_portals(&mut self) {
+        let origin = self.origin.position;
+        self.placed_portals = self.portals.iter().map(|portal| portal.placed(origin)).collect();
+    }
 }
 
 /// Crowds are added up as whole numbers of this part of a light, so that sums are exact.

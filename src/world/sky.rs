@@ -1,8 +1,10 @@
 //! The sky of a world: an instance of a tree of patches, beside the top level.
 
 use super::{Instance, LightWorld};
+use crate::effects::Effects;
 use crate::error::SkyError;
 use crate::instance::placement::{Placed, Placement};
+use crate::instance::portal::{MAX_PORTALS, PlacedPortal, Portal};
 use crate::keys::InstanceKey;
 use crate::policy::Policy;
 use crate::sky::Sky;
@@ -87,6 +89,64 @@ impl LightWorld {
         let (key, lights) = (*key, sky.lights());
         self.exchange(self.scene.instances[key].tree, LightTree::new(lights).unwrap_or_default());
         Ok(())
+    }
+
+    /// Sets the openings of rooms through which the sky shines in, in place of those that were set before.
+    ///
+    /// A point in the room of a portal sees the sky through the portals of the rooms that it is in, and nowhere else: so
+    /// samples go through the window, whichever walls there are. A direction that misses these portals has a
+    /// probability near 0 or of 0: a room that has other openings is lit too little through them. Lights of trees
+    /// know no portals. Points in no room and segments see all of the sky.
+    ///
+    /// A world has at most 32 portals: set those near the camera. O(portals), and a GPU gets 96 bytes for each, when they
+    /// or the origin have changed. Shaders need [`Effects::PORTALS`](crate::Effects::PORTALS), which a world with
+    /// portals has.
+    ///
+    /// # Errors
+    /// [`SkyError::Portals`] for more than 32; [`SkyError::Portal`] for one with a number that is not finite, or with a
+    /// room without a volume.
+    ///
+    /// ```
+    /// use girandole::glam::{DVec3, Mat3, Vec3};
+    /// use girandole::{LightWorld, Placement, Portal, ShadingPoint, Sky};
+    ///
+    /// let mut world = LightWorld::new();
+    /// world.set_sky(Sky::from_fn(64, |_| Vec3::ONE)?);
+    /// // A room of 6 x 3 x 4 m, and a window of 1.6 x 1.2 m in its wall at x = 6.
+    /// let room = Placement {
+    ///     linear: Mat3::from_diagonal(Vec3::new(3.1, 1.6, 2.1)),
+    ///     translation: DVec3::new(3.0, 1.5, 2.0),
+    /// };
+    /// let [half_u, half_v] = [Vec3::new(0.0, 0.0, 0.8), Vec3::new(0.0, 0.6, 0.0)];
+    /// world.set_portals(&[Portal { center: DVec3::new(6.0, 1.6, 2.0), half_u, half_v, room }])?;
+    ///
+    /// let floor = ShadingPoint::surface(Vec3::new(4.0, 0.0, 2.0), Vec3::Y);
+    /// let sample = world.sampler().sample(&floor, [0.3, 0.5, 0.7, 0.9]).expect("the window shows the sky");
+    /// assert!(sample.incident.direction.x > 0.5);
+    /// # Ok::<(), girandole::SkyError>(())
+    /// ```
+    pub fn set_portals(&mut self, portals: &[Portal]) -> Result<(), SkyError> {
+        if portals.len() > MAX_PORTALS {
+            return Err(SkyError::Portals { given: portals.len(), max: MAX_PORTALS });
+        }
+        if let Some(portal) = portals.iter().position(|portal| !portal.is_sound()) {
+            return Err(SkyError::Portal { portal });
+        }
+        self.scene.portals = portals.to_vec();
+        self.scene.place_portals();
+        self.log.sky();
+        self.switch(Effects::PORTALS, !portals.is_empty());
+        Ok(())
+    }
+
+    /// The portals that are set.
+    pub fn portals(&self) -> &[Portal] {
+        &self.scene.portals
+    }
+
+    /// The same relative to the origin.
+    pub(crate) fn placed_portals(&self) -> &[PlacedPortal] {
+        &self.scene.placed_portals
     }
 
     /// The instance of the sky and its map; `None` if there is none.

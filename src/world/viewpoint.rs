@@ -70,6 +70,7 @@ impl LightWorld {
             self.place_all_relative_to(origin.anchor())?;
         }
         self.scene.origin = origin;
+        self.scene.place_portals();
         self.top.take();
         Ok(())
     }

@@ -41,11 +41,13 @@ pub const GIRANDOLE_EFFECT_SECTORS: u32 = 4096;
 pub const GIRANDOLE_EFFECT_SKY: u32 = 8192;
 /// A light has a profile.
 pub const GIRANDOLE_EFFECT_PROFILES: u32 = 16384;
+/// The world has portals: see girandole_world_set_portals.
+pub const GIRANDOLE_EFFECT_PORTALS: u32 = 32768;
 /// All effects: a shader for them reads the buffers of any world, and is the longest.
 pub const GIRANDOLE_ALL_EFFECTS: u32 = 0x7fbf;
 
 /// The effects with their bits in this interface.
-const EFFECTS: [(u32, Effects); 14] = [
+const EFFECTS: [(u32, Effects); 15] = [
     (GIRANDOLE_EFFECT_CONES, Effects::CONES),
     (GIRANDOLE_EFFECT_RANGES, Effects::RANGES),
     (GIRANDOLE_EFFECT_AREAS, Effects::AREAS),
@@ -60,6 +62,7 @@ const EFFECTS: [(u32, Effects); 14] = [
     (GIRANDOLE_EFFECT_SECTORS, Effects::SECTORS),
     (GIRANDOLE_EFFECT_SKY, Effects::SKY),
     (GIRANDOLE_EFFECT_PROFILES, Effects::PROFILES),
+    (GIRANDOLE_EFFECT_PORTALS, Effects::PORTALS),
 ];
 
 /// The bits of effects.

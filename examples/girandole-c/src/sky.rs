@@ -1,11 +1,12 @@
 //! The sky of a world.
 
-use girandole::Sky;
 use girandole::glam::Vec3;
+use girandole::{Portal, Sky};
 
 use crate::memory::{array, object, result};
+use crate::place::GirandolePlacement;
 use crate::status::{Failure, GIRANDOLE_ERROR_BAD_LENGTH, GirandoleStatus, call};
-use crate::vectors::GirandoleVec3;
+use crate::vectors::{GirandoleDVec3, GirandoleVec3};
 use crate::world::GirandoleWorld;
 
 /// The pixels of a map or of a part of one.
@@ -60,5 +61,41 @@ pub unsafe extern "C" fn girandole_world_set_sky_part(
         let (world, part) = unsafe { (object(world, "world")?, pixels(width, height, part)?) };
         let [corner, size] = [[column, row], [width, height]].map(|pair| pair.map(|number| number as usize));
         world.edit(|world| Ok(world.set_sky_part(corner, size, &part)?))
+    })
+}
+
+/// A window or another opening of a room.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct GirandolePortal {
+    /// The middle of a parallelogram, in metres.
+    pub center: GirandoleDVec3,
+    /// From the middle to that of one edge.
+    pub half_u: GirandoleVec3,
+    /// From the middle to that of the next edge.
+    pub half_v: GirandoleVec3,
+    /// The room: what the placement makes of the cube from -1 to 1 along each axis. Let it reach into the walls.
+    pub room: GirandolePlacement,
+}
+
+/// Sets the openings through which alone the sky reaches the points of their rooms, in place of those that were set
+/// before. At most 32; 0 removes them. Returns 1304 for more, and 1305 for a portal that is refused.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn girandole_world_set_portals(
+    world: *mut GirandoleWorld,
+    portals: *const GirandolePortal,
+    count: usize,
+) -> GirandoleStatus {
+    call(|| {
+        // SAFETY: see the crate's documentation.
+        let (world, portals) = unsafe { (object(world, "world")?, array(portals, count, "portals")?) };
+        let portal = |portal: &GirandolePortal| Portal {
+            center: portal.center.into(),
+            half_u: portal.half_u.into(),
+            half_v: portal.half_v.into(),
+            room: (&portal.room).into(),
+        };
+        let portals: Vec<Portal> = portals.iter().map(portal).collect();
+        world.edit(|world| Ok(world.set_portals(&portals)?))
     })
 }

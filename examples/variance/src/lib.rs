@@ -15,3 +15,4 @@ pub mod shadow_oracle;
 pub mod learning;
 pub mod sky;
 pub mod signs;
+pub mod window;

@@ -31,7 +31,8 @@
 //! the length of their segments (`segments.rs`). `--shadows` measures how much noise with shadows a
 //! sampler would lose if it knew which lights are visible (`shadow_oracle/`); it takes some
 //! minutes. `--learn` measures how much of that a table of learnt visibility gains, and how fast
-//! (`learning.rs`). `--sky` measures a sky beside lamps, chosen together and by halves (`sky.rs`). `--signs` measures
+//! (`learning.rs`). `--sky` measures a sky beside lamps, chosen together and by halves (`sky.rs`),
+//! and a room with a window (`window.rs`). `--signs` measures
 //! surfaces that emit an image (`signs.rs`). `docs/benchmarks.md` has measured tables and the rules of measurement.
 
 use clap::Parser;

@@ -5,6 +5,7 @@
 //! compensated map, and one by the cosine, both weighted by the balance heuristic (PBRT4 12.5, 12.6 and 13.4).
 
 use super::effort::Effort;
+use super::window;
 use girandole::glam::{Vec3, vec3};
 use girandole::light::luminance;
 use girandole::{Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy, ShadingPoint, Sky};
@@ -262,6 +263,15 @@ fn points(count: usize) -> Vec<ShadingPoint> {
 pub fn run(count: usize, effort: Effort, out: &Path) -> Result<(), SceneError> {
     let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
     testbed::say!("{}", markdown_head(&COLUMNS).trim_end());
+    let mut add = |name: &str, what: &str, mut sigmas: Vec<f64>, rays: u32, ns: String| {
+        sigmas.sort_by(f64::total_cmp);
+        let mean = sigmas.iter().sum::<f64>() / sigmas.len() as f64;
+        let p95 = sigmas[(sigmas.len() * 95 / 100).min(sigmas.len() - 1)];
+        let [sigma, p95, equal] = [mean, p95, mean * f64::from(rays).sqrt()].map(short);
+        let row = [name.to_owned(), what.to_owned(), sigma, p95, rays.to_string(), equal, ns];
+        testbed::say!("| {} |", row.join(" | "));
+        table.add(&row).map_err(SceneError)
+    };
     let scenes = effort.select(&SCENES[..], &SCENES[..1]);
     let points = points(effort.select(count, 8));
     for (name, lit_by_sky, sun) in scenes {
@@ -269,25 +279,12 @@ pub fn run(count: usize, effort: Effort, out: &Path) -> Result<(), SceneError> {
         let sigmas: Vec<[f64; 3]> = points.par_iter().map(|at| place.sigmas(at)).collect();
         let times = place.nanoseconds(&points, effort);
         for (sampler, what) in SAMPLERS.into_iter().enumerate() {
-            let mut sorted: Vec<f64> = sigmas.iter().map(|sigmas| sigmas[sampler]).collect();
-            sorted.sort_by(f64::total_cmp);
-            let mean = sorted.iter().sum::<f64>() / sorted.len() as f64;
-            let p95 = sorted[(sorted.len() * 95 / 100).min(sorted.len() - 1)];
-            let rays = if sampler == 2 { 2 } else { 1 };
-            let numbers = [mean, p95].map(short);
-            let equal = short(mean * f64::from(rays).sqrt());
-            let row = [
-                (*name).to_owned(),
-                what.to_owned(),
-                numbers[0].clone(),
-                numbers[1].clone(),
-                rays.to_string(),
-                equal,
-                format!("{:.0}", times[sampler]),
-            ];
-            testbed::say!("| {} |", row.join(" | "));
-            table.add(&row).map_err(SceneError)?;
+            let sigmas = sigmas.iter().map(|sigmas| sigmas[sampler]).collect();
+            add(name, what, sigmas, if sampler == 2 { 2 } else { 1 }, format!("{:.0}", times[sampler]))?;
         }
+    }
+    for (name, what, sigmas) in window::measure(effort)? {
+        add(name, &what, sigmas, 1, String::new())?;
     }
     Ok(())
 }

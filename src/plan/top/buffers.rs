@@ -35,6 +35,8 @@ pub(super) const SPACE_WORDS: u32 = LISTS_AT + LEVELS * LEVEL_SAMPLES as u32;
 /// How many quads of maps there are beside the top level in its buffer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct MapQuads {
+    /// Of the portals.
+    pub portals: u32,
     /// Of the tables of profiles.
     pub profiles: u32,
     /// Of the map of the sky.
@@ -44,7 +46,7 @@ pub(crate) struct MapQuads {
 impl MapQuads {
     /// Whether there is room in these for others.
     pub(super) fn hold(self, other: Self) -> bool {
-        self.profiles >= other.profiles && self.sky >= other.sky
+        self.portals >= other.portals && self.profiles >= other.profiles && self.sky >= other.sky
     }
 }
 
@@ -54,10 +56,10 @@ pub(super) struct TopBuffers {
     pub capacity: u32,
     pub places: Places,
     pub bounds: BufferId,
-    /// The nodes, then the parts, then the masks of the nodes if they are stored, then profiles, then the map of the sky.
+    /// The nodes, portals, the parts, the masks of the nodes if they are stored, profiles, and the map of the sky.
     pub nodes: BufferId,
     pub nodes_bytes: u64,
-    /// How many quads of profiles and of the sky's map there is room for.
+    /// How many quads of portals, of profiles and of the sky's map there is room for.
     pub map_quads: MapQuads,
     /// The clusters of all parts, then of all nodes.
     pub clusters: BufferId,
@@ -67,8 +69,8 @@ pub(super) struct TopBuffers {
 }
 
 impl TopBuffers {
-    /// Room for `capacity` parts, for masks if `has_masks`, and for profiles and the sky's map. Adds the buffers
-    /// to `new`. Fails with [`PlanError::Full`] if a buffer would be larger than `limit`.
+    /// Room for `capacity` parts, for masks if `has_masks`, and for portals, profiles and the sky's map. Adds the
+    /// buffers to `new`. Fails with [`PlanError::Full`] if a buffer would be larger than `limit`.
     pub(super) fn new(
         ids: &mut Ids,
         new: &mut Vec<NewBuffer>,
@@ -77,7 +79,8 @@ impl TopBuffers {
         limit: u64,
     ) -> Result<Self, PlanError> {
         let passes = Passes::new(capacity, capacity, Places::default(), Strides::of(Effects::all()));
-        let parts = u64::from(passes.nodes) * size_of::<NodeRecord>() as u64;
+        let nodes = u64::from(passes.nodes) * size_of::<NodeRecord>() as u64;
+        let parts = nodes + 16 * u64::from(map_quads.portals);
         let masks = parts + u64::from(capacity) * size_of::<LeafRecord>() as u64;
         let profiles = masks + if has_masks { u64::from(passes.nodes) * MASK_BYTES } else { 0 };
         let sky_map = profiles + 16 * u64::from(map_quads.profiles);

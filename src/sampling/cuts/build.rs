@@ -143,7 +143,7 @@ impl<'a> Sketch<'_, 'a, '_> {
             let point = self.point(view);
             let tree = self.sampler.view_at(id.instance, point)?;
             let record = tree.nodes.get(id.node as usize)?;
-            let ChildImportances { mut importance, doubt } = self.importances(&tree, id.node, record, point);
+            let ChildImportances { mut importance, doubt } = self.importances(&tree, id.node, record, view);
             if let Some(Some(learnt)) = self.learnt.get(view) {
                 let (_, shares) = match last {
                     Some(known) if std::ptr::eq(known.0.shares, learnt.shares) => known,
@@ -171,10 +171,12 @@ impl<'a> Sketch<'_, 'a, '_> {
     }
 
     #[inline(always)]
-    fn importances(&self, tree: &TreeView<'a>, node: u32, record: &Node, point: &ShadingPoint) -> ChildImportances {
+    fn importances(&self, tree: &TreeView<'a>, node: u32, record: &Node, view: usize) -> ChildImportances {
+        let point = self.point(view);
         let trees = self.sampler.world_trees(point);
-        match self.sampler.masks(point) {
-            Some(masks) => seen_importances(tree, node, record, &trees.with_masks(masks, None)),
+        // The middle stands for all points of the cell, which may see other parts of the sky.
+        match self.sampler.hidden(point).map(|hidden| if view == POINTS { hidden.by_masks() } else { hidden }) {
+            Some(hidden) => seen_importances(tree, node, record, &trees.without(hidden, None)),
             None => seen_importances(tree, node, record, &trees),
         }
     }

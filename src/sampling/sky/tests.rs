@@ -31,7 +31,7 @@ fn turned(angle: f32) -> Placement {
 }
 
 /// The directions of all texels in the world, and the solid angle and radiance of each.
-fn texels(world: &LightWorld) -> Vec<(Vec3, f32, Vec3)> {
+pub(super) fn texels(world: &LightWorld) -> Vec<(Vec3, f32, Vec3)> {
     let (key, sky) = world.sky().expect("a sky");
     let linear = world.placement(key).expect("an instance").linear;
     let [width, height] = sky.size();
