@@ -455,8 +455,8 @@ impl VisibilityError {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SkyError {
-    /// The pixels are no whole rows, none, or too many.
-    #[error("{pixels} pixels are not 1 to {max} whole rows of {width}, which must be 1 to {max}")]
+    /// The pixels are no whole rows, none, or too many; or those of an octahedral map are no square.
+    #[error("{pixels} pixels fill no map of {width} columns; its width and height must be 1 to {max}")]
     Size {
         /// The given width.
         width: usize,
