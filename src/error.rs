@@ -21,7 +21,7 @@
 //! | 1000 to 1001 | [`VisibilityError`] |
 //! | 1100 to 1107 | `tree::BakeError` |
 //! | 1200 to 1201 | [`CutError`] |
-//! | 1300 to 1303 | [`SkyError`] |
+//! | 1300 to 1305 | [`SkyError`] |
 //! | 1400 to 1406 | [`ProfileError`] |
 //! | 1500 to 1502 | [`TextureError`] |
 
@@ -451,7 +451,7 @@ impl VisibilityError {
     }
 }
 
-/// Why a [`Sky`](crate::Sky), or a part of one, was refused. Codes 1300 to 1303.
+/// Why a [`Sky`](crate::Sky), or a part of one, was refused. Codes 1300 to 1305.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SkyError {
@@ -490,6 +490,24 @@ pub enum SkyError {
     /// The world has no sky.
     #[error("the world has no sky")]
     NoSky,
+    /// The bytes of a file are not those of a Radiance HDR file that is read.
+    #[error("the file cannot be read: {what}")]
+    File {
+        /// What is wrong with it; "it" is the file.
+        what: &'static str,
+    },
+    /// A file states more pixels than its bytes hold.
+    #[error("a file of {bytes} bytes cannot hold {width} x {height} pixels, which take {least} or more")]
+    FileLength {
+        /// The width that the file states.
+        width: u32,
+        /// The height that the file states.
+        height: u32,
+        /// The given number of bytes.
+        bytes: usize,
+        /// The least number of bytes that is read for such a map.
+        least: u64,
+    },
 }
 
 impl SkyError {
@@ -500,6 +518,8 @@ impl SkyError {
             Self::Pixel { .. } => 1301,
             Self::Part { .. } => 1302,
             Self::NoSky => 1303,
+            Self::File { .. } => 1304,
+            Self::FileLength { .. } => 1305,
         }
     }
 }

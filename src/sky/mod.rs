@@ -5,6 +5,8 @@
 //! root beside the top level (`sampling/cut.rs`). So patches are chosen as lamps are, by all that arrives. Within
 //! a patch a texel is chosen by its brightness, in the sums of `levels.rs`.
 
+#[cfg(feature = "hdr")]
+mod hdr;
 mod levels;
 mod octahedral;
 mod patches;
@@ -171,6 +173,37 @@ impl Sky {
         let texels = resampled(2 * width, radiance);
         // A mean is rounded.
         Self::equirectangular(2 * width, &texels.into_iter().map(|texel| texel.min(most)).collect::<Vec<_>>())
+    }
+
+    /// Makes a sky of the bytes of a Radiance HDR file, whose map is [equirectangular](Sky::equirectangular). Its
+    /// numbers count as nits: a [factor](crate::LightWorld::set_factor) of the sky's instance scales those of files
+    /// that mean something else. The lines EXPOSURE, COLORCORR and PRIMARIES are not regarded.
+    ///
+    /// No bytes make this function panic, and it takes at most some 400 bytes of memory for each byte of the file.
+    /// Pixels may be flat or in runs of either version of the format, in the orientation that nearly all files have
+    /// (`-Y height +X width`).
+    ///
+    /// O(pixels).
+    ///
+    /// # Errors
+    /// [`SkyError::File`] for what is no such file, is damaged, or has pixels of another format (XYZE) or order;
+    /// [`SkyError::FileLength`] if it states more than 16 pixels for each of its bytes, which only the runs of the
+    /// format's first version could hold; [`SkyError::Size`] for a width or height that is 0 or above 32,768;
+    /// [`SkyError::Pixel`] for a pixel above [`MAX_EMISSION`](crate::light::MAX_EMISSION).
+    ///
+    /// ```
+    /// use girandole::{Sky, glam::Vec3};
+    /// // Usually `std::fs::read("dusk.hdr")?`; here two pixels of three channels with a common exponent.
+    /// let file = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\x10\x20\x30\x88\x40\x50\x60\x88";
+    /// let sky = Sky::hdr(file)?;
+    /// assert_eq!(sky.size(), [2, 1]);
+    /// assert_eq!(sky.radiance(Vec3::NEG_Z), Vec3::new(16.0, 32.0, 48.0));
+    /// # Ok::<(), girandole::SkyError>(())
+    /// ```
+    #[cfg(feature = "hdr")]
+    pub fn hdr(file: &[u8]) -> Result<Self, SkyError> {
+        let (width, pixels) = hdr::read(file, MAX_SIZE)?;
+        Self::equirectangular(width, &pixels)
     }
 
     /// Makes the map new to those who have read it, or another one.
