@@ -206,6 +206,18 @@ impl Sky {
         Self::equirectangular(width, &pixels)
     }
 
+    /// Makes a sky of `width` columns and half as many rows from a function: each pixel is the mean over many points.
+    ///
+    /// # Errors
+    /// As for [`Sky::equirectangular`].
+    #[cfg(feature = "gltf")]
+    pub(crate) fn resampled(width: usize, radiance: impl Fn(Vec3) -> Vec3 + Sync) -> Result<Self, SkyError> {
+        if !(1..=MAX_SIZE).contains(&width) {
+            return Err(SkyError::Size { width, pixels: width.saturating_mul(width / 2), max: MAX_SIZE });
+        }
+        Self::equirectangular(width, &resampled(width, radiance))
+    }
+
     /// Makes the map new to those who have read it, or another one.
     pub(crate) fn renew(&mut self) {
         self.levels.renew();
