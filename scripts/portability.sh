@@ -49,19 +49,19 @@ check() {
 rustup toolchain install --profile minimal --no-self-update "$MINIMUM_RUST"
 rustup target add wasm32-unknown-unknown aarch64-unknown-linux-gnu
 
-check --target wasm32-unknown-unknown --no-default-features --features gpu,gltf,bake
-check --target aarch64-unknown-linux-gnu --features gltf,bake
+check --target wasm32-unknown-unknown --no-default-features --features gpu,gltf,bake,hdr
+check --target aarch64-unknown-linux-gnu --features gltf,bake,hdr
 
 copy_library "$COPY"
 cp "$LOCK" "$COPY/Cargo.lock"
 # Lints differ between versions, so warnings of an older compiler are no failures.
-(cd "$COPY" && RUSTFLAGS= step cargo "+$MINIMUM_RUST" check --locked --lib --features gltf,bake)
+(cd "$COPY" && RUSTFLAGS= step cargo "+$MINIMUM_RUST" check --locked --lib --features gltf,bake,hdr)
 
 if [ "${1:-}" = --all ]; then
     rustup target add i686-unknown-linux-gnu
-    check --target i686-unknown-linux-gnu --features gltf,bake
+    check --target i686-unknown-linux-gnu --features gltf,bake,hdr
     # The oldest Rust with the newest wgpu that it compiles.
-    RUSTFLAGS= step cargo "+$MINIMUM_RUST" check --locked --lib --features gltf,bake
+    RUSTFLAGS= step cargo "+$MINIMUM_RUST" check --locked --lib --features gltf,bake,hdr
 fi
 
 # Fewer features. The folder of the tests has their dependencies already.

@@ -21,7 +21,7 @@
 //! | 1000 to 1001 | [`VisibilityError`] |
 //! | 1100 to 1107 | `tree::BakeError` |
 //! | 1200 to 1201 | [`CutError`] |
-//! | 1300 to 1305 | [`SkyError`] |
+//! | 1300 to 1307 | [`SkyError`] |
 //! | 1400 to 1406 | [`ProfileError`] |
 //! | 1500 to 1502 | [`TextureError`] |
 
@@ -451,12 +451,12 @@ impl VisibilityError {
     }
 }
 
-/// Why a [`Sky`](crate::Sky), or a part of one, was refused. Codes 1300 to 1305.
+/// Why a [`Sky`](crate::Sky), or a part of one, was refused. Codes 1300 to 1307.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SkyError {
-    /// The pixels are no whole rows, none, or too many.
-    #[error("{pixels} pixels are not 1 to {max} whole rows of {width}, which must be 1 to {max}")]
+    /// The pixels are no whole rows, none, or too many; or those of an octahedral map are no square.
+    #[error("{pixels} pixels fill no map of {width} columns; its width and height must be 1 to {max}")]
     Size {
         /// The given width.
         width: usize,
@@ -504,6 +504,24 @@ pub enum SkyError {
         /// The index of the portal.
         portal: usize,
     },
+    /// The bytes of a file are not those of a Radiance HDR file that is read.
+    #[error("the file cannot be read: {what}")]
+    File {
+        /// What is wrong with it; "it" is the file.
+        what: &'static str,
+    },
+    /// A file states more pixels than its bytes hold.
+    #[error("a file of {bytes} bytes cannot hold {width} x {height} pixels, which take {least} or more")]
+    FileLength {
+        /// The width that the file states.
+        width: u32,
+        /// The height that the file states.
+        height: u32,
+        /// The given number of bytes.
+        bytes: usize,
+        /// The least number of bytes that is read for such a map.
+        least: u64,
+    },
 }
 
 impl SkyError {
@@ -516,6 +534,8 @@ impl SkyError {
             Self::NoSky => 1303,
             Self::Portals { .. } => 1304,
             Self::Portal { .. } => 1305,
+            Self::File { .. } => 1306,
+            Self::FileLength { .. } => 1307,
         }
     }
 }

@@ -130,6 +130,7 @@
 //! | `parallel` | yes | builds and refits on rayon's threads, and builds in the background |
 //! | `gltf` | no | the module `gltf` |
 //! | `bake` | no | `LightTree::bake` and `from_baked`: trees as bytes |
+//! | `hdr` | no | `Sky::hdr`: skies from Radiance HDR files, with the crate image |
 
 // Modules are in the order in which data passes through them. A module imports only from modules
 // above it; `tests/all/dependencies.rs` checks that.

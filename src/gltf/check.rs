@@ -10,12 +10,14 @@ use ::gltf::json::{Asset, Index, Path, Root, Value};
 use super::error::{GltfError, document_error, shortened};
 
 /// Extensions that the library reads itself or that change no light, and the gltf crate does not know.
-const OWN_EXTENSIONS: [&str; 5] =
-    ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing", "KHR_materials_unlit", WEBP, LIGHTS_IES];
+const OWN_EXTENSIONS: [&str; 6] =
+    ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing", "KHR_materials_unlit", WEBP, LIGHTS_IES, LIGHTS_IMAGE_BASED];
 /// The extension by which textures have WebP images. Those without another image have it in the extension.
 const WEBP: &str = "EXT_texture_webp";
 /// The extension of lamps with photometric profiles.
 pub(super) const LIGHTS_IES: &str = "EXT_lights_ies";
+/// The extension of scenes with the light of their surroundings.
+pub(super) const LIGHTS_IMAGE_BASED: &str = "EXT_lights_image_based";
 /// Names of extensions in an error.
 const MAX_NAMES: usize = 16;
 

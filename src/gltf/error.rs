@@ -10,7 +10,7 @@ const MAX_SHOWN: usize = 200;
 /// Why a glTF file or its lights could not be loaded. The world is as it was before the call.
 ///
 /// Indices are those of the document's arrays. Text from the file is shortened, and its control
-/// characters are escaped. Codes 700 to 719.
+/// characters are escaped. Codes 700 to 721.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GltfError {
@@ -180,6 +180,14 @@ pub enum GltfError {
         /// What is wrong.
         message: String,
     },
+    /// A light of EXT_lights_image_based does not exist, or is refused.
+    #[error("image based light {light}: {message}")]
+    ImageBasedLight {
+        /// Index of the light.
+        light: usize,
+        /// What is wrong.
+        message: String,
+    },
     /// The document has more instances of emissive meshes and lights than
     /// [`GltfOptions::max_instances`](super::GltfOptions::max_instances).
     #[error("the document has {found} instances of lights; max_instances is {limit}")]
@@ -237,6 +245,7 @@ impl GltfError {
             Self::Image { .. } => 718,
             Self::TooManyInstances { .. } => 719,
             Self::Profile { .. } => 720,
+            Self::ImageBasedLight { .. } => 721,
         }
     }
 }
@@ -271,6 +280,7 @@ mod tests {
             (718, GltfError::Image { image: 0, message: "it is missing".into() }),
             (719, GltfError::TooManyInstances { found: 2, limit: 1 }),
             (720, GltfError::Profile { profile: 0, message: "it is missing".into() }),
+            (721, GltfError::ImageBasedLight { light: 0, message: "it is missing".into() }),
         ];
         for (code, error) in errors {
             assert_eq!(error.code(), code, "{error}");

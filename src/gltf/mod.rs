@@ -1,4 +1,5 @@
-//! Loads light trees and instances from glTF 2.0: emissive surfaces, KHR_lights_punctual and EXT_lights_ies.
+//! Loads light trees and instances from glTF 2.0: emissive surfaces, KHR_lights_punctual, EXT_lights_ies and
+//! EXT_lights_image_based.
 //!
 //! [`load`] reads a file and its buffers. No file makes it panic, unlike the gltf crate's own
 //! functions. [`load_lights`] makes one tree for each mesh with emissive primitives and one for
@@ -44,6 +45,7 @@ mod image;
 mod instancing;
 mod profiles;
 mod texture;
+mod image_based;
 mod plan;
 
 use ::gltf::Document;
@@ -65,10 +67,13 @@ pub use texture::{TextureImage, TextureUse};
 pub use crate::texture::TextureWrap;
 
 use crate::error::WorldError;
+use crate::instance::placement::Placement;
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey};
 use crate::policy::Policy;
+use crate::sky::Sky;
 use crate::tree::LightTree;
 use crate::world::LightWorld;
+use image_based::ImageBasedLight;
 use plan::{Plan, PlannedInstance};
 
 /// An instance that a node became. A node becomes one instance for each instance of its emissive mesh,
@@ -99,6 +104,8 @@ pub struct GltfLights {
     /// Nodes and their directional lights. Hidden nodes are left out, since they may have no
     /// direction.
     pub directional: Vec<(usize, DirectionalKey)>,
+    /// The sky, if the scene has a light of EXT_lights_image_based that became it.
+    pub sky: Option<InstanceKey>,
 }
 
 /// Adds the lights of a document's scene to a world.
@@ -108,7 +115,8 @@ pub struct GltfLights {
 ///
 /// # Errors
 /// [`GltfError`], which names the mesh, light, accessor or node by its index in the document. The
-/// world is then as it was before the call.
+/// world is then as it was before the call. A malformed light of EXT_lights_image_based is an error too,
+/// although nothing becomes of it without its images.
 ///
 /// # Cost
 /// Linear in the nodes and instances of the document and in the lights of its trees, plus the builds
@@ -134,16 +142,23 @@ pub fn load_lights<B: AsRef<[u8]>>(
 /// out (`alphaMode` MASK) does not emit, and where it blends (BLEND) the emission is multiplied by it; but if that
 /// texture lies on the surface in another way than the emissive one, it is not regarded.
 ///
+/// The scene's light of EXT_lights_image_based becomes the world's [sky](LightWorld::set_sky), if all six faces of the
+/// first level of its `specularImages` are decoded and the world has no sky yet. Otherwise the sky stays as it is.
+/// Colours are divided by alpha, in which writers store brightness (RGBD); an alpha of 0 counts as 1 of 255. The
+/// intensity multiplies the radiance, in nits, and the rotation turns the instance. The map has four columns for each
+/// one of a face, and is resampled as that of [`Sky::octahedral`](crate::Sky::octahedral) is.
+///
 /// A triangle over which the texture is black becomes no light. A mesh with only such triangles
 /// gets neither a tree nor instances.
 ///
 /// # Errors
 /// Those of [`load_lights`], and [`GltfError::Image`] if an image that an emissive material uses
-/// has the wrong number of bytes, or if the transform of its texture is not finite.
+/// or the sky has the wrong number of bytes, or if the transform of a texture is not finite;
+/// [`GltfError::ImageBasedLight`] if the images are no cube, or too large or too bright for a sky.
 ///
 /// # Cost
 /// That of [`load_lights`], plus that of [`Texture::light`](crate::Texture::light) for each part, and for each that is
-/// cut.
+/// cut. A sky takes 512 points for each pixel of a face of its cube.
 pub fn load_lights_with_textures<B: AsRef<[u8]>>(
     world: &mut LightWorld,
     document: &Document,
@@ -152,6 +167,10 @@ pub fn load_lights_with_textures<B: AsRef<[u8]>>(
     options: &GltfOptions,
 ) -> Result<GltfLights, GltfError> {
     let plan = Plan::new(document, buffers, images, options)?;
+    let sky = match ImageBasedLight::of(document)? {
+        Some(light) if world.sky().is_none() => light.sky(images)?.map(|sky| (sky, light.placement)),
+        _ => None,
+    };
     let mut lights = GltfLights::default();
     let mut trees = Vec::with_capacity(plan.trees.len());
     let result = add(plan, world, options.policy, &mut trees, &mut lights);
@@ -161,7 +180,16 @@ pub fn load_lights_with_textures<B: AsRef<[u8]>>(
         lights.directional.iter().for_each(|(_, key)| drop(world.remove_directional(*key)));
         trees.into_iter().for_each(|tree| drop(world.remove_tree(tree)));
     }
-    result.map(|()| lights)
+    result.map(|()| {
+        lights.sky = sky.and_then(|sky| set_sky(world, sky));
+        lights
+    })
+}
+
+/// Makes a map the sky, turned by a rotation, which no world refuses.
+fn set_sky(world: &mut LightWorld, (sky, placement): (Sky, Placement)) -> Option<InstanceKey> {
+    let key = world.set_sky(sky);
+    world.move_instance(key, placement).ok().map(|()| key)
 }
 
 /// Adds a plan to the world. After an error, `trees` and `lights` hold what was added before it.

@@ -5,8 +5,12 @@
 //! root beside the top level (`sampling/cut.rs`). So patches are chosen as lamps are, by all that arrives. Within
 //! a patch a texel is chosen by its brightness, in the sums of `levels.rs`.
 
+#[cfg(feature = "hdr")]
+mod hdr;
 mod levels;
+mod octahedral;
 mod patches;
+mod resampled;
 #[cfg(feature = "gpu-plan")]
 mod stored;
 
@@ -19,6 +23,7 @@ use crate::error::SkyError;
 use crate::light::{Light, MAX_EMISSION};
 use levels::{Levels, in_order};
 use patches::{Known, Patch};
+use resampled::resampled;
 #[cfg(feature = "gpu-plan")]
 pub(crate) use stored::{SKY_LEVELS, StoredPatch};
 
@@ -119,6 +124,98 @@ impl Sky {
         let middle = |x: usize, y: usize| levels::direction([width, height], [x as f32 + 0.5, y as f32 + 0.5]);
         let pixels = rows.flat_map(|y| (0..width).map(move |x| (x, y)));
         Self::equirectangular(width, &pixels.map(|(x, y)| radiance(middle(x, y))).collect::<Vec<_>>())
+    }
+
+    /// Makes a sky of a square map in the octahedral parametrisation: rows of `width` pixels, as many rows, in nits.
+    ///
+    /// The sphere is projected to an octahedron, which is unfolded: +Y is the middle of the map, the horizon is the
+    /// square between the middles of its sides, and -Y is all four corners. +X is to the right, and +Z down. The
+    /// pixel of a direction, in fractions, is
+    ///
+    /// ```text
+    /// (x, y, z) = direction / (|direction.x| + |direction.y| + |direction.z|)
+    /// (u, v) = (x, z)                                      if y >= 0
+    ///          ((1 - |z|) * sign(x), (1 - |x|) * sign(z))  otherwise
+    /// column = width * (u + 1) / 2,  row = width * (v + 1) / 2
+    /// ```
+    ///
+    /// Other files differ in which axis is in the middle, which a placement mends. The equal-area map of pbrt is
+    /// another one, for which [`Sky::from_fn`] is there.
+    ///
+    /// The sky stores an equirectangular map of `2 * width` columns and `width` rows. Each of its texels is the mean of
+    /// 8 x 8 points, weighed by solid angle. That keeps the light of the map to within a hundredth, and that of a
+    /// single pixel to within 7 % in 95 of 100 places. Borders of pixels are softened.
+    ///
+    /// O(pixels), of which each takes 128 points.
+    ///
+    /// # Errors
+    /// [`SkyError::Size`] if there are not as many rows as columns, none, or more than 16,384; [`SkyError::Pixel`] as
+    /// for [`Sky::equirectangular`].
+    ///
+    /// ```
+    /// use girandole::{Sky, glam::Vec3};
+    /// // Blue above, and brown in the corners, which are below the horizon.
+    /// let is_above = |x: i32, y: i32| (2 * x - 63).abs() + (2 * y - 63).abs() < 64;
+    /// let pixel = |i: i32| if is_above(i % 64, i / 64) { Vec3::Z * 90.0 } else { Vec3::new(9.0, 6.0, 3.0) };
+    /// let sky = Sky::octahedral(64, &(0..64 * 64).map(pixel).collect::<Vec<_>>())?;
+    /// assert_eq!(sky.size(), [128, 64]);
+    /// assert!(sky.radiance(Vec3::new(0.3, 0.5, 0.1)).z > 89.0 && sky.radiance(Vec3::NEG_Y).z < 4.0);
+    /// # Ok::<(), girandole::SkyError>(())
+    /// ```
+    pub fn octahedral(width: usize, pixels: &[Vec3]) -> Result<Self, SkyError> {
+        let max = MAX_SIZE / 2;
+        if !(1..=max).contains(&width) || width * width != pixels.len() {
+            return Err(SkyError::Size { width, pixels: pixels.len(), max });
+        }
+        // Of the given pixels, which an error names.
+        let most = Vec3::splat(greatest(pixels)?);
+        let radiance = |direction: Vec3| pixels[octahedral::pixel_at(width, direction)];
+        let texels = resampled(2 * width, radiance);
+        // A mean is rounded.
+        Self::equirectangular(2 * width, &texels.into_iter().map(|texel| texel.min(most)).collect::<Vec<_>>())
+    }
+
+    /// Makes a sky of the bytes of a Radiance HDR file, whose map is [equirectangular](Sky::equirectangular). Its
+    /// numbers count as nits: a [factor](crate::LightWorld::set_factor) of the sky's instance scales those of files
+    /// that mean something else. The lines EXPOSURE, COLORCORR and PRIMARIES are not regarded.
+    ///
+    /// No bytes make this function panic, and it takes at most some 400 bytes of memory for each byte of the file.
+    /// Pixels may be flat or in runs of either version of the format, in the orientation that nearly all files have
+    /// (`-Y height +X width`).
+    ///
+    /// O(pixels).
+    ///
+    /// # Errors
+    /// [`SkyError::File`] for what is no such file, is damaged, or has pixels of another format (XYZE) or order;
+    /// [`SkyError::FileLength`] if it states more than 16 pixels for each of its bytes, which only the runs of the
+    /// format's first version could hold; [`SkyError::Size`] for a width or height that is 0 or above 32,768;
+    /// [`SkyError::Pixel`] for a pixel above [`MAX_EMISSION`](crate::light::MAX_EMISSION).
+    ///
+    /// ```
+    /// use girandole::{Sky, glam::Vec3};
+    /// // Usually `std::fs::read("dusk.hdr")?`; here two pixels of three channels with a common exponent.
+    /// let file = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\x10\x20\x30\x88\x40\x50\x60\x88";
+    /// let sky = Sky::hdr(file)?;
+    /// assert_eq!(sky.size(), [2, 1]);
+    /// assert_eq!(sky.radiance(Vec3::NEG_Z), Vec3::new(16.0, 32.0, 48.0));
+    /// # Ok::<(), girandole::SkyError>(())
+    /// ```
+    #[cfg(feature = "hdr")]
+    pub fn hdr(file: &[u8]) -> Result<Self, SkyError> {
+        let (width, pixels) = hdr::read(file, MAX_SIZE)?;
+        Self::equirectangular(width, &pixels)
+    }
+
+    /// Makes a sky of `width` columns and half as many rows from a function: each pixel is the mean over many points.
+    ///
+    /// # Errors
+    /// As for [`Sky::equirectangular`].
+    #[cfg(feature = "gltf")]
+    pub(crate) fn resampled(width: usize, radiance: impl Fn(Vec3) -> Vec3 + Sync) -> Result<Self, SkyError> {
+        if !(1..=MAX_SIZE).contains(&width) {
+            return Err(SkyError::Size { width, pixels: width.saturating_mul(width / 2), max: MAX_SIZE });
+        }
+        Self::equirectangular(width, &resampled(width, radiance))
     }
 
     /// Makes the map new to those who have read it, or another one.

@@ -184,3 +184,107 @@ fn a_black_map_has_no_patches_and_a_dark_one_keeps_its_digits() {
         assert!((sky.radiance(Vec3::X).x / radiance - 1.0).abs() < 2.0e-3, "{radiance}");
     }
 }
+
+/// The direction of a place on an octahedral map, from -1 to 1 along both axes, and the solid angle of a unit of area.
+fn of_octahedral([u, v]: [f32; 2]) -> (Vec3, f32) {
+    let y = 1.0 - u.abs() - v.abs();
+    // Below the horizon, the square is mirrored at the diagonal of its quarter.
+    let [x, z] = if y >= 0.0 { [u, v] } else { [(1.0 - v.abs()).copysign(u), (1.0 - u.abs()).copysign(v)] };
+    let point = Vec3::new(x, y, z);
+    (point.normalize(), point.length().powi(-3))
+}
+
+#[test]
+fn octahedral_maps_have_the_zenith_in_the_middle_and_the_nadir_in_the_corners() {
+    // Colours by place: the middle, the corners, and the sides to the right and at the bottom.
+    let width = 64;
+    let at = |i: usize| [i % width, i / width].map(|k| (k as f32 + 0.5) / width as f32 * 2.0 - 1.0);
+    let pixels: Vec<Vec3> = (0..width * width).map(|i| Vec3::new(2.0 + at(i)[0], 2.0 + at(i)[1], 1.0)).collect();
+    let sky = Sky::octahedral(width, &pixels).expect("sound pixels");
+    assert_eq!(sky.size(), [2 * width, width]);
+    for (direction, [u, v]) in [
+        (Vec3::Y, [0.0, 0.0]),
+        (Vec3::X, [1.0, 0.0]),
+        (Vec3::NEG_X, [-1.0, 0.0]),
+        (Vec3::Z, [0.0, 1.0]),
+        (Vec3::NEG_Z, [0.0, -1.0]),
+        (Vec3::new(1.0, -20.0, 1.0), [20.0 / 22.0, 20.0 / 22.0]),
+        (Vec3::new(-1.0, -20.0, 1.0), [-20.0 / 22.0, 20.0 / 22.0]),
+        (Vec3::new(2.0, 1.0, -1.0), [0.5, -0.25]),
+        (Vec3::new(2.0, -1.0, -1.0), [0.75, -0.5]),
+    ] {
+        let expected = Vec3::new(2.0 + u, 2.0 + v, 1.0);
+        assert!((sky.radiance(direction) - expected).length() < 0.1, "{direction}: {}", sky.radiance(direction));
+    }
+}
+
+#[test]
+fn octahedral_maps_keep_their_pixels_and_their_light() {
+    let even = Sky::octahedral(9, &[Vec3::new(3.0, 2.0, 1.0); 81]).expect("sound pixels");
+    let mut rng = Rng(12);
+    for _ in 0..1000 {
+        let found = even.radiance(rng.position(1.0));
+        assert!((found - Vec3::new(3.0, 2.0, 1.0)).abs().max_element() < 0.01, "{found}");
+    }
+    // Squares of 8 x 8 pixels, whose middles are away from borders.
+    let (blocks, width) = (12, 96);
+    for seed in 13..16 {
+        let mut rng = Rng(seed);
+        let colors: Vec<Vec3> = (0..blocks * blocks).map(|_| Vec3::splat(1000.0 * rng.unit().powi(3))).collect();
+        let pixel = |i: usize| colors[i / width / 8 * blocks + i % width / 8];
+        let pixels: Vec<Vec3> = (0..width * width).map(pixel).collect();
+        let sky = Sky::octahedral(width, &pixels).expect("sound pixels");
+        let (mut light, points) = (0.0, 8 * width);
+        for i in 0..points * points {
+            let at = [i % points, i / points].map(|k| (k as f32 + 0.5) / points as f32 * 2.0 - 1.0);
+            let (direction, angle) = of_octahedral(at);
+            let source = pixels[i / points / 8 * width + i % points / 8];
+            light += f64::from(luminance(source) * angle) * 4.0 / (points * points) as f64;
+            // Within the inner half of a square.
+            if [i % points, i / points].iter().all(|k| (16..48).contains(&(k % 64))) {
+                let found = sky.radiance(direction);
+                assert!((found - source).abs().max_element() < 0.01 * source.x + 0.01, "{at:?} {found} {source}");
+            }
+        }
+        let kept: f64 = sky.patches.iter().map(|patch| f64::from(patch.lux)).sum();
+        assert!((kept / light - 1.0).abs() < 2.0e-3, "{kept} {light}");
+    }
+}
+
+#[test]
+fn the_light_of_a_small_sun_in_an_octahedral_map_is_kept() {
+    let width = 128;
+    let mut rng = Rng(17);
+    let errors = (0..40).map(|_| {
+        let sun = [0; 2].map(|_| rng.below(width));
+        let mut pixels = vec![Vec3::ZERO; width * width];
+        pixels[sun[1] * width + sun[0]] = Vec3::splat(1.0e6);
+        let of_points = (0..256).map(|i| {
+            let at = [i % 16, i / 16].map(|k| (k as f32 + 0.5) / 16.0);
+            of_octahedral([0, 1].map(|k| (sun[k] as f32 + at[k]) / width as f32 * 2.0 - 1.0)).1
+        });
+        let light = 1.0e6 * of_points.sum::<f32>() / 256.0 * 4.0 / (width * width) as f32;
+        let kept: f32 = Sky::octahedral(width, &pixels).expect("sound").patches.iter().map(|patch| patch.lux).sum();
+        (kept / light - 1.0).powi(2)
+    });
+    // The root of the mean square is 0.03 over all places.
+    let error = (errors.sum::<f32>() / 40.0).sqrt();
+    assert!(error < 0.06, "{error}");
+}
+
+#[test]
+fn what_is_no_octahedral_map_is_refused() {
+    for (width, count) in [(0, 0), (3, 6), (3, 12), (4, 12), (usize::MAX, 1), (20_000, 1)] {
+        let error = Sky::octahedral(width, &vec![Vec3::ONE; count]).expect_err("no square");
+        assert!(matches!(error, SkyError::Size { max: 16_384, .. }) && error.code() == 1300, "{width}: {error}");
+    }
+    for value in [-1.0, f32::NAN, 1.0e16] {
+        let mut pixels = [Vec3::ONE; 9];
+        pixels[7].z = value;
+        let error = Sky::octahedral(3, &pixels).expect_err("a bad pixel");
+        assert!(matches!(error, SkyError::Pixel { pixel: 7, .. }), "{error}");
+    }
+    // The mean of the brightest pixels is none brighter.
+    assert!(Sky::octahedral(5, &[Vec3::splat(crate::light::MAX_EMISSION); 25]).is_ok());
+    assert_eq!(Sky::octahedral(1, &[Vec3::ONE]).expect("a pixel").size(), [2, 1]);
+}

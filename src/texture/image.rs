@@ -68,7 +68,7 @@ struct Reduced {
 }
 
 /// The linear value of an sRGB-encoded one; both are from 0 to 1.
-fn srgb_to_linear(encoded: f32) -> f32 {
+pub(crate) fn srgb_to_linear(encoded: f32) -> f32 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 

@@ -10,4 +10,6 @@ mod surface;
 
 pub use cells::TextureWrap;
 pub use image::Texture;
+#[cfg(feature = "gltf")]
+pub(crate) use image::srgb_to_linear;
 pub use surface::TexturedSurface;

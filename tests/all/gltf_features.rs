@@ -7,7 +7,7 @@ use girandole::gltf::{
     GltfError, GltfFile, GltfLights, GltfOptions, LightSource, TextureImage, load, load_lights,
     load_lights_with_textures, primitive_attribute, read_image,
 };
-use girandole::{Light, LightId, LightWorld, ShadingPoint, Shape};
+use girandole::{Light, LightId, LightWorld, ShadingPoint, Shape, Sky};
 
 use testbed::testing::gltf_documents::{
     Document, SQUARE, SQUARE_INDICES, data_uri, floats, png, square, square_primitive,
@@ -501,4 +501,168 @@ fn profiles_are_read_from_files_beside_the_document_and_flaws_name_the_profile_a
         assert!(lights(&open(&text)).is_err(), "{to}");
     }
     std::fs::remove_dir_all(&folder).expect("the folder of this test");
+}
+
+/// The side of the faces of [`cube`].
+const SIDE: u32 = 32;
+
+/// A document whose scene has the light of a cube, with more fields of the light.
+fn image_based(faces: &str, fields: &str) -> String {
+    let images = "{\"uri\":\"face.png\"},".repeat(6);
+    let text = format!(
+        "{{'asset':{{'version':'2.0'}},'extensionsRequired':['EXT_lights_image_based'],\
+         'extensions':{{'EXT_lights_image_based':{{'lights':[{{}},{{{fields}'specularImages':{faces},\
+         'specularImageSize':32,'irradianceCoefficients':[]}}]}}}},\
+         'images':[{}],'scenes':[{{'nodes':[],'extensions':{{'EXT_lights_image_based':{{'light':1}}}}}}]}}",
+        images.trim_end_matches(',')
+    );
+    text.replace('\'', "\"")
+}
+
+const FACES: &str = "[[0,1,2,3,4,5],[5,5,5,5,5,5]]";
+
+/// Faces of six colours, each with a white quarter in its upper right corner.
+fn cube() -> [Vec<u8>; 6] {
+    [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 0], [255, 0, 255], [0, 255, 255]].map(|[r, g, b]| {
+        let pixel = |i: u32| if i % SIDE >= SIDE / 2 && i / SIDE < SIDE / 2 { [255; 4] } else { [r, g, b, 255] };
+        (0..SIDE * SIDE).flat_map(pixel).collect()
+    })
+}
+
+/// Loads the lights of a document into a world, with faces of one size.
+fn load_cube(world: &mut LightWorld, text: &str, side: u32, faces: &[Vec<u8>]) -> Result<GltfLights, GltfError> {
+    let file = open(text);
+    let images: Vec<_> = faces.iter().map(|rgba| image(side, rgba)).collect();
+    load_lights_with_textures(world, &file.document, &file.buffers, &images, &GltfOptions::default())
+}
+
+#[test]
+fn the_cube_of_an_image_based_light_becomes_the_sky() {
+    let mut world = LightWorld::new();
+    let lights = load_cube(&mut world, &image_based(FACES, ""), SIDE, &cube()).expect("a valid document");
+    let (key, sky) = world.sky().expect("a sky");
+    assert_eq!((lights.sky, sky.size()), (Some(key), [4 * SIDE as usize, 2 * SIDE as usize]));
+    assert_eq!(world.placement(key).map(|placement| placement.linear), Some(Mat3::IDENTITY));
+    // What is ahead and above when each image is seen from the middle, with the colour of the image.
+    let faces = [
+        (Vec3::X, Vec3::Y, vec3(1.0, 0.0, 0.0)),
+        (Vec3::NEG_X, Vec3::Y, vec3(0.0, 1.0, 0.0)),
+        (Vec3::Y, Vec3::NEG_Z, vec3(0.0, 0.0, 1.0)),
+        (Vec3::NEG_Y, Vec3::Z, vec3(1.0, 1.0, 0.0)),
+        (Vec3::Z, Vec3::Y, vec3(1.0, 0.0, 1.0)),
+        (Vec3::NEG_Z, Vec3::Y, vec3(0.0, 1.0, 1.0)),
+    ];
+    for (ahead, up, color) in faces {
+        let right = ahead.cross(up);
+        for (along, upwards) in [(0.5, 0.5), (0.5, -0.5), (-0.5, 0.5), (-0.5, -0.5), (0.8, 0.1), (0.1, 0.8)] {
+            let expected = if along > 0.0 && upwards > 0.0 { Vec3::ONE } else { color };
+            let found = sky.radiance(ahead + right * along + up * upwards);
+            assert!((found - expected).length() < 0.01, "{ahead} {along} {upwards}: {found}");
+        }
+    }
+    // The light of the cube is kept: a sixth of each colour.
+    let steps = 200;
+    let mean: Vec3 = (0..steps * steps)
+        .map(|i| {
+            let y = (2.0 * (i % steps) as f32 + 1.0) / steps as f32 - 1.0;
+            let (sin, cos) = (std::f32::consts::TAU * (i / steps) as f32 / steps as f32).sin_cos();
+            sky.radiance(vec3((1.0 - y * y).sqrt() * cos, y, (1.0 - y * y).sqrt() * sin))
+        })
+        .sum();
+    let expected = Vec3::splat(0.25) + 0.75 * vec3(0.5, 0.5, 0.5);
+    assert!((mean / (steps * steps) as f32 - expected).abs().max_element() < 0.01, "{mean}");
+}
+
+#[test]
+fn image_based_lights_are_decoded_scaled_and_turned() {
+    // An alpha of 51 multiplies by 5, and one of 0 by 255. A channel of 188 is half as bright as one of 255.
+    let face = |alpha: u8| [188, 255, 0, alpha].repeat(16);
+    let faces = [255, 51, 0, 255, 51, 1].map(face);
+    let mut world = LightWorld::new();
+    let fields = "'intensity':3,'rotation':[0,1.4142136,0,1.4142136],";
+    let lights = load_cube(&mut world, &image_based(FACES, fields), 4, &faces).expect("a valid document");
+    let (key, sky) = world.sky().expect("a sky");
+    assert_eq!(lights.sky, Some(key));
+    for (direction, factor) in [(Vec3::X, 3.0), (Vec3::NEG_X, 15.0), (Vec3::Y, 765.0), (Vec3::NEG_Z, 765.0)] {
+        let expected = factor * vec3(0.5, 1.0, 0.0);
+        let found = sky.radiance(direction);
+        assert!((found - expected).length() < 0.01 * factor, "{direction}: {found}");
+    }
+    // A quarter of a turn about +Y, which takes +X to -Z.
+    let turned = world.placement(key).expect("an instance").linear;
+    assert!((turned * Vec3::X - Vec3::NEG_Z).length() < 1.0e-6, "{turned}");
+    // As samples have it: below is as bright as +X is.
+    let place = ShadingPoint::surface(Vec3::ZERO, Vec3::NEG_Z);
+    let seen = world.sampler().hit(&place, Vec3::NEG_Z, f32::INFINITY).expect("the sky");
+    let below = world.sampler().hit(&ShadingPoint::surface(Vec3::ZERO, Vec3::NEG_Y), Vec3::NEG_Y, f32::INFINITY);
+    assert!((seen.incident.radiance - below.expect("the sky").incident.radiance).length() < 0.02, "{seen:?}");
+}
+
+#[test]
+fn a_sky_that_is_there_stays_and_missing_images_make_none() {
+    let (text, faces) = (image_based(FACES, ""), cube());
+    let mut world = LightWorld::new();
+    let none = load_cube(&mut world, &text, SIDE, &faces[..5]).expect("a valid document");
+    assert_eq!((none.sky, world.instance_count(), world.tree_count()), (None, 0, 0));
+    let file = open(&text);
+    let options = GltfOptions::default();
+    let none = load_lights(&mut world, &file.document, &file.buffers, &options).expect("a valid document");
+    assert_eq!((none.sky, world.sky().is_none()), (None, true));
+    let own = world.set_sky(Sky::from_fn(8, |_| Vec3::splat(7.0)).expect("a sound map"));
+    let none = load_cube(&mut world, &text, SIDE, &faces).expect("a valid document");
+    assert_eq!((none.sky, world.sky().map(|(key, sky)| (key, sky.size()))), (None, Some((own, [8, 4]))));
+    // Another scene than the one that is loaded.
+    let other = text.replace("\"scenes\":[", "\"scene\":1,\"scenes\":[").replace("}}}]}", "}}},{\"nodes\":[]}]}");
+    let none = load_cube(&mut LightWorld::new(), &other, SIDE, &faces).expect("a valid document");
+    assert_eq!(none.sky, None);
+}
+
+#[test]
+fn malformed_image_based_lights_are_refused() {
+    let sound = image_based(FACES, "");
+    let changed = |from: &str, to: &str| {
+        assert!(sound.contains(from), "{from}");
+        sound.replacen(from, to, 1)
+    };
+    let faces = cube();
+    let refused = |text: &str, side: u32, faces: &[Vec<u8>]| {
+        let mut world = LightWorld::new();
+        let error = load_cube(&mut world, text, side, faces).expect_err(text);
+        assert_eq!((world.tree_count(), world.instance_count(), world.sky().is_none()), (0, 0, true), "{error}");
+        assert!(!error.to_string().contains('\n'), "{error}");
+        error.code()
+    };
+    let light = |fields: &str| image_based(FACES, fields);
+    for text in [
+        changed("\"light\":1", "\"light\":2"),
+        changed("\"light\":1", "\"light\":0"),
+        image_based("[[0,1,2,3,4]]", ""),
+        image_based("[[0,1,2,3,4,6]]", ""),
+        image_based("[[0,1,2,3,4,-1]]", ""),
+        image_based("[]", ""),
+        image_based("7", ""),
+        light("'intensity':-1,"),
+        light("'intensity':1e39,"),
+        light("'intensity':'a',"),
+        light("'intensity':1e20,"),
+        light("'rotation':[0,0,0],"),
+        light("'rotation':[0,0,0,0],"),
+        light("'rotation':[1e308,1e308,0,1],"),
+        light("'rotation':7,"),
+    ] {
+        assert_eq!(refused(&text, SIDE, &faces), 721, "{text}");
+    }
+    assert_eq!(refused(&changed("\"light\":1", "\"lamp\":1"), SIDE, &faces), 700);
+    // Images that have not as many bytes as they say, and that are no squares of one size.
+    assert_eq!(refused(&sound, SIDE + 1, &faces), 718);
+    let file = open(&sound);
+    for [width, height] in [[SIDE / 2, SIDE * 2], [SIDE / 2, SIDE / 2]] {
+        let mut images: Vec<_> = faces.iter().map(|rgba| image(SIDE, rgba)).collect();
+        images[4] = Some(TextureImage { width, height, rgba: &faces[4][..(4 * width * height) as usize] });
+        let mut world = LightWorld::new();
+        let options = GltfOptions::default();
+        let result = load_lights_with_textures(&mut world, &file.document, &file.buffers, &images, &options);
+        assert_eq!(result.expect_err("no cube").code(), 721);
+        assert!(world.sky().is_none());
+    }
 }

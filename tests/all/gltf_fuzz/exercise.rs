@@ -26,7 +26,9 @@ pub fn exercise(bytes: &[u8]) -> Result<usize, GltfError> {
     // With every image white, textures change no light that is finite.
     let white = TextureImage { width: 1, height: 1, rgba: &[255; 4] };
     let images = vec![Some(white); file.document.images().len()];
-    look(gltf::load_lights_with_textures(&mut LightWorld::new(), &file.document, &file.buffers, &images, &options()));
+    let mut world = LightWorld::new();
+    let lights = gltf::load_lights_with_textures(&mut world, &file.document, &file.buffers, &images, &options());
+    assert_eq!(lights.ok().and_then(|lights| lights.sky), world.sky().map(|(sky, _)| sky));
     let mut world = LightWorld::new();
     if let Err(error) = gltf::load_lights(&mut world, &file.document, &file.buffers, &options()) {
         assert_eq!((world.tree_count(), world.instance_count(), world.light_count()), (0, 0, 0), "{error}");

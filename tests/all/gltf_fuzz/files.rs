@@ -230,8 +230,16 @@ pub fn large() -> Parts {
         "asset": { "version": "2.0", "generator": "girandole", "minVersion": "2.0" },
         "extensionsUsed": ["KHR_lights_punctual", "KHR_materials_emissive_strength"],
         "extensionsRequired": ["KHR_lights_punctual"],
-        "extensions": { "KHR_lights_punctual": { "lights": lights } },
-        "scene": 1, "scenes": [{ "nodes": [1] }, { "name": "all", "nodes": [0, 16, 32] }],
+        "extensions": {
+            "KHR_lights_punctual": { "lights": lights },
+            "EXT_lights_image_based": { "lights": [{
+                "intensity": 2.5, "rotation": [0, 0.6, 0, 0.8], "irradianceCoefficients": [],
+                "specularImageSize": 1, "specularImages": [[0, 1, 0, 1, 0, 1]]
+            }] }
+        },
+        "scene": 1, "scenes": [{ "nodes": [1] }, {
+            "name": "all", "nodes": [0, 16, 32], "extensions": { "EXT_lights_image_based": { "light": 0 } }
+        }],
         "nodes": nodes, "meshes": meshes, "materials": materials, "animations": animations, "skins": skins,
         "cameras": [
             { "type": "perspective", "perspective": { "aspectRatio": 1.5, "yfov": 0.9, "znear": 0.1, "zfar": 100 } },

@@ -20,6 +20,7 @@ mod code {
     pub const URI: u32 = 713;
     pub const NO_CHUNK: u32 = 714;
     pub const BUFFER_LENGTH: u32 = 715;
+    pub const IMAGE_BASED_LIGHT: u32 = 721;
 }
 
 /// An object of a JSON text, with ' for quotes.
@@ -144,6 +145,11 @@ fn texts() -> Vec<(&'static str, Vec<u8>, Result<usize, u32>)> {
         ("cut_percent", uri("a%\\u00e9"), refused),
         ("no_base64", uri("data:;base64,\\u00e9"), refused),
         ("no_uri", uri(""), refused),
+        (
+            "no_image_based_light",
+            document("'scenes':[{'nodes':[],'extensions':{'EXT_lights_image_based':{'light':9}}}]"),
+            Err(code::IMAGE_BASED_LIGHT),
+        ),
         ("file_of_no_folder", uri("a.bin"), refused),
         ("not_utf_8", b"{\"asset\":{\"version\":\"2.0\",\"generator\":\"\xff\xfe\"}}".to_vec(), invalid),
         ("not_utf_8_extras", b"{\"asset\":{\"version\":\"2.0\",\"extras\":[\"\xc3\"]}}".to_vec(), invalid),
