@@ -379,14 +379,13 @@ fn surface_lights<'a>(
             }
             Ok(())
         };
-        let triangles = surface.triangles.iter().enumerate();
         let Some(texture) = &surface.texture else {
-            for (_, vertices) in triangles {
+            for vertices in surface.triangles.iter() {
                 add(Light::triangle(vertices?, surface.radiance))?;
             }
             continue;
         };
-        let textured = triangles.map(|(triangle, vertices)| {
+        let textured = surface.triangles.iter().enumerate().map(|(triangle, vertices)| {
             let corners = texture.on_image(surface.triangles.tex_coords(triangle, &texture.coordinates)?);
             Ok(TexturedSurface::white_triangle(vertices?, surface.radiance).with_exact_tex_coords(corners))
         });

@@ -88,7 +88,6 @@ fn parts_of_a_billboard_have_the_mean_of_its_texels_and_a_third_of_the_noise() {
         assert!(error < 0.002, "{error}");
         assert!((mean / expected - 1.0).abs() < 3.0 * error + 1.0e-4, "{mean} instead of {expected}");
         let (_, of_average) = measured(&[sign()], &mut texture, &at, count);
-        println!("{sigma} {of_average}");
         assert!(sigma < of_average / 3.0, "{sigma} of {of_average}");
     }
 }
