@@ -5,6 +5,7 @@ use super::scene::gltf_scene;
 use super::scene::procedural::{self, CityOptions, Size};
 use super::scene::real_city::lamp_columns::LampColumns;
 use super::scene::real_city::{self, RealCityOptions};
+use super::scene::screen;
 use super::scene::{Camera, SceneError, Stage};
 use clap::Args;
 use girandole::glam::Vec3;
@@ -67,6 +68,9 @@ pub struct SceneOptions {
     pub dusk: Option<Dusk>,
 }
 
+/// Where a screen hangs over the avenue at dusk, in sight of the camera.
+const SCREEN: Vec3 = Vec3::new(0.0, 11.5, 84.0);
+
 impl SceneOptions {
     /// Loads the scene for pictures of this width and height.
     pub fn load(&self, (width, height): (u32, u32)) -> Result<Stage, SceneError> {
@@ -90,7 +94,8 @@ impl SceneOptions {
             };
             real_city::stage(&files)?
         } else {
-            procedural::stage(&CityOptions { size: world, cars, seed, lamp_profile })?
+            let city = procedural::stage(&CityOptions { size: world, cars, seed, lamp_profile })?;
+            if dusk.is_some() { screen::hang(city, SCREEN)? } else { city }
         };
         if dusk.is_some() {
             dusk::set(&mut stage)?;

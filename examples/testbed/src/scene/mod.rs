@@ -27,6 +27,8 @@ pub mod assembly;
 pub mod designs;
 #[cfg(feature = "native")]
 pub mod dusk;
+#[cfg(feature = "native")]
+pub mod screen;
 
 pub mod rooms;
 #[cfg(feature = "native")]
