@@ -7,8 +7,8 @@ use bevy::prelude::*;
 /// Hands the light of an entity to Girandole.
 ///
 /// The entity has one of [`PointLight`], [`SpotLight`] and [`DirectionalLight`], or a [`Mesh3d`] whose
-/// [`StandardMaterial`] is emissive. An entity with both a mesh and a light component is left to Bevy:
-/// put the light on a child.
+/// [`StandardMaterial`] is emissive, with or without a texture. An entity with both a mesh and a light
+/// component is left to Bevy: put the light on a child.
 ///
 /// Bevy no longer lights the scene with the entity, so nothing is counted twice: the plugin removes
 /// [`ViewVisibility`] from entities with a light component, without which Bevy neither clusters nor

@@ -1,5 +1,6 @@
 //! The numbers of lights and kinds, and the edits that have been found since the last extraction.
 
+use std::collections::HashSet;
 use std::time::Instant;
 
 use bevy::ecs::lifecycle::HookContext;
@@ -8,7 +9,7 @@ use bevy::prelude::*;
 use girandole::Placement;
 
 use crate::edits::{Edit, Edits, State};
-use crate::kinds::{KindKey, Kinds};
+use crate::kinds::{KindKey, Kinds, Sources};
 use crate::units::{self, Emitted};
 
 /// What the plugin knows of an entity. When this component is removed, for whatever reason, the
@@ -90,8 +91,8 @@ impl Changes {
     }
 
     /// The number of a kind, with one more user; `None` if the kind has no lights.
-    fn acquire(&mut self, key: KindKey, meshes: &Assets<Mesh>) -> Option<u32> {
-        let tree = if self.kinds.contains(key) { None } else { Some(key.tree(meshes)?) };
+    fn acquire(&mut self, key: KindKey, sources: &Sources) -> Option<u32> {
+        let tree = if self.kinds.contains(key) { None } else { Some(key.tree(sources)?) };
         let (kind, _) = self.kinds.acquire(key);
         if let Some((lights, record)) = tree {
             self.edits.edits.push(Edit::AddKind { kind, lights, record });
@@ -101,8 +102,8 @@ impl Changes {
 
     /// Adds a light, or changes the one that an entity has. Returns what to store with the entity;
     /// `None` if the kind has no lights.
-    pub fn put(&mut self, present: Option<&Gathered>, found: &Found, meshes: &Assets<Mesh>) -> Option<Gathered> {
-        let kind = self.acquire(found.emitted.key, meshes)?;
+    pub fn put(&mut self, present: Option<&Gathered>, found: &Found, sources: &Sources) -> Option<Gathered> {
+        let kind = self.acquire(found.emitted.key, sources)?;
         let Found { shape, shown, .. } = *found;
         let factor = found.emitted.factor;
         let state = State { kind, placement: shape.placement(found.transform), factor, shown };
@@ -146,10 +147,10 @@ impl Changes {
         next
     }
 
-    /// Sends the triangles of a mesh again, or none if it no longer has any.
-    pub fn replace_mesh(&mut self, mesh: AssetId<Mesh>, meshes: &Assets<Mesh>) {
-        for (kind, key) in self.kinds.of_mesh(mesh) {
-            let (lights, record) = key.tree(meshes).unwrap_or_default();
+    /// Sends the triangles of meshes and of textured meshes again, or none if there no longer are any.
+    pub fn replace(&mut self, meshes: &HashSet<AssetId<Mesh>>, images: &HashSet<AssetId<Image>>, sources: &Sources) {
+        for (kind, key) in self.kinds.made_of(meshes, images) {
+            let (lights, record) = key.tree(sources).unwrap_or_default();
             self.edits.edits.push(Edit::ReplaceKind { kind, lights, record });
         }
     }

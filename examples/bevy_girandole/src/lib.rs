@@ -6,9 +6,10 @@
 //! it costs, and its limits.
 //!
 //! Data passes through the modules in this order: `components` and `settings` come from the
-//! application; `gather` finds what changed, `gathered` and `kinds` assign numbers to it, and
-//! `extract` moves the `edits` to the render world; `world` applies the edits, `gpu` uploads the
-//! result, and `pass` draws with the texts of `shader` and the textures of `history`.
+//! application; `gather` finds what changed, `gathered` and `kinds` assign numbers to it, `triangles`,
+//! `texels` and `textures` read meshes and images, and `extract` moves the `edits` to the render world;
+//! `world` applies the edits, `gpu` uploads the result, and `pass` draws with the texts of `shader` and
+//! the textures of `history`.
 
 mod components;
 mod edits;
@@ -24,6 +25,9 @@ mod pass;
 mod plugin;
 mod settings;
 mod shader;
+mod texels;
+mod textures;
+mod triangles;
 mod units;
 #[cfg(feature = "wesl")]
 mod wesl;

@@ -6,4 +6,5 @@ mod changes;
 mod harness;
 mod lifecycle;
 mod refusals;
+mod textures;
 mod unbiased;
