@@ -14,7 +14,7 @@ use crate::edits::Edit;
 use crate::gathered::{Changes, Found, Gathered, Shape};
 use crate::kinds::Sources;
 use crate::settings::GirandoleSettings;
-use crate::units;
+use crate::{sky, units};
 
 type AnyLightComponent = Or<(With<PointLight>, With<SpotLight>, With<DirectionalLight>)>;
 /// Entities with a light component and no mesh. Only these can be hidden from Bevy.
@@ -25,7 +25,7 @@ pub fn add_systems(app: &mut App) {
         PostUpdate,
         (
             (mark_all, take_over, give_back).chain().before(VisibilitySystems::CheckVisibility),
-            (forget, gather_lights, gather_meshes, gather_visibility, gather_moves)
+            (forget, gather_lights, gather_meshes, gather_visibility, gather_moves, sky::gather)
                 .chain()
                 .after(TransformSystems::Propagate)
                 .after(VisibilitySystems::VisibilityPropagate)
@@ -195,7 +195,8 @@ struct AssetChanges<'w, 's> {
     seen: Local<'s, Seen>,
 }
 
-fn changed<A: Asset>(event: &AssetEvent<A>) -> Option<AssetId<A>> {
+/// The asset that an event makes new.
+pub fn changed<A: Asset>(event: &AssetEvent<A>) -> Option<AssetId<A>> {
     match event {
         AssetEvent::Added { id } | AssetEvent::Modified { id } | AssetEvent::Removed { id } => Some(*id),
         _ => None,

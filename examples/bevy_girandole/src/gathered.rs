@@ -6,7 +6,7 @@ use std::time::Instant;
 use bevy::ecs::lifecycle::HookContext;
 use bevy::ecs::world::DeferredWorld;
 use bevy::prelude::*;
-use girandole::Placement;
+use girandole::{Placement, Sky};
 
 use crate::edits::{Edit, Edits, State};
 use crate::kinds::{KindKey, Kinds, Sources};
@@ -67,6 +67,8 @@ pub struct Changes {
     pub kinds: Kinds,
     /// Entities whose lights the plugin has taken over from Bevy since the last extraction.
     pub taken: Vec<Entity>,
+    /// The number of the sky's kind; `None` while there is no sky.
+    sky: Option<u32>,
     free: Vec<u32>,
     /// Numbers that are free from the next extraction on, so that a move that was found before a
     /// removal does not reach the next light of the same number.
@@ -152,6 +154,29 @@ impl Changes {
         for (kind, key) in self.kinds.made_of(meshes, images) {
             let (lights, record) = key.tree(sources).unwrap_or_default();
             self.edits.edits.push(Edit::ReplaceKind { kind, lights, record });
+        }
+    }
+
+    /// Makes a map the sky, or removes the sky.
+    pub fn set_sky(&mut self, map: Option<Sky>) {
+        match map {
+            Some(map) => {
+                let kind = *self.sky.get_or_insert_with(|| self.kinds.acquire(KindKey::Sky).0);
+                self.edits.edits.push(Edit::SetSky { kind, map: Box::new(map) });
+            }
+            None => {
+                if let Some(kind) = self.sky.take() {
+                    self.kinds.release(kind);
+                    self.edits.edits.push(Edit::RemoveSky);
+                }
+            }
+        }
+    }
+
+    /// Turns the sky, and sets what its map is multiplied by.
+    pub fn adjust_sky(&mut self, rotation: Quat, factor: f32) {
+        if self.sky.is_some() {
+            self.edits.edits.push(Edit::AdjustSky { rotation, factor });
         }
     }
 

@@ -41,6 +41,7 @@ pub enum KindKey {
     Point { range: u32, radius: u32 },
     Spot { range: u32, radius: u32, inner: u32, outer: u32 },
     Mesh { mesh: AssetId<Mesh>, texture: Option<TextureKey>, two_sided: bool, weight: u32, ev100: u32 },
+    Sky,
 }
 
 /// The assets that kinds are made of.
@@ -49,6 +50,13 @@ pub struct Sources<'w> {
     pub meshes: Res<'w, Assets<Mesh>>,
     pub images: Res<'w, Assets<Image>>,
     pub default_wrap: Res<'w, DefaultWrap>,
+}
+
+impl KindRecord {
+    /// What the shader knows of a sky of so many patches: its radiance is in nits, whatever the exposure.
+    pub fn sky(patches: usize) -> Self {
+        Self { weight: 1.0, nits: 1.0, lights: patches as u32, ..Self::default() }
+    }
 }
 
 impl KindKey {
@@ -65,7 +73,7 @@ impl KindKey {
     }
 
     /// The lights of the tree, and what the shader knows of them; `None` for a mesh without triangles
-    /// or with a texture that the main world can not read.
+    /// or with a texture that the main world cannot read, and for the sky, whose tree the light world makes.
     pub fn tree(self, sources: &Sources) -> Option<(Vec<Light>, KindRecord)> {
         let punctual = |range, radius| KindRecord { range, radius, lights: 1, ..KindRecord::default() };
         match self {
@@ -87,6 +95,7 @@ impl KindKey {
                 let record = KindRecord { weight, nits, lights: lights.len() as u32, ..KindRecord::default() };
                 Some((lights, record))
             }
+            Self::Sky => None,
         }
     }
 }

@@ -92,6 +92,7 @@ pub struct Texels<'a> {
     format: Format,
     /// Columns and rows.
     pub size: [usize; 2],
+    pub layers: usize,
     /// Bytes from one layer to the next one.
     layer_bytes: usize,
 }
@@ -116,7 +117,7 @@ impl<'a> Texels<'a> {
             TextureDataOrder::LayerMajor => (0..described.mip_level_count.clamp(1, 32)).map(level_bytes).sum(),
         };
         let is_whole = bytes.len() >= layer_bytes * (layers - 1) + level_bytes(0);
-        is_whole.then_some(Self { bytes, format, size: [width, height], layer_bytes })
+        is_whole.then_some(Self { bytes, format, size: [width, height], layers, layer_bytes })
     }
 
     /// The bytes of the first layer, if a texel is red, green and blue that are sRGB-encoded, and alpha.
@@ -164,7 +165,7 @@ mod tests {
         let floats = [2.5, -1.0, 0.125, 1.0].map(f32::to_le_bytes).concat();
         assert_eq!(texel(TextureFormat::Rgba32Float, &floats), Vec4::new(2.5, 0.0, 0.125, 1.0));
         // An exponent of 16 over fractions of 1/512.
-        let shared: u32 = 16 << 27 | 3 << 18 | 512 / 2 << 9 | 511;
+        let shared: u32 = 16 << 27 | 3 << 18 | 256 << 9 | 511;
         assert_eq!(
             texel(TextureFormat::Rgb9e5Ufloat, &shared.to_le_bytes()),
             Vec4::new(511.0 / 256.0, 1.0, 3.0 / 256.0, 1.0)
