@@ -7,8 +7,8 @@ use bevy::prelude::*;
 /// Hands the light of an entity to Girandole.
 ///
 /// The entity has one of [`PointLight`], [`SpotLight`] and [`DirectionalLight`], or a [`Mesh3d`] whose
-/// [`StandardMaterial`] is emissive. An entity with both a mesh and a light component is left to Bevy:
-/// put the light on a child.
+/// [`StandardMaterial`] is emissive, with or without a texture. An entity with both a mesh and a light
+/// component is left to Bevy: put the light on a child.
 ///
 /// Bevy no longer lights the scene with the entity, so nothing is counted twice: the plugin removes
 /// [`ViewVisibility`] from entities with a light component, without which Bevy neither clusters nor
@@ -27,7 +27,41 @@ pub struct GirandoleLight;
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct NoGirandole;
 
-/// Adds the light of all entities with [`GirandoleLight`] to the picture of a camera.
+/// Makes an image the sky, which lights the scene from all around. Any entity may have it, such as the camera;
+/// its transform and its visibility count for nothing.
+///
+/// The image is a cubemap in the layout of Bevy's, or equirectangular: rows from the zenith down, whose middle is at
+/// +X. It must be readable in the main world (`RenderAssetUsages::MAIN_WORLD`) and not compressed; until it is loaded
+/// there is no sky. The default handle is that of a white image. Texels that are negative or NaN are black.
+///
+/// There is one sky. If several entities have the component, one of them counts until it loses it.
+///
+/// The plugin draws no background: add Bevy's `Skybox` to the camera. An [`EnvironmentMapLight`] with the same image
+/// would light the scene once more, so remove it from the camera.
+#[derive(Component, Clone, Debug)]
+pub struct GirandoleSky {
+    /// A cubemap or an equirectangular map.
+    pub image: Handle<Image>,
+    /// Radiance in nits of a texel of 1, at most 10⁸. With 0 the sky is dark.
+    pub intensity: f32,
+    /// Turns the map in the world.
+    pub rotation: Quat,
+}
+
+impl Default for GirandoleSky {
+    fn default() -> Self {
+        Self { image: Handle::default(), intensity: 1.0, rotation: Quat::IDENTITY }
+    }
+}
+
+/// The sky that Bevy's light stands for: its specular map, which is the sharp one.
+impl From<&EnvironmentMapLight> for GirandoleSky {
+    fn from(light: &EnvironmentMapLight) -> Self {
+        Self { image: light.specular_map.clone(), intensity: light.intensity, rotation: light.rotation }
+    }
+}
+
+/// Adds the light of all entities with [`GirandoleLight`] and of the [`GirandoleSky`] to the picture of a camera.
 ///
 /// It requires Bevy's deferred renderer, whose buffers it reads, and a target in high dynamic range.
 /// Spawn it with [`Msaa::Off`], which Bevy's deferred renderer requires, and make materials deferred:

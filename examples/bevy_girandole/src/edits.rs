@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use bevy::math::Vec3;
-use girandole::{DirectionalLight, Light, Placement};
+use bevy::math::{Quat, Vec3};
+use girandole::{DirectionalLight, Light, Placement, Sky};
 
 use crate::kinds::KindRecord;
 
@@ -49,6 +49,17 @@ pub enum Edit {
     Remove {
         light: u32,
     },
+    /// Makes a map the sky, in place of the one that there was.
+    SetSky {
+        kind: u32,
+        map: Box<Sky>,
+    },
+    /// Turns the sky, and sets what its map is multiplied by.
+    AdjustSky {
+        rotation: Quat,
+        factor: f32,
+    },
+    RemoveSky,
 }
 
 /// Everything about a light except its number.

@@ -12,8 +12,9 @@ use bevy::prelude::*;
 use crate::components::{GirandoleLight, NoGirandole};
 use crate::edits::Edit;
 use crate::gathered::{Changes, Found, Gathered, Shape};
+use crate::kinds::Sources;
 use crate::settings::GirandoleSettings;
-use crate::units;
+use crate::{sky, units};
 
 type AnyLightComponent = Or<(With<PointLight>, With<SpotLight>, With<DirectionalLight>)>;
 /// Entities with a light component and no mesh. Only these can be hidden from Bevy.
@@ -24,7 +25,7 @@ pub fn add_systems(app: &mut App) {
         PostUpdate,
         (
             (mark_all, take_over, give_back).chain().before(VisibilitySystems::CheckVisibility),
-            (forget, gather_lights, gather_meshes, gather_visibility, gather_moves)
+            (forget, gather_lights, gather_meshes, gather_visibility, gather_moves, sky::gather)
                 .chain()
                 .after(TransformSystems::Propagate)
                 .after(VisibilitySystems::VisibilityPropagate)
@@ -135,7 +136,7 @@ type ChangedLight = Or<(Changed<PointLight>, Changed<SpotLight>, Changed<Directi
 fn gather_lights(
     mut commands: Commands,
     mut changes: ResMut<Changes>,
-    meshes: Res<Assets<Mesh>>,
+    sources: Sources,
     mut lights: Query<LightQuery, (With<GirandoleLight>, AnyLight, ChangedLight)>,
 ) {
     let started = Instant::now();
@@ -144,11 +145,11 @@ fn gather_lights(
         let next = match (point, spot, directional) {
             (Some(point), ..) => {
                 let found = Found { shape: Shape::Point, emitted: units::point(point), transform, shown };
-                changes.put(gathered.as_deref(), &found, &meshes)
+                changes.put(gathered.as_deref(), &found, &sources)
             }
             (_, Some(spot), _) => {
                 let found = Found { shape: Shape::Spot, emitted: units::spot(spot), transform, shown };
-                changes.put(gathered.as_deref(), &found, &meshes)
+                changes.put(gathered.as_deref(), &found, &sources)
             }
             (.., Some(light)) => {
                 Some(changes.put_directional(gathered.as_deref(), units::directional(light, transform), shown))
@@ -179,6 +180,7 @@ fn store(commands: &mut Commands, entity: Entity, present: Option<Mut<Gathered>>
 struct Seen {
     meshes: HashSet<AssetId<Mesh>>,
     materials: HashSet<AssetId<StandardMaterial>>,
+    images: HashSet<AssetId<Image>>,
     ev100: Option<f32>,
 }
 
@@ -187,12 +189,14 @@ struct Seen {
 struct AssetChanges<'w, 's> {
     events_of_meshes: MessageReader<'w, 's, AssetEvent<Mesh>>,
     events_of_materials: MessageReader<'w, 's, AssetEvent<StandardMaterial>>,
-    meshes: Res<'w, Assets<Mesh>>,
+    events_of_images: MessageReader<'w, 's, AssetEvent<Image>>,
+    sources: Sources<'w>,
     materials: Res<'w, Assets<StandardMaterial>>,
     seen: Local<'s, Seen>,
 }
 
-fn changed<A: Asset>(event: &AssetEvent<A>) -> Option<AssetId<A>> {
+/// The asset that an event makes new.
+pub fn changed<A: Asset>(event: &AssetEvent<A>) -> Option<AssetId<A>> {
     match event {
         AssetEvent::Added { id } | AssetEvent::Modified { id } | AssetEvent::Removed { id } => Some(*id),
         _ => None,
@@ -211,9 +215,9 @@ type MeshQuery = (
 type EmissiveMesh = (With<GirandoleLight>, Without<PointLight>, Without<SpotLight>, Without<DirectionalLight>);
 type ChangedMesh = Or<(Changed<Mesh3d>, Changed<MeshMaterial3d<StandardMaterial>>, Added<GirandoleLight>)>;
 
-/// Emissive meshes that are new, or of which the mesh or the material was changed, and those that
-/// have lost a light component. After an event of a mesh or a material that marked meshes use, it
-/// looks through all of them.
+/// Emissive meshes that are new, or of which the mesh, the material or its textures were changed, and
+/// those that have lost a light component. After an event of an asset that marked meshes use, it looks
+/// through all of them.
 fn gather_meshes(
     mut commands: Commands,
     mut changes: ResMut<Changes>,
@@ -226,33 +230,34 @@ fn gather_meshes(
     let started = Instant::now();
     let changed_meshes: HashSet<_> = assets.events_of_meshes.read().filter_map(changed).collect();
     let changed_materials: HashSet<_> = assets.events_of_materials.read().filter_map(changed).collect();
+    let changed_images: HashSet<_> = assets.events_of_images.read().filter_map(changed).collect();
     let without_light: HashSet<_> = removed.read().into_iter().filter(|&entity| lights.contains(entity)).collect();
     let all = assets.seen.ev100 != Some(settings.exposure.ev100);
-    let uses_none =
-        changed_meshes.is_disjoint(&assets.seen.meshes) && changed_materials.is_disjoint(&assets.seen.materials);
+    let uses_none = changed_meshes.is_disjoint(&assets.seen.meshes)
+        && changed_materials.is_disjoint(&assets.seen.materials)
+        && changed_images.is_disjoint(&assets.seen.images);
     if !all && uses_none && new.is_empty() && without_light.is_empty() {
         return;
     }
     *assets.seen = Seen { ev100: Some(settings.exposure.ev100), ..default() };
-    for &id in &changed_meshes {
-        changes.replace_mesh(id, &assets.meshes);
-    }
+    changes.replace(&changed_meshes, &changed_images, &assets.sources);
     for (entity, marker, mesh, material, transform, visibility, gathered) in &mut lights {
         assets.seen.meshes.insert(mesh.id());
         assets.seen.materials.insert(material.id());
+        let material_of_mesh = assets.materials.get(&material.0);
+        let emitted = material_of_mesh.and_then(|of| units::emissive(mesh.id(), of, settings.exposure));
+        let images = || emitted.into_iter().flat_map(|emitted| emitted.key.images());
+        assets.seen.images.extend(images());
         let is_new = all || marker.is_added() || mesh.is_changed() || material.is_changed();
         let is_new = is_new || without_light.contains(&entity);
-        let has_new_mesh = gathered.is_none() && changed_meshes.contains(&mesh.id());
-        if !(is_new || has_new_mesh || changed_materials.contains(&material.id())) {
+        let is_loaded = changed_meshes.contains(&mesh.id()) || images().any(|image| changed_images.contains(&image));
+        let is_new = is_new || (gathered.is_none() && is_loaded);
+        if !(is_new || changed_materials.contains(&material.id())) {
             continue;
         }
-        let emitted = assets
-            .materials
-            .get(&material.0)
-            .and_then(|material| units::emissive(mesh.id(), material, settings.exposure));
         let next = emitted.and_then(|emitted| {
             let found = Found { shape: Shape::Mesh, emitted, transform, shown: visibility.get() };
-            changes.put(gathered.as_deref(), &found, &assets.meshes)
+            changes.put(gathered.as_deref(), &found, &assets.sources)
         });
         store(&mut commands, entity, gathered, next);
     }

@@ -1,14 +1,15 @@
 //! The numbers of lights and kinds, and the edits that have been found since the last extraction.
 
+use std::collections::HashSet;
 use std::time::Instant;
 
 use bevy::ecs::lifecycle::HookContext;
 use bevy::ecs::world::DeferredWorld;
 use bevy::prelude::*;
-use girandole::Placement;
+use girandole::{Placement, Sky};
 
 use crate::edits::{Edit, Edits, State};
-use crate::kinds::{KindKey, Kinds};
+use crate::kinds::{KindKey, Kinds, Sources};
 use crate::units::{self, Emitted};
 
 /// What the plugin knows of an entity. When this component is removed, for whatever reason, the
@@ -66,6 +67,8 @@ pub struct Changes {
     pub kinds: Kinds,
     /// Entities whose lights the plugin has taken over from Bevy since the last extraction.
     pub taken: Vec<Entity>,
+    /// The number of the sky's kind; `None` while there is no sky.
+    sky: Option<u32>,
     free: Vec<u32>,
     /// Numbers that are free from the next extraction on, so that a move that was found before a
     /// removal does not reach the next light of the same number.
@@ -90,8 +93,8 @@ impl Changes {
     }
 
     /// The number of a kind, with one more user; `None` if the kind has no lights.
-    fn acquire(&mut self, key: KindKey, meshes: &Assets<Mesh>) -> Option<u32> {
-        let tree = if self.kinds.contains(key) { None } else { Some(key.tree(meshes)?) };
+    fn acquire(&mut self, key: KindKey, sources: &Sources) -> Option<u32> {
+        let tree = if self.kinds.contains(key) { None } else { Some(key.tree(sources)?) };
         let (kind, _) = self.kinds.acquire(key);
         if let Some((lights, record)) = tree {
             self.edits.edits.push(Edit::AddKind { kind, lights, record });
@@ -101,8 +104,8 @@ impl Changes {
 
     /// Adds a light, or changes the one that an entity has. Returns what to store with the entity;
     /// `None` if the kind has no lights.
-    pub fn put(&mut self, present: Option<&Gathered>, found: &Found, meshes: &Assets<Mesh>) -> Option<Gathered> {
-        let kind = self.acquire(found.emitted.key, meshes)?;
+    pub fn put(&mut self, present: Option<&Gathered>, found: &Found, sources: &Sources) -> Option<Gathered> {
+        let kind = self.acquire(found.emitted.key, sources)?;
         let Found { shape, shown, .. } = *found;
         let factor = found.emitted.factor;
         let state = State { kind, placement: shape.placement(found.transform), factor, shown };
@@ -146,11 +149,34 @@ impl Changes {
         next
     }
 
-    /// Sends the triangles of a mesh again, or none if it no longer has any.
-    pub fn replace_mesh(&mut self, mesh: AssetId<Mesh>, meshes: &Assets<Mesh>) {
-        for (kind, key) in self.kinds.of_mesh(mesh) {
-            let (lights, record) = key.tree(meshes).unwrap_or_default();
+    /// Sends the triangles of meshes and of textured meshes again, or none if there no longer are any.
+    pub fn replace(&mut self, meshes: &HashSet<AssetId<Mesh>>, images: &HashSet<AssetId<Image>>, sources: &Sources) {
+        for (kind, key) in self.kinds.made_of(meshes, images) {
+            let (lights, record) = key.tree(sources).unwrap_or_default();
             self.edits.edits.push(Edit::ReplaceKind { kind, lights, record });
+        }
+    }
+
+    /// Makes a map the sky, or removes the sky.
+    pub fn set_sky(&mut self, map: Option<Sky>) {
+        match map {
+            Some(map) => {
+                let kind = *self.sky.get_or_insert_with(|| self.kinds.acquire(KindKey::Sky).0);
+                self.edits.edits.push(Edit::SetSky { kind, map: Box::new(map) });
+            }
+            None => {
+                if let Some(kind) = self.sky.take() {
+                    self.kinds.release(kind);
+                    self.edits.edits.push(Edit::RemoveSky);
+                }
+            }
+        }
+    }
+
+    /// Turns the sky, and sets what its map is multiplied by.
+    pub fn adjust_sky(&mut self, rotation: Quat, factor: f32) {
+        if self.sky.is_some() {
+            self.edits.edits.push(Edit::AdjustSky { rotation, factor });
         }
     }
 

@@ -28,6 +28,7 @@ pub fn effects() -> Effects {
         | Effects::NON_RIGID
         | Effects::FACTORS
         | Effects::GLOSSY
+        | Effects::SKY
 }
 
 /// The storage buffers that a stage binds at most, when it chooses from shared cuts: those of Bevy's view and six

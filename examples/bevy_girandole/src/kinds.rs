@@ -1,17 +1,21 @@
 //! Kinds of light: lights that share a tree, because they differ by place, colour and brightness
 //! alone.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::hash::Hash;
 
 use bevy::asset::{AssetId, Assets};
 use bevy::camera::Exposure;
+use bevy::ecs::system::{Res, SystemParam};
+use bevy::image::Image;
 use bevy::log::warn_once;
 use bevy::math::Vec3;
-use bevy::mesh::{Mesh, PrimitiveTopology};
+use bevy::mesh::Mesh;
 use bytemuck::{Pod, Zeroable};
 use girandole::Light;
 
+use crate::textures::{DefaultWrap, TextureKey};
+use crate::triangles;
 use crate::units::{self, UNIT};
 
 /// What the shader knows of a kind. Twin of `GirandoleKind` in shade.wgsl.
@@ -36,13 +40,41 @@ pub struct KindRecord {
 pub enum KindKey {
     Point { range: u32, radius: u32 },
     Spot { range: u32, radius: u32, inner: u32, outer: u32 },
-    Mesh { mesh: AssetId<Mesh>, two_sided: bool, weight: u32, ev100: u32 },
+    Mesh { mesh: AssetId<Mesh>, texture: Option<TextureKey>, two_sided: bool, weight: u32, ev100: u32 },
+    Sky,
+}
+
+/// The assets that kinds are made of.
+#[derive(SystemParam)]
+pub struct Sources<'w> {
+    pub meshes: Res<'w, Assets<Mesh>>,
+    pub images: Res<'w, Assets<Image>>,
+    pub default_wrap: Res<'w, DefaultWrap>,
+}
+
+impl KindRecord {
+    /// What the shader knows of a sky of so many patches: its radiance is in nits, whatever the exposure.
+    pub fn sky(patches: usize) -> Self {
+        Self { weight: 1.0, nits: 1.0, lights: patches as u32, ..Self::default() }
+    }
 }
 
 impl KindKey {
+    /// Whether the kind is made of one of these meshes or images.
+    fn is_made_of(&self, meshes: &HashSet<AssetId<Mesh>>, images: &HashSet<AssetId<Image>>) -> bool {
+        let has_mesh = matches!(self, Self::Mesh { mesh, .. } if meshes.contains(mesh));
+        has_mesh || self.images().any(|image| images.contains(&image))
+    }
+
+    /// The images that the kind is made of.
+    pub fn images(self) -> impl Iterator<Item = AssetId<Image>> {
+        let texture = if let Self::Mesh { texture, .. } = self { texture } else { None };
+        texture.into_iter().flat_map(TextureKey::images)
+    }
+
     /// The lights of the tree, and what the shader knows of them; `None` for a mesh without triangles
-    /// that the main world can read.
-    pub fn tree(self, meshes: &Assets<Mesh>) -> Option<(Vec<Light>, KindRecord)> {
+    /// or with a texture that the main world cannot read, and for the sky, whose tree the light world makes.
+    pub fn tree(self, sources: &Sources) -> Option<(Vec<Light>, KindRecord)> {
         let punctual = |range, radius| KindRecord { range, radius, lights: 1, ..KindRecord::default() };
         match self {
             Self::Point { range, radius } => {
@@ -56,40 +88,33 @@ impl KindKey {
                 let light = Light::spot(Vec3::ZERO, Vec3::NEG_Z, inner, outer, Vec3::splat(UNIT));
                 Some((vec![light.with_range(record.range)], record))
             }
-            Self::Mesh { mesh, two_sided, weight, ev100 } => {
-                let lights = triangles(meshes.get(mesh)?, two_sided)?;
+            Self::Mesh { mesh, texture, two_sided, weight, ev100 } => {
+                let lights = mesh_lights(sources.meshes.get(mesh)?, texture, two_sided, sources)?;
                 let weight = f32::from_bits(weight);
                 let nits = units::nits(Exposure { ev100: f32::from_bits(ev100) }, weight);
                 let record = KindRecord { weight, nits, lights: lights.len() as u32, ..KindRecord::default() };
                 Some((lights, record))
             }
+            Self::Sky => None,
         }
     }
 }
 
-fn triangles(mesh: &Mesh, two_sided: bool) -> Option<Vec<Light>> {
+/// The triangles of a mesh, or the parts into which its texture cuts them.
+fn mesh_lights(mesh: &Mesh, texture: Option<TextureKey>, two_sided: bool, sources: &Sources) -> Option<Vec<Light>> {
+    let Some(corners) = triangles::corners(mesh) else {
+        warn_once!("girandole: a mesh without readable triangles is not sampled as a light");
+        return None;
+    };
     let light = |vertices| {
         let light = Light::triangle(vertices, Vec3::splat(UNIT));
         if two_sided { light.two_sided() } else { light }
     };
-    let lights: Option<Vec<Light>> = match mesh.triangles() {
-        Ok(triangles) => Some(triangles.map(|triangle| light(triangle.vertices)).collect()),
-        // Bevy's iterator needs indices.
-        Err(_) => unindexed(mesh).map(|triangles| triangles.map(light).collect()),
+    let lights: Vec<Light> = match texture.filter(|texture| texture.is_shown_on(mesh)) {
+        Some(texture) => texture.lights(mesh, &corners, two_sided, sources)?,
+        None => corners.into_iter().map(light).collect(),
     };
-    if lights.is_none() {
-        warn_once!("girandole: a mesh without readable triangles is not sampled as a light");
-    }
-    lights.filter(|lights| !lights.is_empty())
-}
-
-/// The triangles of a mesh without indices, of which each three vertices are one.
-fn unindexed(mesh: &Mesh) -> Option<impl Iterator<Item = [Vec3; 3]>> {
-    if mesh.primitive_topology() != PrimitiveTopology::TriangleList || mesh.try_indices_option().ok()?.is_some() {
-        return None;
-    }
-    let positions = mesh.try_attribute(Mesh::ATTRIBUTE_POSITION).ok()?.as_float3()?;
-    Some(positions.chunks_exact(3).map(|corners| [0, 1, 2].map(|i| Vec3::from(corners[i]))))
+    (!lights.is_empty()).then_some(lights)
 }
 
 #[derive(Debug)]
@@ -145,32 +170,20 @@ impl Kinds {
         true
     }
 
-    /// The kinds of a mesh, with their keys.
-    pub fn of_mesh(&self, mesh: AssetId<Mesh>) -> impl Iterator<Item = (u32, KindKey)> {
-        self.by_key
-            .iter()
-            .filter(move |(key, _)| matches!(key, KindKey::Mesh { mesh: of, .. } if *of == mesh))
-            .map(|(&key, &number)| (number, key))
+    /// The kinds that are made of one of these meshes or images, with their keys.
+    pub fn made_of(
+        &self,
+        meshes: &HashSet<AssetId<Mesh>>,
+        images: &HashSet<AssetId<Image>>,
+    ) -> impl Iterator<Item = (u32, KindKey)> {
+        let used = self.by_key.iter().filter(|(key, _)| key.is_made_of(meshes, images));
+        used.map(|(&key, &number)| (number, key))
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use bevy::asset::RenderAssetUsages;
-    use bevy::prelude::{Cuboid, Meshable};
-
     use super::*;
-
-    #[test]
-    fn a_mesh_has_the_same_triangles_with_and_without_indices() {
-        let indexed = Mesh::from(Cuboid::new(1.0, 2.0, 3.0).mesh());
-        let plain = indexed.clone().with_duplicated_vertices();
-        assert!(plain.indices().is_none());
-        let lights = triangles(&plain, false).expect("a cuboid has triangles");
-        assert_eq!(lights.len(), 12);
-        assert_eq!(Some(lights), triangles(&indexed, false));
-        assert_eq!(triangles(&Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::all()), false), None);
-    }
 
     #[test]
     fn a_kind_lives_as_long_as_a_light_of_it() {

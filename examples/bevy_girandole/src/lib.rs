@@ -6,9 +6,10 @@
 //! it costs, and its limits.
 //!
 //! Data passes through the modules in this order: `components` and `settings` come from the
-//! application; `gather` finds what changed, `gathered` and `kinds` assign numbers to it, and
-//! `extract` moves the `edits` to the render world; `world` applies the edits, `gpu` uploads the
-//! result, and `pass` draws with the texts of `shader` and the textures of `history`.
+//! application; `gather` finds what changed, `gathered` and `kinds` assign numbers to it, `triangles`,
+//! `texels`, `textures` and `sky` read meshes and images, and `extract` moves the `edits` to the render
+//! world; `world` applies the edits, `gpu` uploads the result, and `pass` draws with the texts of
+//! `shader` and the textures of `history`.
 
 mod components;
 mod edits;
@@ -24,12 +25,16 @@ mod pass;
 mod plugin;
 mod settings;
 mod shader;
+mod sky;
+mod texels;
+mod textures;
+mod triangles;
 mod units;
 #[cfg(feature = "wesl")]
 mod wesl;
 mod world;
 
-pub use components::{Estimate, GirandoleCamera, GirandoleLight, NoGirandole};
+pub use components::{Estimate, GirandoleCamera, GirandoleLight, GirandoleSky, NoGirandole};
 pub use gpu::{GirandoleGpu, buffer_entry, effects, lights_layout};
 pub use plugin::{GirandolePlugin, GirandoleSystems};
 pub use settings::{GirandoleReport, GirandoleSettings, GirandoleStats};

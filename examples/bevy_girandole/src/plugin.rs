@@ -12,6 +12,7 @@ use bevy::shader::Shader;
 
 use crate::pass::{PassPipelines, PassShaders};
 use crate::settings::{GirandoleSettings, GirandoleStats};
+use crate::textures::DefaultWrap;
 use crate::world::Lights;
 use crate::{extract, gather, gpu, history, pass, shader};
 
@@ -48,6 +49,7 @@ impl Plugin for GirandolePlugin {
             // Nothing is drawn, so nothing would take the edits.
             return;
         }
+        app.insert_resource(DefaultWrap::of(app));
         gather::add_systems(app);
         let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
         let pass_shaders = match self.importing {

@@ -59,9 +59,9 @@ pub struct GirandoleReport {
     pub bytes: u64,
     /// Records of instances that were written to the GPU.
     pub instances: usize,
-    /// Trees that the world has: one for each kind of light.
+    /// Trees that the world has: one for each kind of light, and one for the sky.
     pub trees: usize,
-    /// Instances that the world has: all lights except directional ones.
+    /// Instances that the world has: all lights except directional ones, and the sky.
     pub lights: usize,
     /// Time in the main world: the search for changes.
     pub gather: Duration,

@@ -87,7 +87,8 @@ fn girandole_reflected(surface: LightingInput, light: LightSample) -> vec3<f32> 
     let kind = girandole_kinds[light_user_data(light.instance)];
     let is_delta = light.is_delta == 1u;
     let radius = select(0.0, kind.radius, is_delta);
-    let brdf = girandole_brdf(surface, light.direction * light.dist, radius);
+    // Only a radius needs the distance, which is too large to be squared twice for the sky.
+    let brdf = girandole_brdf(surface, light.direction * select(1.0, light.dist, is_delta), radius);
     return brdf * light.radiance * girandole_factor(kind, is_delta, light.dist);
 }
 

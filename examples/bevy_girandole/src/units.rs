@@ -9,7 +9,6 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use bevy::asset::AssetId;
 use bevy::camera::Exposure;
 use bevy::light::{DirectionalLight, PointLight, SpotLight};
-use bevy::log::warn_once;
 use bevy::math::{Mat3, Vec3};
 use bevy::mesh::Mesh;
 use bevy::pbr::StandardMaterial;
@@ -17,6 +16,7 @@ use bevy::prelude::{Color, GlobalTransform};
 use girandole::Placement;
 
 use crate::kinds::KindKey;
+use crate::textures::TextureKey;
 
 /// The emission of every light in a tree, in candela or nits. The factor of an instance, which is
 /// at most 10⁴, scales it to the emission of the light: up to 10⁸ candela, which is 1.26 · 10⁹
@@ -70,13 +70,10 @@ pub fn emissive(mesh: AssetId<Mesh>, material: &StandardMaterial, exposure: Expo
     if emissive.max_element() <= 0.0 || material.unlit {
         return None;
     }
-    if material.emissive_texture.is_some() {
-        warn_once!("girandole: a material with an emissive texture is not sampled as a light");
-        return None;
-    }
     let weight = material.emissive_exposure_weight;
     let key = KindKey::Mesh {
         mesh,
+        texture: TextureKey::of(material),
         two_sided: material.cull_mode.is_none(),
         weight: weight.to_bits(),
         ev100: exposure.ev100.to_bits(),

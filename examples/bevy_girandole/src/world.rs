@@ -4,9 +4,10 @@ use std::time::{Duration, Instant};
 
 use bevy::ecs::resource::Resource;
 use bevy::log::warn_once;
+use bevy::math::{Mat3, Quat, Vec3};
 use girandole::{
     DirectionalKey, DirectionalLight, FrameBudget, FrameReport, InstanceKey, Light, LightTree, LightWorld, Placement,
-    Policy, TreeKey, WorldError,
+    Policy, Sky, TreeKey, WorldError,
 };
 
 use crate::edits::{Edit, Edits, State};
@@ -157,6 +158,18 @@ impl Lights {
                 self.counts.removed += 1;
                 self.remove(light)
             }
+            Edit::SetSky { kind, map } => {
+                self.counts.changed += 1;
+                self.set_sky(kind, *map)
+            }
+            Edit::AdjustSky { rotation, factor } => {
+                self.counts.changed += 1;
+                self.adjust_sky(rotation, factor)
+            }
+            Edit::RemoveSky => {
+                self.counts.removed += 1;
+                self.remove_sky()
+            }
         }
     }
 
@@ -243,6 +256,31 @@ impl Lights {
         Ok(())
     }
 
+    fn set_sky(&mut self, kind: u32, map: Sky) -> Result<(), WorldError> {
+        let sky = self.world.set_sky(map);
+        let patches = self.world.instance_tree(sky).and_then(|tree| self.world.tree(tree));
+        self.record(kind, KindRecord::sky(patches.map_or(0, LightTree::light_count)));
+        self.slot_count = self.slot_count.max(self.world.slot(sky).map_or(0, |slot| slot + 1));
+        self.world.set_user_data(sky, kind)
+    }
+
+    /// Turns the sky and sets its factor. A sky that is refused is dark until the next one is right.
+    fn adjust_sky(&mut self, rotation: Quat, factor: f32) -> Result<(), WorldError> {
+        let Some((sky, _)) = self.world.sky() else { return Ok(()) };
+        let placement = Placement { linear: Mat3::from_quat(rotation), ..Placement::IDENTITY };
+        let adjusted =
+            self.world.move_instance(sky, placement).and_then(|()| self.world.set_factor(sky, Vec3::splat(factor)));
+        self.world.set_enabled(sky, adjusted.is_ok())?;
+        adjusted
+    }
+
+    fn remove_sky(&mut self) -> Result<(), WorldError> {
+        let Some((sky, _)) = self.world.sky() else { return Ok(()) };
+        let patches = self.world.instance_tree(sky);
+        self.world.remove_instance(sky)?;
+        patches.map_or(Ok(()), |tree| self.world.remove_tree(tree))
+    }
+
     fn remove(&mut self, light: u32) -> Result<(), WorldError> {
         let Some(slot) = self.slots.get_mut(light as usize) else { return Ok(()) };
         match std::mem::take(slot) {
@@ -289,3 +327,6 @@ impl Lights {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

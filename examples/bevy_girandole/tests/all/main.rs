@@ -6,4 +6,6 @@ mod changes;
 mod harness;
 mod lifecycle;
 mod refusals;
+mod sky;
+mod textures;
 mod unbiased;

@@ -3,8 +3,10 @@
 //! Cells of pixels are compared by the standard error of their mean over independent frames. The
 //! sum over all lights draws one point on each triangle, so it has a standard error, too.
 
+use bevy::asset::RenderAssetUsages;
 use bevy::prelude::*;
-use bevy_girandole::{Estimate, GirandoleCamera, GirandoleLight, GirandolePlugin, GirandoleSettings};
+use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
+use bevy_girandole::{Estimate, GirandoleCamera, GirandoleLight, GirandolePlugin, GirandoleSettings, GirandoleSky};
 
 use crate::harness::{HEIGHT, Picture, Setup, WIDTH, add_scene, app, pictures, set_camera, single_frames};
 
@@ -154,6 +156,27 @@ fn the_mean_of_many_frames_is_the_sum_over_all_lights() {
     let last = pictures(&mut app, FRAMES).pop().expect("there are frames");
     let mean = Means { error_sq: single.error_sq, ..means(&[last.clone(), last]) };
     check("history", &mean, &exhaustive);
+}
+
+#[test]
+fn the_same_holds_under_a_sky() {
+    let mut app = scene(GirandolePlugin::default(), GirandoleCamera { samples: 4, ..single_frames() });
+    // Blue, with a sun in one of 128 texels.
+    let mut texels = [Vec3::new(0.2, 0.4, 0.8); 128];
+    texels[2 * 16 + 11] = Vec3::new(60.0, 50.0, 40.0);
+    let bytes = texels.iter().flat_map(|texel| texel.extend(1.0).to_array()).flat_map(f32::to_le_bytes).collect();
+    let size = Extent3d { width: 16, height: 8, depth_or_array_layers: 1 };
+    let image =
+        Image::new(size, TextureDimension::D2, bytes, TextureFormat::Rgba32Float, RenderAssetUsages::MAIN_WORLD);
+    let image = app.world_mut().resource_mut::<Assets<Image>>().add(image);
+    app.world_mut().spawn(GirandoleSky { image, intensity: 30.0, rotation: Quat::from_rotation_z(0.3) });
+    set_camera(&mut app, |camera| camera.estimate = Estimate::Exhaustive);
+    let exhaustive = means(&pictures(&mut app, FRAMES));
+    for cuts in [GirandoleSettings::default().cuts, None] {
+        app.world_mut().resource_mut::<GirandoleSettings>().cuts = cuts;
+        set_camera(&mut app, |camera| camera.estimate = Estimate::Sampled);
+        check("sky", &means(&pictures(&mut app, FRAMES)), &exhaustive);
+    }
 }
 
 #[test]
