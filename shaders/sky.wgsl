@@ -236,7 +236,8 @@ fn light_is_in_room(portal: u32, position: vec3<f32>) -> bool {
 // A bit for each portal of the rooms that a shading point is in, for nodes of the sky; 0 for others. Twin of
 // `PortalsInSight::new`.
 fn light_portals_in_sight(place: LightPlace, shading_point: LightShadingPoint) -> u32 {
-    if place.instance != light_params.sky {
+    // Without a sky, both may be no instance.
+    if place.instance != light_params.sky || place.instance == LIGHT_NO_INSTANCE {
         return 0u;
     }
     // #if SEGMENTS

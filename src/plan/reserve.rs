@@ -168,7 +168,11 @@ impl LightPlanner {
         room.slots = self.instances.pool.alloc(more_slots, growth)?;
         let has_masks = effects.contains(Effects::MASKS);
         let map_quads = MapQuads {
-            portals: if effects.contains(Effects::PORTALS) { PORTAL_QUADS } else { 0 },
+            // Shaders that know portals read their number wherever there is a sky.
+            portals: match effects.contains(Effects::PORTALS) {
+                true => PORTAL_QUADS,
+                false => u32::from(world.sky().is_some()),
+            },
             profiles: match effects.contains(Effects::PROFILES) {
                 // In steps, so that not each new profile takes another buffer.
                 true => stored_quads().next_multiple_of(PROFILE_QUADS),
