@@ -290,7 +290,11 @@ fn light_portal_share(
         let to = light_portal_quad(portal, 3u).xyz - shading_point.position;
         let u = light_portal_quad(portal, 4u).xyz;
         let v = light_portal_quad(portal, 5u).xyz;
-        let volume = dot(cross(u, v), to);
+        let normal = cross(u, v);
+        let volume = dot(normal, to);
+        if abs(volume) <= LIGHT_IN_PLANE * length(normal) * length(to) {
+            return 1.0;
+        }
         let turn = select(1.0, -1.0, volume < 0.0);
         let depth = abs(volume) / length(to);
         let along_u = light_share_between(

@@ -498,8 +498,8 @@ pub enum SkyError {
         /// The greatest number allowed.
         max: usize,
     },
-    /// A portal has a number that is not finite, or a room without a volume.
-    #[error("portal {portal} has a number that is not finite, or a room without a volume")]
+    /// A portal has a number that is not finite, no area, or a room without a volume.
+    #[error("portal {portal} has a number that is not finite, no area, or a room without a volume")]
     Portal {
         /// The index of the portal.
         portal: usize,

@@ -15,6 +15,9 @@ use crate::texture::srgb_to_linear;
 /// Columns of the sky for each column of a face: a quarter of a turn.
 const COLUMNS_OF_FACE: usize = 4;
 
+/// The most pixels along a side of a face as it is stored. Small suns keep their light in larger pixels.
+const MAX_SIDE: usize = 1024;
+
 /// What a document says about the light of its scene.
 pub(super) struct ImageBasedLight {
     /// The index of the light.
@@ -75,13 +78,23 @@ impl ImageBasedLight {
             // The least divisor in place of 0, which writers store for what is brighter still.
             color * (255.0 / f32::from(pixel[3].max(1)) * self.intensity)
         };
-        let faces: Vec<Vec<Vec3>> = faces.iter().map(|face| face.rgba.chunks_exact(4).map(nits).collect()).collect();
+        // Large faces are reduced by whole numbers: their squares of pixels are averaged.
+        let square = side.div_ceil(MAX_SIDE);
+        let reduced = side.div_ceil(square);
+        let mean = |face: &TextureImage<'_>, x: usize, y: usize| {
+            let [columns, rows] = [x, y].map(|first| first * square..((first + 1) * square).min(side));
+            let count = columns.len() * rows.len();
+            let places = rows.flat_map(|y| columns.clone().map(move |x| 4 * (y * side + x)));
+            places.map(|at| nits(&face.rgba[at..at + 4])).sum::<Vec3>() / count as f32
+        };
+        let texels = |face| (0..reduced * reduced).map(move |i| mean(face, i % reduced, i / reduced)).collect();
+        let faces: Vec<Vec<Vec3>> = faces.iter().map(texels).collect();
         let radiance = |direction: Vec3| {
             let (face, at) = on_cube(direction);
-            let [column, row] = at.map(|at| (((0.5 * at + 0.5) * side as f32) as usize).min(side - 1));
-            faces[face][row * side + column]
+            let [column, row] = at.map(|at| (((0.5 * at + 0.5) * side as f32) as usize).min(side - 1) / square);
+            faces[face][row * reduced + column]
         };
-        Sky::resampled(COLUMNS_OF_FACE * side, radiance).map(Some).map_err(|error| refused(error.to_string()))
+        Sky::resampled(COLUMNS_OF_FACE * reduced, radiance).map(Some).map_err(|error| refused(error.to_string()))
     }
 }
 

@@ -31,8 +31,9 @@ pub struct GltfOptions {
     /// The noise of emissive textures within a light, at which primitives are no longer cut into parts:
     /// see [`Texture::split`](crate::Texture::split). Default: 0.3.
     pub texture_noise: f32,
-    /// The most lights that a primitive gets beyond its triangles, by cutting those whose emissive texture
-    /// varies. 0 for one light of a triangle, which emits the average. Default: 1,024.
+    /// The most lights that a document gets beyond its triangles, by cutting those whose emissive texture varies; a
+    /// primitive gets at most 1,024 of them. 0 for one light of a triangle, which emits the average.
+    /// Default: 2^16 (65,536).
     pub texture_parts: usize,
     /// Whether the lights of KHR_lights_punctual and EXT_lights_ies are loaded. Default: true.
     pub punctual: bool,
@@ -71,7 +72,7 @@ impl Default for GltfOptions {
             surface_scale: 1.0,
             sides: EmissiveSides::default(),
             texture_noise: 0.3,
-            texture_parts: 1 << 10,
+            texture_parts: 1 << 16,
             punctual: true,
             policy: Policy::default(),
             max_lights: 1 << 22,

@@ -9,7 +9,7 @@ use ::gltf::khr_lights_punctual::{self, Kind};
 use ::gltf::{Document, Material, Mesh, Node, Primitive, Semantic};
 use glam::{DAffine3, Quat, Vec3};
 
-use super::emissive::{EmissiveTexture, TextureKey, Textures};
+use super::emissive::{EmissiveTexture, TextureKey, Textures, coverage};
 use super::error::GltfError;
 use super::instancing::Instances;
 use super::nodes::{is_hidden, punctual_placement, scene_nodes, surface_placement, world_transforms};
@@ -255,6 +255,11 @@ impl<'a, B: AsRef<[u8]>> Outline<'a, B> {
             EmissiveSides::Both => true,
         };
         let texture = EmissiveTexture::of(&material, primitive, self.images, self.buffers)?;
+        let is_masked = texture.as_ref().is_some_and(EmissiveTexture::is_masked);
+        let radiance = if is_masked { radiance } else { radiance * coverage(&material) };
+        if radiance == Vec3::ZERO {
+            return Ok(None);
+        }
         let key = SurfaceKey {
             mode: primitive.mode().as_gl_enum(),
             positions: primitive.get(&Semantic::Positions).map(|accessor| accessor.index()),
@@ -342,7 +347,7 @@ impl<'a, B: AsRef<[u8]>> Outline<'a, B> {
     fn read(self) -> Result<Plan, GltfError> {
         let mut textures = Textures::default();
         let found = self.light_count as usize + self.directional.len();
-        let mut room = self.options.max_lights.saturating_sub(found);
+        let mut room = self.options.max_lights.saturating_sub(found).min(self.options.texture_parts);
         let (mut trees, mut kept) = (Vec::new(), Vec::with_capacity(self.trees.len()));
         for tree in self.trees {
             let lights = match tree.lights {
@@ -359,6 +364,9 @@ impl<'a, B: AsRef<[u8]>> Outline<'a, B> {
         Ok(Plan { trees, instances, directional: self.directional })
     }
 }
+
+/// The most lights that a primitive gets beyond its triangles.
+const MAX_PARTS: usize = 1 << 10;
 
 /// The lights of primitives: one for each triangle, or more of those whose texture is cut into parts, without those over
 /// which the texture is black. `room` is the number of lights that may be added to those of triangles.
@@ -391,7 +399,7 @@ fn surface_lights<'a>(
         });
         let textured = textured.collect::<Result<Vec<_>, GltfError>>()?;
         let shown = textures.get(texture)?;
-        let most = textured.len() + options.texture_parts.min(*room);
+        let most = textured.len() + MAX_PARTS.min(*room);
         let parts = shown.split(&textured, options.texture_noise, most);
         *room -= parts.len() - textured.len();
         parts.iter().try_for_each(|part| add(shown.light(part)))?;

@@ -18,6 +18,9 @@ pub(crate) const PORTAL_MARGIN: f32 = 1.01;
 /// How much wider a node counts than it is, in radians or so.
 pub(crate) const PORTAL_SLACK: f32 = 1.0e-4;
 
+/// Up to this sine of the angle to the plane of a portal, a point sees all of the sky.
+pub(crate) const IN_PLANE: f32 = 1.0e-4;
+
 /// The least share of a node along one axis of a portal, if the portal shows any of it.
 pub(crate) const LEAST_SHARE: f32 = 0.01;
 
@@ -31,18 +34,26 @@ pub struct Portal {
     /// From the middle to that of the next edge.
     pub half_v: Vec3,
     /// The room: what the placement makes of the cube from -1 to 1 along each axis. Let it reach into the walls, so that
-    /// points on them lie inside.
+    /// points on them lie inside, but not to their outer faces. The portal belongs where the room ends, or beyond: a
+    /// point between both sees the sky through it only backward.
     pub room: Placement,
 }
 
 impl Portal {
-    /// Whether all numbers are finite, and the room has a volume.
+    /// Whether all numbers are finite, the opening has an area and the room a volume.
     pub(crate) fn is_sound(&self) -> bool {
         let edges = [self.half_u, self.half_v];
         let is_finite = self.center.is_finite() && edges.iter().all(|edge| edge.is_finite());
         let Placement { linear, translation } = self.room;
         let inverse = linear.as_dmat3().inverse();
-        is_finite && linear.is_finite() && translation.is_finite() && linear.determinant() != 0.0 && inverse.is_finite()
+        let area = self.half_u.cross(self.half_v).length();
+        is_finite
+            && area > 0.0
+            && area.is_finite()
+            && linear.is_finite()
+            && translation.is_finite()
+            && linear.determinant() != 0.0
+            && inverse.is_finite()
     }
 
     /// The same relative to an origin.
@@ -71,6 +82,12 @@ impl PlacedPortal {
     fn has_in_room(&self, position: Vec3) -> bool {
         let place = position.extend(1.0);
         self.to_room.iter().all(|row| row.dot(place).abs() <= 1.0)
+    }
+
+    /// Whether a point is so near to the plane of the portal that its side cannot be told.
+    fn is_in_plane(&self, from: Vec3) -> bool {
+        let (normal, to) = (self.half_u.cross(self.half_v), self.center - from);
+        normal.dot(to).abs() <= IN_PLANE * normal.length() * to.length()
     }
 
     /// The planes through a point and the edges, with the portal at their front. Those of opposite edges follow each
@@ -136,10 +153,13 @@ impl<'a> PortalsInSight<'a> {
             (Vec3::from(child.center), Vec3::from(child.half) + PORTAL_SLACK)
         });
         let mut shares = [0.0; WIDTH];
-        for portal in self.portals.iter().enumerate().filter(|(number, _)| self.seen >> number & 1 != 0) {
+        for (_, portal) in self.portals.iter().enumerate().filter(|(number, _)| self.seen >> number & 1 != 0) {
+            if portal.is_in_plane(self.position) {
+                return;
+            }
             let in_sky = self.axes.transpose();
-            let depth = portal.1.depth(self.position);
-            let planes = portal.1.planes(self.position).map(|normal| {
+            let depth = portal.depth(self.position);
+            let planes = portal.planes(self.position).map(|normal| {
                 let normal = in_sky * normal;
                 let inverse = 1.0 / normal.length();
                 if inverse < f32::INFINITY { (normal * inverse, depth * inverse) } else { (Vec3::ZERO, 1.0) }

@@ -14,7 +14,7 @@ use crate::error::TextureError;
 use crate::light::{Light, MAX_EMISSION, luminance};
 
 /// The largest width and height of an image.
-const MAX_SIZE: usize = 1 << 15;
+pub(crate) const MAX_SIZE: usize = 1 << 15;
 /// Most texels that a surface is averaged over along each axis.
 const MAX_CELLS: f64 = 128.0;
 /// Texels of reduced images that are kept for later surfaces, 16 bytes each.
@@ -135,8 +135,9 @@ impl<'a> Texture<'a> {
     /// the image that is reduced along that axis, so that the average over the whole image stays exact.
     ///
     /// # Cost
-    /// O(texels) of the surface, 1.4 to 40 ns each: least for rectangles along the axes of the image. Reduced copies
-    /// take a pass over the image for each power of two, and up to 0.5 GB.
+    /// O(texels) of the surface: a few nanoseconds each for rectangles along the axes of the image, and some tens of
+    /// them for triangles. Reduced copies take a pass over the image each, up to 24 bytes for each of its texels while they are
+    /// made, and up to 0.5 GB together.
     pub fn light(&mut self, surface: &TexturedSurface) -> Light {
         surface.light(self.average(surface).truncate().as_vec3())
     }
@@ -192,14 +193,12 @@ impl<'a> Texture<'a> {
         }
         let full = self.size;
         let size = [0, 1].map(|axis| full[axis].div_ceil(1 << levels[axis]));
-        // The axes are reduced one after the other, so that images that are reduced along both need few
-        // passes over the whole image.
         let texels = match levels {
             [_, 0] => shrink_rows(full, size[0], |x, y| self.texel(x, y)),
             [0, _] => shrink_columns(full, size[1], |x, y| self.texel(x, y)),
-            [columns, _] => {
-                let narrow = self.reduced([columns, 0]);
-                shrink_columns(narrow.size, size[1], |x, y| narrow.texels[y * narrow.size[0] + x])
+            [..] => {
+                let narrow = shrink_rows(full, size[0], |x, y| self.texel(x, y));
+                shrink_columns([size[0], full[1]], size[1], |x, y| narrow[y * size[0] + x])
             }
         };
         if self.held + texels.len() > MAX_HELD {

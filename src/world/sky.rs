@@ -103,8 +103,8 @@ impl LightWorld {
     /// portals has.
     ///
     /// # Errors
-    /// [`SkyError::Portals`] for more than 32; [`SkyError::Portal`] for one with a number that is not finite, or with a
-    /// room without a volume.
+    /// [`SkyError::Portals`] for more than 32; [`SkyError::Portal`] for one with a number that is not finite, without an
+    /// area, or with a room without a volume.
     ///
     /// ```
     /// use girandole::glam::{DVec3, Mat3, Vec3};
@@ -112,13 +112,13 @@ impl LightWorld {
     ///
     /// let mut world = LightWorld::new();
     /// world.set_sky(Sky::from_fn(64, |_| Vec3::ONE)?);
-    /// // A room of 6 x 3 x 4 m, and a window of 1.6 x 1.2 m in its wall at x = 6.
+    /// // A room of 6 x 3 x 4 m and 0.1 m into its walls, and a window of 1.6 x 1.2 m in the wall at x = 6.
     /// let room = Placement {
     ///     linear: Mat3::from_diagonal(Vec3::new(3.1, 1.6, 2.1)),
     ///     translation: DVec3::new(3.0, 1.5, 2.0),
     /// };
     /// let [half_u, half_v] = [Vec3::new(0.0, 0.0, 0.8), Vec3::new(0.0, 0.6, 0.0)];
-    /// world.set_portals(&[Portal { center: DVec3::new(6.0, 1.6, 2.0), half_u, half_v, room }])?;
+    /// world.set_portals(&[Portal { center: DVec3::new(6.1, 1.6, 2.0), half_u, half_v, room }])?;
     ///
     /// let floor = ShadingPoint::surface(Vec3::new(4.0, 0.0, 2.0), Vec3::Y);
     /// let sample = world.sampler().sample(&floor, [0.3, 0.5, 0.7, 0.9]).expect("the window shows the sky");

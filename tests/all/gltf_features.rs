@@ -118,6 +118,12 @@ fn triangles_whose_texture_varies_are_cut_into_parts_within_the_limits() {
         let (count, same) = loaded(parts);
         assert!(count <= most && (same / flux - 1.0).abs() < 1.0e-5, "{parts}: {count} {same} {flux}");
     }
+    // A primitive has at most 1,024 more, whatever the document may have.
+    let rgba = pixels(64, 64, |x, y| (x * 7 + y * 13) % 5 == 0);
+    for (parts, most) in [(1023, 1025), (1024, 1026), (1025, 1026), (10_240, 1026)] {
+        let (world, _) = load_in_parts(&textured_square(""), &[image(64, &rgba)], parts);
+        assert!((500..=most).contains(&world.light_count()), "{parts}: {}", world.light_count());
+    }
     // A document may not have more lights with its parts either.
     let file = open(&textured_square(""));
     for (max_lights, most) in [(2, 2), (4, 4), (5, 5)] {
@@ -164,6 +170,34 @@ fn what_the_alpha_of_the_base_colour_cuts_out_does_not_emit() {
         );
         assert_eq!(result.map(|lights| lights.nodes.len()), Ok(0));
     }
+    // Without a texture the factor's alpha counts; beyond 1 it counts as 1.
+    for (mode, factor, expected) in
+        [("MASK", 0.4, 0.0), ("MASK", 0.6, 10.0), ("BLEND", 0.3, 3.0), ("BLEND", 4.0, 10.0), ("OPAQUE", 0.1, 10.0)]
+    {
+        let text = square().text(&format!(
+            "'nodes':[{{'mesh':0}}],'meshes':[{{'primitives':[{}]}}],'materials':[{{'emissiveFactor':[1,1,1],\
+             'pbrMetallicRoughness':{{'baseColorFactor':[1,1,1,{factor}]}},'alphaMode':'{mode}',\
+             'extensions':{{'KHR_materials_emissive_strength':{{'emissiveStrength':10}}}}}}]",
+            square_primitive(0)
+        ));
+        let (world, result) = load_in_parts(&text, &[], 0);
+        result.expect("a valid document");
+        let found: Vec<f32> = world
+            .trees()
+            .flat_map(|tree| world.tree(tree).expect("it lives").lights().to_vec())
+            .map(|l| l.emission.x)
+            .collect();
+        let sum = found.iter().sum::<f32>() / 2.0;
+        assert!((sum - expected).abs() < 1.0e-4, "{mode} {factor}: {sum}");
+    }
+    // A long image and a high one would take one of a thousand million texels together: the mask does not count.
+    let [long, high] = [vec![255; 4 * 32_768], vec![0; 4 * 32_768]];
+    let long = TextureImage { width: 32_768, height: 1, rgba: &long };
+    let high = TextureImage { width: 1, height: 32_768, rgba: &high };
+    let masked = text("{'index':0}", ",'alphaMode':'MASK'", "'emissiveTexture':{'index':1},");
+    let (world, result) = load_in_parts(&masked, &[Some(high), Some(long)], 0);
+    result.expect("a valid document");
+    assert!(lights(&world).iter().all(|light| light.emission.x == 10.0));
     // Two images that lie differently: the emissive one alone counts.
     let turned = "{'index':0,'extensions':{'KHR_texture_transform':{'scale':[0.5,1]}}}";
     assert_eq!(mean(turned, ",'alphaMode':'MASK'", "'emissiveTexture':{'index':1},"), 10.0);
