@@ -98,8 +98,11 @@
 // A light has a profile.
 #define GIRANDOLE_EFFECT_PROFILES 16384
 
+// The world has portals: see girandole_world_set_portals.
+#define GIRANDOLE_EFFECT_PORTALS 32768
+
 // All effects: a shader for them reads the buffers of any world, and is the longest.
-#define GIRANDOLE_ALL_EFFECTS 32703
+#define GIRANDOLE_ALL_EFFECTS 65471
 
 // The bytes of a baked tree, which the interface owns.
 typedef struct GirandoleBlob GirandoleBlob;
@@ -290,7 +293,7 @@ typedef struct GirandoleShadingPoint {
 //   600 to 699  plans for the GPU
 //   800         a baked tree is not sound
 //   1100 to 1199  bytes are no baked tree
-//   1300 to 1399  the pixels of a sky are refused, or there is none
+//   1300 to 1399  the pixels of a sky are refused, there is none, or portals are refused
 //   1400 to 1499  a photometric file is refused; the message names the line
 typedef int32_t GirandoleStatus;
 
@@ -345,6 +348,18 @@ typedef struct GirandoleDirectionalLight {
     // Lux on a surface that faces it, linear Rec. 709.
     struct GirandoleVec3 illuminance;
 } GirandoleDirectionalLight;
+
+// A window or another opening of a room.
+typedef struct GirandolePortal {
+    // The middle of a parallelogram, in metres.
+    struct GirandoleDVec3 center;
+    // From the middle to that of one edge.
+    struct GirandoleVec3 half_u;
+    // From the middle to that of the next edge.
+    struct GirandoleVec3 half_v;
+    // The room: what the placement makes of the cube from -1 to 1 along each axis. Let it reach into the walls.
+    struct GirandolePlacement room;
+} GirandolePortal;
 
 // A light of a tree.
 typedef struct GirandoleTreeLight {
@@ -987,6 +1002,12 @@ GirandoleStatus girandole_world_set_sky_part(struct GirandoleWorld *world,
                                              uint32_t width,
                                              uint32_t height,
                                              const struct GirandoleVec3 *part);
+
+// Sets the openings through which alone the sky reaches the points of their rooms, in place of those that were set
+// before. At most 32; 0 removes them. Returns 1304 for more, and 1305 for a portal that is refused.
+GirandoleStatus girandole_world_set_portals(struct GirandoleWorld *world,
+                                            const struct GirandolePortal *portals,
+                                            size_t count);
 
 // Builds a tree over lights, adds it and stores its key, which is never 0. The lights have the indices 0 to
 // count - 1. A tree without instances contributes no light. Takes O(n log n).

@@ -1,5 +1,5 @@
-// Edits of a world from C++: every kind of light, moves, factors, masks, lights that come and go, baked trees,
-// regions, a moving origin, and sampling on several threads.
+// Edits of a world from C++: every kind of light, skies and windows, moves, factors, masks, lights that
+// come and go, baked trees, regions, a moving origin, and sampling on several threads.
 //
 // Each step is compared with a closed form or with the sum over all lights. The program ends with 1 at the
 // first difference.
@@ -198,6 +198,78 @@ void sky_and_profiles() {
     uint64_t refused = 0;
     require(girandole_world_add_tree(world.get(), &unknown, 1, &refused) == GIRANDOLE_ERROR_BAD_VALUE, "no profile");
     std::printf("sky and profiles: as their closed forms\n");
+}
+
+void windows() {
+    auto world = make_world();
+    std::vector<GirandoleVec3> pixels(64 * 32, grey(50));
+    uint64_t sky = 0;
+    check(girandole_world_set_sky(world.get(), 64, 32, pixels.data(), &sky));
+    update(world.get());
+    // A room of 2.2 x 2.2 x 2.2 m around (1, 0, 0). Its wall at x = 2 has a window of 1.2 x 1.6 m.
+    GirandolePortal window = {{2, 0, 0}, vec3(0, 0.6f, 0), vec3(0, 0, 0.8f), girandole_placement_at(1, 0, 0)};
+    window.room.axes[0] = vec3(1.1f, 0, 0);
+    window.room.axes[1] = vec3(0, 1.1f, 0);
+    window.room.axes[2] = vec3(0, 0, 1.1f);
+    // On the opposite wall, facing the window.
+    const auto wall = girandole_surface_point(vec3(0, 0, 0), vec3(1, 0, 0));
+    const int count = 20000;
+    // The mean of what comes in through the window, its standard error, and the share of samples that do so.
+    struct Seen { double lux, error, share; };
+    const auto seen = [&] {
+        double sum = 0.0, sum_sq = 0.0, through = 0.0;
+        Random random;
+        for (int i = 0; i < count; i++) {
+            const float u[] = {random.next(), random.next(), random.next(), random.next()};
+            GirandoleSample s;
+            check(girandole_world_sample(world.get(), 6, &wall, u, 1, &s));
+            const auto d = s.direction;
+            if (s.weight == 0.0f || std::fabs(d.y) > 0.3f * d.x || std::fabs(d.z) > 0.4f * d.x) continue;
+            const double lux = s.radiance.y * d.x * s.weight;
+            sum += lux;
+            sum_sq += lux * lux;
+            through += 1.0;
+        }
+        const double mean = sum / count;
+        return Seen{mean, std::sqrt((sum_sq / count - mean * mean) / count), through / count};
+    };
+    // Four times the form factor of a rectangle parallel to the wall, whose corner is opposite to the point.
+    const double a = 0.3, b = 0.4, root_a = std::sqrt(1 + a * a), root_b = std::sqrt(1 + b * b);
+    const double exact = 50 * 2 * (a / root_a * std::atan(b / root_a) + b / root_b * std::atan(a / root_b));
+    const auto effects = [&] {
+        GirandoleCounts counts;
+        check(girandole_world_counts(world.get(), &counts));
+        return counts.effects & GIRANDOLE_EFFECT_PORTALS;
+    };
+    const Seen before = seen();
+    require(effects() == 0, "portals before there are any");
+    check(girandole_world_set_portals(world.get(), &window, 1));
+    require(effects() != 0, "no effect of portals");
+    const Seen with = seen();
+    for (const auto &of : {before, with}) {
+        require(std::fabs(of.lux - exact) <= SIGMAS * of.error,
+                "a window: mean " + std::to_string(of.lux) + ", closed form " + std::to_string(exact));
+    }
+    require(with.share > 2 * before.share && with.error < 0.7 * before.error, "a portal lowers no noise");
+
+    // What is refused leaves the portal.
+    const std::vector<GirandolePortal> many(33, window);
+    require(girandole_world_set_portals(world.get(), many.data(), many.size()) == 1304, "33 portals");
+    auto bad = window;
+    bad.center.y = NAN;
+    require(girandole_world_set_portals(world.get(), &bad, 1) == 1305, "a portal without a place");
+    bad = window;
+    bad.room.axes[2] = bad.room.axes[1];
+    require(girandole_world_set_portals(world.get(), &bad, 1) == 1305, "a room without a volume");
+    require(girandole_world_set_portals(world.get(), nullptr, 1) == GIRANDOLE_ERROR_NULL, "no portal");
+    require(seen().lux == with.lux, "a refused portal changes the light");
+    check(girandole_world_set_portals(world.get(), nullptr, 0));
+    require(seen().lux == before.lux, "portals that were removed");
+    // Effects end a while after their cause, so that shaders are not made again and again.
+    for (int i = 0; i < 200 && effects() != 0; i++) update(world.get());
+    require(effects() == 0, "an effect of portals that were removed");
+    std::printf("window: %.2f lux from samples, %.2f lux in closed form; %.0f %% of samples pass, %.0f %% without it\n",
+                with.lux, exact, 100 * with.share, 100 * before.share);
 }
 
 void every_kind() {
@@ -440,7 +512,8 @@ void regions() {
 int main() {
     try {
         closed_forms();
-    sky_and_profiles();
+        sky_and_profiles();
+        windows();
         every_kind();
         moves_and_edits();
         far_away();
