@@ -295,6 +295,7 @@ typedef struct GirandoleShadingPoint {
 //   1100 to 1199  bytes are no baked tree
 //   1300 to 1399  the pixels of a sky are refused, there is none, or portals are refused
 //   1400 to 1499  a photometric file is refused; the message names the line
+//   1500 to 1502  the texels or the texture coordinates of a surface are refused
 typedef int32_t GirandoleStatus;
 
 // The sizes of a world.
@@ -360,6 +361,42 @@ typedef struct GirandolePortal {
     // The room: what the placement makes of the cube from -1 to 1 along each axis. Let it reach into the walls.
     struct GirandolePlacement room;
 } GirandolePortal;
+
+// What a texture shows beyond the sides of its image: one of GIRANDOLE_WRAP_*.
+typedef uint32_t GirandoleWrap;
+
+// An image that surfaces emit: that of a sign, or a frame of a film on a screen. Its rows go from the top
+// down. Either linear or srgb is NULL.
+typedef struct GirandoleTexture {
+    // width * height linear colours, each channel from 0 to 1e15; or NULL.
+    const struct GirandoleVec3 *linear;
+    // 4 * width * height bytes; or NULL. Red, green and blue are sRGB-encoded. Alpha is ignored: texels that
+    // are cut out have to be black.
+    const uint8_t *srgb;
+    // Columns, 1 to 32768.
+    uint32_t width;
+    // Rows, 1 to 32768.
+    uint32_t height;
+    // What lies beyond the sides, along rows and along columns: GIRANDOLE_WRAP_*.
+    GirandoleWrap wrap[2];
+} GirandoleTexture;
+
+// Two numbers, such as texture coordinates.
+typedef struct GirandoleVec2 {
+    float x;
+    float y;
+} GirandoleVec2;
+
+// A surface that emits an image or a part of one.
+typedef struct GirandoleTexturedSurface {
+    // The light for a texture that is white: a GIRANDOLE_LIGHT_PARALLELOGRAM or GIRANDOLE_LIGHT_TRIANGLE.
+    struct GirandoleLight white;
+    // Texture coordinates of three corners: the vertices of a triangle; of a parallelogram the corners at
+    // -half_u - half_v, at half_u - half_v and at half_v - half_u. (0, 0) is the upper left corner of the image,
+    // (1, 1) the lower right one. So {0, 1}, {1, 1}, {0, 0} is the whole image, upright if half_u points to the
+    // right and half_v up.
+    struct GirandoleVec2 tex_coords[3];
+} GirandoleTexturedSurface;
 
 // A light of a tree.
 typedef struct GirandoleTreeLight {
@@ -786,6 +823,15 @@ typedef struct GirandoleKernel {
 // As GRID, and the origin follows girandole_world_set_viewpoint.
 #define GIRANDOLE_ORIGIN_FOLLOWING 2
 
+// The image again.
+#define GIRANDOLE_WRAP_REPEAT 0
+
+// The image again, each copy mirrored.
+#define GIRANDOLE_WRAP_MIRROR 1
+
+// The texels at its sides.
+#define GIRANDOLE_WRAP_CLAMP 2
+
 // No light: a sample that counts as black.
 #define GIRANDOLE_ID_NONE 0
 
@@ -1008,6 +1054,34 @@ GirandoleStatus girandole_world_set_sky_part(struct GirandoleWorld *world,
 GirandoleStatus girandole_world_set_portals(struct GirandoleWorld *world,
                                             const struct GirandolePortal *portals,
                                             size_t count);
+
+// Cuts surfaces into parts, smaller where the texels differ. Parts are surfaces too, and
+// girandole_texture_lights makes their lights. Dark parts are among them, so a film can light them later.
+//
+// Surfaces are cut by four, the noisiest part first. The call ends when the texels within parts add a relative
+// standard deviation of at most noise to a sample of all that the surfaces emit, or when another cut would need
+// more than capacity parts. A noise of 0.3 is little beside the noise of shadows and of distances.
+//
+// parts has room for capacity elements. count gets the number of parts. If the surfaces alone are more than
+// capacity, count gets their number, and the call stores nothing else and returns GIRANDOLE_ERROR_NO_SPACE.
+// Returns 1500 for an image without texels or with more than 32768 rows or columns, 1501 for a texel that is
+// refused, and 1502 for texture coordinates that are not finite. Takes O(texels * log(parts)).
+GirandoleStatus girandole_texture_split(const struct GirandoleTexture *image,
+                                        const struct GirandoleTexturedSurface *surface_list,
+                                        size_t surface_count,
+                                        float noise,
+                                        struct GirandoleTexturedSurface *parts,
+                                        size_t capacity,
+                                        size_t *count);
+
+// Stores a light for each part, which emits the average of the part's texels. The parts may come from another
+// image, for example from another frame of a film, and they may be surfaces that were not cut.
+//
+// lights has room for count elements. The codes are those of girandole_texture_split. Takes O(texels).
+GirandoleStatus girandole_texture_lights(const struct GirandoleTexture *image,
+                                         const struct GirandoleTexturedSurface *parts,
+                                         size_t count,
+                                         struct GirandoleLight *lights);
 
 // Builds a tree over lights, adds it and stores its key, which is never 0. The lights have the indices 0 to
 // count - 1. A tree without instances contributes no light. Takes O(n log n).

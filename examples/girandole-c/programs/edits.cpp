@@ -1,8 +1,9 @@
-// Edits of a world from C++: every kind of light, skies and windows, moves, factors, masks, lights that
+// Edits of a world from C++: every kind of light, skies, windows and signs, moves, factors, masks, lights that
 // come and go, baked trees, regions, a moving origin, and sampling on several threads.
 //
 // Each step is compared with a closed form or with the sum over all lights. The program ends with 1 at the
 // first difference.
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -272,6 +273,79 @@ void windows() {
                 with.lux, exact, 100 * with.share, 100 * before.share);
 }
 
+void signs() {
+    // Of 32 rows, the eight from row 8 on are white: a quarter of the image.
+    const auto bar = [](uint32_t first) {
+        std::vector<GirandoleVec3> texels(64 * 32, grey(0));
+        std::fill_n(texels.begin() + 64 * first, 64 * 8, grey(1));
+        return texels;
+    };
+    const auto texels = bar(8);
+    GirandoleTexture image = {};
+    image.linear = texels.data();
+    image.width = 64, image.height = 32;
+    // 4 m wide, 2 m high; white has 900 nits.
+    const GirandoleTexturedSurface sign = {
+        girandole_parallelogram_light(vec3(0, 0, 0), vec3(2, 0, 0), vec3(0, 1, 0), grey(900)),
+        {{0, 1}, {1, 1}, {0, 0}},
+    };
+    std::vector<GirandoleTexturedSurface> parts(100, sign);
+    size_t count = 0;
+    check(girandole_texture_split(&image, &sign, 1, 0.1f, parts.data(), parts.size(), &count));
+    // The lower quarters are dark, and each of the upper ones is cut into two lit parts and two dark ones.
+    require(count == 10, "parts: " + std::to_string(count));
+    std::vector<GirandoleLight> lights(count);
+    check(girandole_texture_lights(&image, parts.data(), count, lights.data()));
+    const auto candela = [&] {
+        double sum = 0.0;
+        for (const auto &light : lights) {
+            const auto u = light.shape.parallelogram.half_u, v = light.shape.parallelogram.half_v;
+            sum += 4.0 * u.x * v.y * light.emission.y;
+        }
+        return sum;
+    };
+    require_near(candela(), 8 * 900 / 4.0, "the intensity of all parts");
+    size_t lit = 0;
+    for (size_t i = 0; i < count; i++) {
+        const auto *at = parts[i].tex_coords;
+        const bool is_bar = at[0].y <= 0.5f && at[2].y >= 0.25f;
+        require_near(lights[i].emission.y, is_bar ? 900 : 0, "a part");
+        lit += is_bar;
+    }
+    require(lit == 4, "lit parts: " + std::to_string(lit));
+
+    // The same image in bytes, and the whole sign as one light.
+    std::vector<uint8_t> bytes(4 * 64 * 32, 0);
+    std::fill_n(bytes.begin() + 4 * 64 * 8, 4 * 64 * 8, uint8_t{255});
+    GirandoleTexture encoded = {};
+    encoded.srgb = bytes.data();
+    encoded.width = 64, encoded.height = 32;
+    GirandoleLight whole;
+    check(girandole_texture_lights(&encoded, &sign, 1, &whole));
+    require_near(whole.emission.y, 900 / 4.0, "the average of a sign");
+
+    // In a world, 1 km away: the intensity over the square of the distance. The next frame moves the bar down.
+    auto world = make_world();
+    const auto tree = add_tree(world.get(), lights);
+    add_instance(world.get(), tree, 0, 0, 0);
+    update(world.get());
+    const auto far = girandole_surface_point(vec3(0, 0, 1000), vec3(0, 0, -1));
+    require_near(exhaustive_lux(world.get(), far), 1800e-6, "a sign");
+    const auto next = bar(16);
+    image.linear = next.data();
+    check(girandole_texture_lights(&image, parts.data(), count, lights.data()));
+    require_near(candela(), 1800, "the next frame");
+    std::vector<uint32_t> indices;
+    for (uint32_t i = 0; i < count; i++) indices.push_back(i);
+    check(girandole_world_set_lights(world.get(), tree, indices.data(), lights.data(), count));
+    update(world.get());
+    require_near(exhaustive_lux(world.get(), far), 1800e-6, "a sign in its next frame");
+    GirandoleCounts counts;
+    check(girandole_world_counts(world.get(), &counts));
+    require(counts.lights == 10, "lights of a sign");
+    std::printf("signs: as their closed forms\n");
+}
+
 void every_kind() {
     auto world = make_world();
     auto lamp = girandole_point_light(vec3(0, 3, 0), grey(100));
@@ -514,6 +588,7 @@ int main() {
         closed_forms();
         sky_and_profiles();
         windows();
+        signs();
         every_kind();
         moves_and_edits();
         far_away();
