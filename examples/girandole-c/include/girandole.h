@@ -293,7 +293,7 @@ typedef struct GirandoleShadingPoint {
 //   600 to 699  plans for the GPU
 //   800         a baked tree is not sound
 //   1100 to 1199  bytes are no baked tree
-//   1300 to 1399  the pixels of a sky are refused, there is none, or portals are refused
+//   1300 to 1399  the pixels or the file of a sky are refused, there is none, or portals are refused
 //   1400 to 1499  a photometric file is refused; the message names the line
 //   1500 to 1502  the texels or the texture coordinates of a surface are refused
 typedef int32_t GirandoleStatus;
@@ -1038,6 +1038,14 @@ GirandoleStatus girandole_world_set_sky(struct GirandoleWorld *world,
                                         uint32_t height,
                                         const struct GirandoleVec3 *map,
                                         uint64_t *instance);
+
+// As girandole_world_set_sky, but from the bytes of a Radiance HDR file, whose numbers count as nits. Bytes of any
+// origin are safe: damaged ones are refused with 1306 or 1307. Takes at most some 400 bytes of memory for each byte of
+// the file.
+GirandoleStatus girandole_world_set_sky_hdr(struct GirandoleWorld *world,
+                                            const uint8_t *bytes,
+                                            size_t size,
+                                            uint64_t *instance);
 
 // Changes a part of the map: width columns from column on, and height rows from row on. part: its pixels in nits, in
 // rows from the top down. Returns 1301 for a pixel that is refused, 1302 for a part that leaves the map, and 1303 for

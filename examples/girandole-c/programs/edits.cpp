@@ -175,6 +175,14 @@ void sky_and_profiles() {
     require(std::fabs(mean() / (PI * 50 * std::pow(std::sin(PI / 32), 2)) - 1.0) < 0.02, "a part of the sky");
     require(girandole_world_set_sky_part(world.get(), 60, 0, 5, 1, black.data()) == 1302, "a part beyond the map");
     require(girandole_world_set_sky(world.get(), 0, 32, pixels.data(), &sky) == 1300, "a sky without columns");
+    // A file of one pixel: 32 nits, since its exponent 134 stands for 2^6.
+    const std::string map = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n\x80\x80\x80\x86";
+    const auto map_bytes = reinterpret_cast<const uint8_t *>(map.data());
+    uint64_t same = 0;
+    check(girandole_world_set_sky_hdr(world.get(), map_bytes, map.size(), &same));
+    require(same == sky, "another map has another key");
+    require(std::fabs(mean() / (PI * 32) - 1.0) < 0.02, "a sky of a file");
+    require(girandole_world_set_sky_hdr(world.get(), map_bytes, 20, &same) == 1306, "a map that ends early");
     check(girandole_world_remove_instance(world.get(), sky));
 
     // A lamp 4 m above, turned to shine down: 300 candela straight below, half of it at the edge of its beam.
