@@ -25,7 +25,6 @@ pub mod part;
 pub mod assembly;
 
 pub mod designs;
-#[cfg(feature = "native")]
 pub mod dusk;
 
 pub mod rooms;
