@@ -51,15 +51,17 @@ expect() {
     fi
 }
 
-visit check "file://$PWD/target/page/index.html?test" 330 "${software[@]}"
-cat "$work/check"
-expect check 'test: verdict: agree'
-expect check '"sharesCuts":true'
-if ! grep -q '^test: rebuilds: [1-9]' "$work/check" || ! grep -q '^test: variants: [1-9]' "$work/check"; then
-    echo 'examples/girandole-web/test.sh: no tree was rebuilt, or no pipeline was compiled for the effects of the lights' >&2
-    exit 1
-fi
-expect check 'stopped: The browser took the GPU away from this page'
+for hour in night dusk; do
+    visit "$hour" "file://$PWD/target/page/index.html?test&$hour" 330 "${software[@]}"
+    cat "$work/$hour"
+    expect "$hour" 'test: verdict: agree'
+    expect "$hour" '"sharesCuts":true'
+    if ! grep -q '^test: rebuilds: [1-9]' "$work/$hour" || ! grep -q '^test: variants: [1-9]' "$work/$hour"; then
+        echo 'examples/girandole-web/test.sh: no tree was rebuilt, or no pipeline was compiled for the effects of the lights' >&2
+        exit 1
+    fi
+    expect "$hour" 'stopped: The browser took the GPU away from this page'
+done
 
 # Without the options there is no adapter.
 visit blocked "file://$PWD/target/page/index.html" 30

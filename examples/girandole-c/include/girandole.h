@@ -98,8 +98,11 @@
 // A light has a profile.
 #define GIRANDOLE_EFFECT_PROFILES 16384
 
+// The world has portals: see girandole_world_set_portals.
+#define GIRANDOLE_EFFECT_PORTALS 32768
+
 // All effects: a shader for them reads the buffers of any world, and is the longest.
-#define GIRANDOLE_ALL_EFFECTS 32703
+#define GIRANDOLE_ALL_EFFECTS 65471
 
 // The bytes of a baked tree, which the interface owns.
 typedef struct GirandoleBlob GirandoleBlob;
@@ -290,8 +293,9 @@ typedef struct GirandoleShadingPoint {
 //   600 to 699  plans for the GPU
 //   800         a baked tree is not sound
 //   1100 to 1199  bytes are no baked tree
-//   1300 to 1399  the pixels of a sky are refused, or there is none
+//   1300 to 1399  the pixels or the file of a sky are refused, there is none, or portals are refused
 //   1400 to 1499  a photometric file is refused; the message names the line
+//   1500 to 1502  the texels or the texture coordinates of a surface are refused
 typedef int32_t GirandoleStatus;
 
 // The sizes of a world.
@@ -345,6 +349,54 @@ typedef struct GirandoleDirectionalLight {
     // Lux on a surface that faces it, linear Rec. 709.
     struct GirandoleVec3 illuminance;
 } GirandoleDirectionalLight;
+
+// A window or another opening of a room.
+typedef struct GirandolePortal {
+    // The middle of a parallelogram, in metres.
+    struct GirandoleDVec3 center;
+    // From the middle to that of one edge.
+    struct GirandoleVec3 half_u;
+    // From the middle to that of the next edge.
+    struct GirandoleVec3 half_v;
+    // The room: what the placement makes of the cube from -1 to 1 along each axis. Let it reach into the walls.
+    struct GirandolePlacement room;
+} GirandolePortal;
+
+// What a texture shows beyond the sides of its image: one of GIRANDOLE_WRAP_*.
+typedef uint32_t GirandoleWrap;
+
+// An image that surfaces emit: that of a sign, or a frame of a film on a screen. Its rows go from the top
+// down. Either linear or srgb is NULL.
+typedef struct GirandoleTexture {
+    // width * height linear colours, each channel from 0 to 1e15; or NULL.
+    const struct GirandoleVec3 *linear;
+    // 4 * width * height bytes; or NULL. Red, green and blue are sRGB-encoded. Alpha is ignored: texels that
+    // are cut out have to be black.
+    const uint8_t *srgb;
+    // Columns, 1 to 32768.
+    uint32_t width;
+    // Rows, 1 to 32768.
+    uint32_t height;
+    // What lies beyond the sides, along rows and along columns: GIRANDOLE_WRAP_*.
+    GirandoleWrap wrap[2];
+} GirandoleTexture;
+
+// Two numbers, such as texture coordinates.
+typedef struct GirandoleVec2 {
+    float x;
+    float y;
+} GirandoleVec2;
+
+// A surface that emits an image or a part of one.
+typedef struct GirandoleTexturedSurface {
+    // The light for a texture that is white: a GIRANDOLE_LIGHT_PARALLELOGRAM or GIRANDOLE_LIGHT_TRIANGLE.
+    struct GirandoleLight white;
+    // Texture coordinates of three corners: the vertices of a triangle; of a parallelogram the corners at
+    // -half_u - half_v, at half_u - half_v and at half_v - half_u. (0, 0) is the upper left corner of the image,
+    // (1, 1) the lower right one. So {0, 1}, {1, 1}, {0, 0} is the whole image, upright if half_u points to the
+    // right and half_v up.
+    struct GirandoleVec2 tex_coords[3];
+} GirandoleTexturedSurface;
 
 // A light of a tree.
 typedef struct GirandoleTreeLight {
@@ -771,6 +823,15 @@ typedef struct GirandoleKernel {
 // As GRID, and the origin follows girandole_world_set_viewpoint.
 #define GIRANDOLE_ORIGIN_FOLLOWING 2
 
+// The image again.
+#define GIRANDOLE_WRAP_REPEAT 0
+
+// The image again, each copy mirrored.
+#define GIRANDOLE_WRAP_MIRROR 1
+
+// The texels at its sides.
+#define GIRANDOLE_WRAP_CLAMP 2
+
 // No light: a sample that counts as black.
 #define GIRANDOLE_ID_NONE 0
 
@@ -978,6 +1039,14 @@ GirandoleStatus girandole_world_set_sky(struct GirandoleWorld *world,
                                         const struct GirandoleVec3 *map,
                                         uint64_t *instance);
 
+// As girandole_world_set_sky, but from the bytes of a Radiance HDR file, whose numbers count as nits. Bytes of any
+// origin are safe: damaged ones are refused with 1306 or 1307. Takes at most some 400 bytes of memory for each byte of
+// the file.
+GirandoleStatus girandole_world_set_sky_hdr(struct GirandoleWorld *world,
+                                            const uint8_t *bytes,
+                                            size_t size,
+                                            uint64_t *instance);
+
 // Changes a part of the map: width columns from column on, and height rows from row on. part: its pixels in nits, in
 // rows from the top down. Returns 1301 for a pixel that is refused, 1302 for a part that leaves the map, and 1303 for
 // a world without a sky.
@@ -987,6 +1056,40 @@ GirandoleStatus girandole_world_set_sky_part(struct GirandoleWorld *world,
                                              uint32_t width,
                                              uint32_t height,
                                              const struct GirandoleVec3 *part);
+
+// Sets the openings through which alone the sky reaches the points of their rooms, in place of those that were set
+// before. At most 32; 0 removes them. Returns 1304 for more, and 1305 for a portal that is refused.
+GirandoleStatus girandole_world_set_portals(struct GirandoleWorld *world,
+                                            const struct GirandolePortal *portals,
+                                            size_t count);
+
+// Cuts surfaces into parts, smaller where the texels differ. Parts are surfaces too, and
+// girandole_texture_lights makes their lights. Dark parts are among them, so a film can light them later.
+//
+// Surfaces are cut by four, the noisiest part first. The call ends when the texels within parts add a relative
+// standard deviation of at most noise to a sample of all that the surfaces emit, or when another cut would need
+// more than capacity parts. A noise of 0.3 is little beside the noise of shadows and of distances.
+//
+// parts has room for capacity elements. count gets the number of parts. If the surfaces alone are more than
+// capacity, count gets their number, and the call stores nothing else and returns GIRANDOLE_ERROR_NO_SPACE.
+// Returns 1500 for an image without texels or with more than 32768 rows or columns, 1501 for a texel that is
+// refused, and 1502 for texture coordinates that are not finite. Takes O(texels * log(parts)).
+GirandoleStatus girandole_texture_split(const struct GirandoleTexture *image,
+                                        const struct GirandoleTexturedSurface *surface_list,
+                                        size_t surface_count,
+                                        float noise,
+                                        struct GirandoleTexturedSurface *parts,
+                                        size_t capacity,
+                                        size_t *count);
+
+// Stores a light for each part, which emits the average of the part's texels. The parts may come from another
+// image, for example from another frame of a film, and they may be surfaces that were not cut.
+//
+// lights has room for count elements. The codes are those of girandole_texture_split. Takes O(texels).
+GirandoleStatus girandole_texture_lights(const struct GirandoleTexture *image,
+                                         const struct GirandoleTexturedSurface *parts,
+                                         size_t count,
+                                         struct GirandoleLight *lights);
 
 // Builds a tree over lights, adds it and stores its key, which is never 0. The lights have the indices 0 to
 // count - 1. A tree without instances contributes no light. Takes O(n log n).

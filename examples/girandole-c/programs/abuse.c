@@ -358,6 +358,86 @@ static void regions(GirandoleWorld *world)
     girandole_region_destroy(NULL);
 }
 
+static void textures(void)
+{
+    GirandoleVec3 none = {0.0f, 0.0f, 0.0f}, right = {1.0f, 0.0f, 0.0f}, up = {0.0f, 1.0f, 0.0f};
+    GirandoleVec3 nits = {9.0f, 9.0f, 9.0f}, texels[4];
+    uint8_t bytes[16] = {0};
+    GirandoleTexture image, bad;
+    GirandoleTexturedSurface sign, list[2], parts[2], part;
+    GirandoleLight light;
+    size_t count = 7;
+    int i;
+
+    memset(&image, 0, sizeof image);
+    memset(&sign, 0, sizeof sign);
+    for (i = 0; i < 4; i++) texels[i] = i < 2 ? nits : none;
+    image.linear = texels, image.width = image.height = 2;
+    sign.white = girandole_parallelogram_light(none, right, up, nits);
+    sign.tex_coords[0].y = sign.tex_coords[1].x = sign.tex_coords[1].y = 1.0f;
+    part = sign, part.white.range = 77.0f;
+    light = bulb(77.0f);
+    list[0] = list[1] = sign;
+
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_texture_split(NULL, &sign, 1, 0.1f, &part, 1, &count));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_texture_split(&image, NULL, 1, 0.1f, &part, 1, &count));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_texture_split(&image, &sign, 1, 0.1f, NULL, 1, &count));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_texture_split(&image, &sign, 1, 0.1f, &part, 1, NULL));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_texture_lights(NULL, &sign, 1, &light));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_texture_lights(&image, NULL, 1, &light));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_texture_lights(&image, &sign, 1, NULL));
+    EXPECT(GIRANDOLE_ERROR_BAD_LENGTH, girandole_texture_lights(&image, &sign, SIZE_MAX / 8, &light));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_texture_split(&image, &sign, 1, NAN, &part, 1, &count));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_texture_split(&image, &sign, 1, -0.1f, &part, 1, &count));
+    /* Images. */
+    bad = image, bad.linear = NULL;
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_texture_lights(&bad, &sign, 1, &light));
+    bad = image, bad.srgb = bytes;
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_texture_lights(&bad, &sign, 1, &light));
+    bad = image, bad.linear = (const GirandoleVec3 *)(const void *)((const char *)texels + 1);
+    EXPECT(GIRANDOLE_ERROR_MISALIGNED, girandole_texture_lights(&bad, &sign, 1, &light));
+    bad = image, bad.width = bad.height = UINT32_MAX;
+    EXPECT(GIRANDOLE_ERROR_BAD_LENGTH, girandole_texture_lights(&bad, &sign, 1, &light));
+    bad = image, bad.wrap[1] = 3;
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_texture_lights(&bad, &sign, 1, &light));
+    bad = image, bad.width = 0;
+    EXPECT(1500, girandole_texture_lights(&bad, &sign, 1, &light));
+    bad.linear = NULL, bad.srgb = bytes;
+    EXPECT(1500, girandole_texture_lights(&bad, &sign, 1, &light));
+    texels[3].z = -1.0f;
+    EXPECT(1501, girandole_texture_lights(&image, &sign, 1, &light));
+    texels[3].z = 0.0f;
+    /* Surfaces; a good one comes before the bad one. */
+    list[1].white = bulb(1.0f);
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_texture_split(&image, list, 2, 0.1f, &part, 1, &count));
+    REQUIRE(strstr(girandole_last_error_message(), "surface 1") != NULL);
+    list[1] = sign, list[1].white.two_sided = 2;
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_texture_lights(&image, list, 2, &light));
+    list[1] = sign, list[1].white.emission.y = NAN;
+    EXPECT(100, girandole_texture_lights(&image, list, 2, &light));
+    list[1] = sign, list[1].white.range = 0.0f;
+    EXPECT(104, girandole_texture_lights(&image, list, 2, &light));
+    list[1] = sign, list[1].tex_coords[2].x = INFINITY;
+    EXPECT(1502, girandole_texture_lights(&image, list, 2, &light));
+    REQUIRE(count == 7 && part.white.range == 77.0f && light.emission.x == 77.0f);
+    /* Too many surfaces for the array. */
+    list[1] = sign;
+    EXPECT(GIRANDOLE_ERROR_NO_SPACE, girandole_texture_split(&image, list, 2, 0.1f, &part, 1, &count));
+    REQUIRE(count == 2 && part.white.range == 77.0f);
+    /* No surface, no pointers. */
+    EXPECT(GIRANDOLE_OK, girandole_texture_split(&image, NULL, 0, 0.1f, NULL, 0, &count));
+    EXPECT(GIRANDOLE_OK, girandole_texture_lights(&image, NULL, 0, NULL));
+    REQUIRE(count == 0);
+    /* Coordinates far beyond the image are ordinary. */
+    for (i = 0; i < 3; i++) {
+        bad = image, bad.wrap[0] = bad.wrap[1] = (GirandoleWrap)i;
+        list[0] = sign, list[0].tex_coords[0].x = 3e38f, list[0].tex_coords[1].y = -3e38f;
+        EXPECT(GIRANDOLE_OK, girandole_texture_split(&bad, list, 2, 0.0f, parts, 2, &count));
+        EXPECT(GIRANDOLE_OK, girandole_texture_lights(&bad, parts, 1, &light));
+        REQUIRE(light.emission.x >= 0.0f && light.emission.x <= 81.0f);
+    }
+}
+
 static void shaders(void)
 {
     GirandoleTarget target, bad;
@@ -434,6 +514,7 @@ int main(void)
     sampling(world);
     regions(world);
     plans(world);
+    textures();
     shaders();
     EXPECT(GIRANDOLE_OK, girandole_world_destroy(world));
     /* NULL may be destroyed. */

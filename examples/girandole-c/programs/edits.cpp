@@ -1,8 +1,9 @@
-// Edits of a world from C++: every kind of light, moves, factors, masks, lights that come and go, baked trees,
-// regions, a moving origin, and sampling on several threads.
+// Edits of a world from C++: every kind of light, skies, windows and signs, moves, factors, masks, lights that
+// come and go, baked trees, regions, a moving origin, and sampling on several threads.
 //
 // Each step is compared with a closed form or with the sum over all lights. The program ends with 1 at the
 // first difference.
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -174,6 +175,14 @@ void sky_and_profiles() {
     require(std::fabs(mean() / (PI * 50 * std::pow(std::sin(PI / 32), 2)) - 1.0) < 0.02, "a part of the sky");
     require(girandole_world_set_sky_part(world.get(), 60, 0, 5, 1, black.data()) == 1302, "a part beyond the map");
     require(girandole_world_set_sky(world.get(), 0, 32, pixels.data(), &sky) == 1300, "a sky without columns");
+    // A file of one pixel: 32 nits, since its exponent 134 stands for 2^6.
+    const std::string map = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n\x80\x80\x80\x86";
+    const auto map_bytes = reinterpret_cast<const uint8_t *>(map.data());
+    uint64_t same = 0;
+    check(girandole_world_set_sky_hdr(world.get(), map_bytes, map.size(), &same));
+    require(same == sky, "another map has another key");
+    require(std::fabs(mean() / (PI * 32) - 1.0) < 0.02, "a sky of a file");
+    require(girandole_world_set_sky_hdr(world.get(), map_bytes, 20, &same) == 1306, "a map that ends early");
     check(girandole_world_remove_instance(world.get(), sky));
 
     // A lamp 4 m above, turned to shine down: 300 candela straight below, half of it at the edge of its beam.
@@ -198,6 +207,151 @@ void sky_and_profiles() {
     uint64_t refused = 0;
     require(girandole_world_add_tree(world.get(), &unknown, 1, &refused) == GIRANDOLE_ERROR_BAD_VALUE, "no profile");
     std::printf("sky and profiles: as their closed forms\n");
+}
+
+void windows() {
+    auto world = make_world();
+    std::vector<GirandoleVec3> pixels(64 * 32, grey(50));
+    uint64_t sky = 0;
+    check(girandole_world_set_sky(world.get(), 64, 32, pixels.data(), &sky));
+    update(world.get());
+    // A room of 2.2 x 2.2 x 2.2 m around (1, 0, 0). Its wall at x = 2 has a window of 1.2 x 1.6 m.
+    GirandolePortal window = {{2, 0, 0}, vec3(0, 0.6f, 0), vec3(0, 0, 0.8f), girandole_placement_at(1, 0, 0)};
+    window.room.axes[0] = vec3(1.1f, 0, 0);
+    window.room.axes[1] = vec3(0, 1.1f, 0);
+    window.room.axes[2] = vec3(0, 0, 1.1f);
+    // On the opposite wall, facing the window.
+    const auto wall = girandole_surface_point(vec3(0, 0, 0), vec3(1, 0, 0));
+    const int count = 20000;
+    // The mean of what comes in through the window, its standard error, and the share of samples that do so.
+    struct Seen { double lux, error, share; };
+    const auto seen = [&] {
+        double sum = 0.0, sum_sq = 0.0, through = 0.0;
+        Random random;
+        for (int i = 0; i < count; i++) {
+            const float u[] = {random.next(), random.next(), random.next(), random.next()};
+            GirandoleSample s;
+            check(girandole_world_sample(world.get(), 6, &wall, u, 1, &s));
+            const auto d = s.direction;
+            if (s.weight == 0.0f || std::fabs(d.y) > 0.3f * d.x || std::fabs(d.z) > 0.4f * d.x) continue;
+            const double lux = s.radiance.y * d.x * s.weight;
+            sum += lux;
+            sum_sq += lux * lux;
+            through += 1.0;
+        }
+        const double mean = sum / count;
+        return Seen{mean, std::sqrt((sum_sq / count - mean * mean) / count), through / count};
+    };
+    // Four times the form factor of a rectangle parallel to the wall, whose corner is opposite to the point.
+    const double a = 0.3, b = 0.4, root_a = std::sqrt(1 + a * a), root_b = std::sqrt(1 + b * b);
+    const double exact = 50 * 2 * (a / root_a * std::atan(b / root_a) + b / root_b * std::atan(a / root_b));
+    const auto effects = [&] {
+        GirandoleCounts counts;
+        check(girandole_world_counts(world.get(), &counts));
+        return counts.effects & GIRANDOLE_EFFECT_PORTALS;
+    };
+    const Seen before = seen();
+    require(effects() == 0, "portals before there are any");
+    check(girandole_world_set_portals(world.get(), &window, 1));
+    require(effects() != 0, "no effect of portals");
+    const Seen with = seen();
+    for (const auto &of : {before, with}) {
+        require(std::fabs(of.lux - exact) <= SIGMAS * of.error,
+                "a window: mean " + std::to_string(of.lux) + ", closed form " + std::to_string(exact));
+    }
+    require(with.share > 2 * before.share && with.error < 0.7 * before.error, "a portal lowers no noise");
+
+    // What is refused leaves the portal.
+    const std::vector<GirandolePortal> many(33, window);
+    require(girandole_world_set_portals(world.get(), many.data(), many.size()) == 1304, "33 portals");
+    auto bad = window;
+    bad.center.y = NAN;
+    require(girandole_world_set_portals(world.get(), &bad, 1) == 1305, "a portal without a place");
+    bad = window;
+    bad.room.axes[2] = bad.room.axes[1];
+    require(girandole_world_set_portals(world.get(), &bad, 1) == 1305, "a room without a volume");
+    require(girandole_world_set_portals(world.get(), nullptr, 1) == GIRANDOLE_ERROR_NULL, "no portal");
+    require(seen().lux == with.lux, "a refused portal changes the light");
+    check(girandole_world_set_portals(world.get(), nullptr, 0));
+    require(seen().lux == before.lux, "portals that were removed");
+    // Effects end a while after their cause, so that shaders are not made again and again.
+    for (int i = 0; i < 200 && effects() != 0; i++) update(world.get());
+    require(effects() == 0, "an effect of portals that were removed");
+    std::printf("window: %.2f lux from samples, %.2f lux in closed form; %.0f %% of samples pass, %.0f %% without it\n",
+                with.lux, exact, 100 * with.share, 100 * before.share);
+}
+
+void signs() {
+    // Of 32 rows, the eight from row 8 on are white: a quarter of the image.
+    const auto bar = [](uint32_t first) {
+        std::vector<GirandoleVec3> texels(64 * 32, grey(0));
+        std::fill_n(texels.begin() + 64 * first, 64 * 8, grey(1));
+        return texels;
+    };
+    const auto texels = bar(8);
+    GirandoleTexture image = {};
+    image.linear = texels.data();
+    image.width = 64, image.height = 32;
+    // 4 m wide, 2 m high; white has 900 nits.
+    const GirandoleTexturedSurface sign = {
+        girandole_parallelogram_light(vec3(0, 0, 0), vec3(2, 0, 0), vec3(0, 1, 0), grey(900)),
+        {{0, 1}, {1, 1}, {0, 0}},
+    };
+    std::vector<GirandoleTexturedSurface> parts(100, sign);
+    size_t count = 0;
+    check(girandole_texture_split(&image, &sign, 1, 0.1f, parts.data(), parts.size(), &count));
+    // The lower quarters are dark, and each of the upper ones is cut into two lit parts and two dark ones.
+    require(count == 10, "parts: " + std::to_string(count));
+    std::vector<GirandoleLight> lights(count);
+    check(girandole_texture_lights(&image, parts.data(), count, lights.data()));
+    const auto candela = [&] {
+        double sum = 0.0;
+        for (const auto &light : lights) {
+            const auto u = light.shape.parallelogram.half_u, v = light.shape.parallelogram.half_v;
+            sum += 4.0 * u.x * v.y * light.emission.y;
+        }
+        return sum;
+    };
+    require_near(candela(), 8 * 900 / 4.0, "the intensity of all parts");
+    size_t lit = 0;
+    for (size_t i = 0; i < count; i++) {
+        const auto *at = parts[i].tex_coords;
+        const bool is_bar = at[0].y <= 0.5f && at[2].y >= 0.25f;
+        require_near(lights[i].emission.y, is_bar ? 900 : 0, "a part");
+        lit += is_bar;
+    }
+    require(lit == 4, "lit parts: " + std::to_string(lit));
+
+    // The same image in bytes, and the whole sign as one light.
+    std::vector<uint8_t> bytes(4 * 64 * 32, 0);
+    std::fill_n(bytes.begin() + 4 * 64 * 8, 4 * 64 * 8, uint8_t{255});
+    GirandoleTexture encoded = {};
+    encoded.srgb = bytes.data();
+    encoded.width = 64, encoded.height = 32;
+    GirandoleLight whole;
+    check(girandole_texture_lights(&encoded, &sign, 1, &whole));
+    require_near(whole.emission.y, 900 / 4.0, "the average of a sign");
+
+    // In a world, 1 km away: the intensity over the square of the distance. The next frame moves the bar down.
+    auto world = make_world();
+    const auto tree = add_tree(world.get(), lights);
+    add_instance(world.get(), tree, 0, 0, 0);
+    update(world.get());
+    const auto far = girandole_surface_point(vec3(0, 0, 1000), vec3(0, 0, -1));
+    require_near(exhaustive_lux(world.get(), far), 1800e-6, "a sign");
+    const auto next = bar(16);
+    image.linear = next.data();
+    check(girandole_texture_lights(&image, parts.data(), count, lights.data()));
+    require_near(candela(), 1800, "the next frame");
+    std::vector<uint32_t> indices;
+    for (uint32_t i = 0; i < count; i++) indices.push_back(i);
+    check(girandole_world_set_lights(world.get(), tree, indices.data(), lights.data(), count));
+    update(world.get());
+    require_near(exhaustive_lux(world.get(), far), 1800e-6, "a sign in its next frame");
+    GirandoleCounts counts;
+    check(girandole_world_counts(world.get(), &counts));
+    require(counts.lights == 10, "lights of a sign");
+    std::printf("signs: as their closed forms\n");
 }
 
 void every_kind() {
@@ -440,7 +594,9 @@ void regions() {
 int main() {
     try {
         closed_forms();
-    sky_and_profiles();
+        sky_and_profiles();
+        windows();
+        signs();
         every_kind();
         moves_and_edits();
         far_away();

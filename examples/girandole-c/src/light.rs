@@ -130,7 +130,7 @@ impl std::fmt::Debug for GirandoleLight {
 }
 
 /// Checks the kind only; the library checks the numbers.
-fn light(light: &GirandoleLight) -> Result<Light, Failure> {
+pub(crate) fn light(light: &GirandoleLight) -> Result<Light, Failure> {
     // Read for the kinds that have it only, since others may leave it undefined.
     let two_sided = || flag(light.two_sided, "two_sided");
     let shape = light.shape;

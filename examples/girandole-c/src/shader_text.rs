@@ -44,7 +44,7 @@ pub const GIRANDOLE_EFFECT_PROFILES: u32 = 16384;
 /// The world has portals: see girandole_world_set_portals.
 pub const GIRANDOLE_EFFECT_PORTALS: u32 = 32768;
 /// All effects: a shader for them reads the buffers of any world, and is the longest.
-pub const GIRANDOLE_ALL_EFFECTS: u32 = 0x7fbf;
+pub const GIRANDOLE_ALL_EFFECTS: u32 = 0xffbf;
 
 /// The effects with their bits in this interface.
 const EFFECTS: [(u32, Effects); 15] = [

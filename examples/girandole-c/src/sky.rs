@@ -44,6 +44,27 @@ pub unsafe extern "C" fn girandole_world_set_sky(
     })
 }
 
+/// As girandole_world_set_sky, but from the bytes of a Radiance HDR file, whose numbers count as nits. Bytes of any
+/// origin are safe: damaged ones are refused with 1306 or 1307. Takes at most some 400 bytes of memory for each byte of
+/// the file.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn girandole_world_set_sky_hdr(
+    world: *mut GirandoleWorld,
+    bytes: *const u8,
+    size: usize,
+    instance: *mut u64,
+) -> GirandoleStatus {
+    call(|| {
+        // SAFETY: see the crate's documentation.
+        let (world, file) = unsafe { (object(world, "world")?, array(bytes, size, "bytes")?) };
+        // SAFETY: see the crate's documentation.
+        let key = unsafe { result(instance, "instance")? };
+        let sky = Sky::hdr(file)?;
+        key.set(world.edit(|world| Ok(world.set_sky(sky)))?.into());
+        Ok(())
+    })
+}
+
 /// Changes a part of the map: width columns from column on, and height rows from row on. part: its pixels in nits, in
 /// rows from the top down. Returns 1301 for a pixel that is refused, 1302 for a part that leaves the map, and 1303 for
 /// a world without a sky.

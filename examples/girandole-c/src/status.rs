@@ -20,8 +20,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 ///   600 to 699  plans for the GPU
 ///   800         a baked tree is not sound
 ///   1100 to 1199  bytes are no baked tree
-///   1300 to 1399  the pixels of a sky are refused, or there is none
+///   1300 to 1399  the pixels or the file of a sky are refused, there is none, or portals are refused
 ///   1400 to 1499  a photometric file is refused; the message names the line
+///   1500 to 1502  the texels or the texture coordinates of a surface are refused
 pub type GirandoleStatus = i32;
 
 /// The call has succeeded.
@@ -112,7 +113,9 @@ from_errors_of_the_library!(
     girandole::CountError,
     girandole::WorldError,
     girandole::ProfileError,
+    girandole::LightError,
     girandole::SkyError,
+    girandole::TextureError,
     girandole::plan::PlanError,
     girandole::tree::BakeError,
 );

@@ -1,8 +1,29 @@
 //! Vectors, and numbers that are 0 or 1.
 
-use girandole::glam::{DVec3, Vec3};
+use girandole::glam::{DVec3, Vec2, Vec3};
 
 use crate::status::Failure;
+
+/// Two numbers, such as texture coordinates.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[allow(missing_docs, reason = "coordinates")]
+pub struct GirandoleVec2 {
+    pub x: f32,
+    pub y: f32,
+}
+
+impl From<GirandoleVec2> for Vec2 {
+    fn from(v: GirandoleVec2) -> Self {
+        Self::new(v.x, v.y)
+    }
+}
+
+impl From<Vec2> for GirandoleVec2 {
+    fn from(v: Vec2) -> Self {
+        Self { x: v.x, y: v.y }
+    }
+}
 
 /// Three numbers: a position or vector in metres, or a colour in linear Rec. 709.
 #[repr(C)]

@@ -1,9 +1,10 @@
 // Opens the city, draws frames, and shows what they cost. A frame is submitted only when the last
 // one is done, so the frame time is the time from its submission until the GPU has finished it.
 //
-// Options in the address: `?city=M` builds the larger city. `?picture=N&size=WIDTHxHEIGHT` stops the
-// time, and delays the page's load event until N frames of that size have been averaged, so that a
-// browser that takes a screenshot waits for them. `?test` runs the checks of examples/girandole-web/test.sh.
+// Options in the address: `?city=M` builds the larger city. `?dusk` shows the time after sunset, with a sky that is
+// a light. `?picture=N&size=WIDTHxHEIGHT` stops the time, and delays the page's load event until N frames of that
+// size have been averaged, so that a browser that takes a screenshot waits for them. `?test` runs the checks of
+// examples/girandole-web/test.sh.
 "use strict";
 
 const element = (id) => document.getElementById(id);
@@ -35,7 +36,7 @@ function missing() {
 async function open() {
     const bytes = Uint8Array.from(atob(girandole_web_wasm), (c) => c.charCodeAt(0));
     await wasm_bindgen({ module_or_path: bytes });
-    return wasm_bindgen.City.open(element("canvas"), options.get("city") ?? "S");
+    return wasm_bindgen.City.open(element("canvas"), options.get("city") ?? "S", options.has("dusk"));
 }
 
 /** Connects the controls of the panel to the city and to the state. */

@@ -18,6 +18,7 @@ use testbed::render::gpu::pipeline::{LIGHT_GROUP, WORKGROUP};
 use testbed::render::gpu::records::{FrameUniform, PictureOptions};
 use testbed::render::gpu::scene_buffers::SceneBuffers;
 use testbed::render::sequence::frame_seed;
+use testbed::scene::dusk::{self, Dusk};
 use testbed::scene::procedural::{CityOptions, Size, stage};
 use testbed::scene::{Camera, Stage};
 
@@ -104,15 +105,20 @@ fn text(error: impl std::fmt::Display) -> String {
 
 #[wasm_bindgen]
 impl City {
-    /// Opens the device and builds a city of the size `S` or `M`. Fails with a sentence for the user.
-    pub async fn open(canvas: HtmlCanvasElement, size: String) -> Result<City, String> {
+    /// Opens the device and builds a city of the size `S` or `M`, at night or at dusk. Fails with a sentence
+    /// for the user.
+    pub async fn open(canvas: HtmlCanvasElement, size: String, is_dusk: bool) -> Result<City, String> {
         let gpu = device::open(canvas).await?;
         let size = match &*size {
             "S" => Size::S,
             "M" => Size::M,
             other => return Err(format!("There is no city of the size {other}: choose S or M.")),
         };
-        let mut stage = stage(&CityOptions { size, cars: None, seed: SEED, lamp_profile: None }).map_err(text)?;
+        let lamp_profile = is_dusk.then(|| Dusk::default().profile()).transpose().map_err(text)?;
+        let mut stage = stage(&CityOptions { size, cars: None, seed: SEED, lamp_profile }).map_err(text)?;
+        if is_dusk {
+            dusk::set(&mut stage).map_err(text)?;
+        }
         stage.world.set_glossy_sampling(true);
         let geometry = Geometry::new(&stage.scene).map_err(text)?;
         let buffers = SceneBuffers::new(&gpu.device, &gpu.queue, &stage.scene, &geometry).map_err(text)?;

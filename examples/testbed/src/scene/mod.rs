@@ -25,7 +25,6 @@ pub mod part;
 pub mod assembly;
 
 pub mod designs;
-#[cfg(feature = "native")]
 pub mod dusk;
 #[cfg(feature = "native")]
 pub mod screen;
