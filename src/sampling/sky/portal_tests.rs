@@ -51,10 +51,10 @@ fn leaves(from: Vec3, direction: Vec3) -> bool {
     })
 }
 
-/// A lamp in the room at `at`, under a sky.
+/// A weak lamp in the room at `at`, under a sky.
 fn world(at: DVec3) -> LightWorld {
     let mut world = LightWorld::new();
-    let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::splat(900.0))]).expect("a lamp"));
+    let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::splat(3.0))]).expect("a lamp"));
     let middle = at + (turn() * (0.5 * ROOM)).as_dvec3();
     world.add_instance(lamp, Placement::at(middle), Policy::Static).expect("a placement");
     // A sun 1,000 times as bright as the clouds.
@@ -179,7 +179,7 @@ fn probabilities_sum_to_one_and_points_outside_see_all_of_the_sky() {
                 drawn += usize::from(matches!(pick.light, LightId::Local { .. }));
             }
         }
-        assert!(drawn > 150, "{drawn}");
+        assert!(drawn > 100, "{drawn}");
     }
 }
 

@@ -159,6 +159,7 @@ mod tests {
         let mut fluxes = Vec::new();
         for time in [0.0, 1.0, 2.5] {
             stage.animation.advance(time, &mut stage.scene, &mut stage.world).expect("a frame");
+            stage.world.update(girandole::FrameBudget::NONE);
             let shown: Vec<&Object> = stage.scene.objects.iter().filter(|object| object.visible).collect();
             let textured = |object: &&&Object| {
                 let material = stage.scene.meshes[object.mesh as usize].triangles[0].material;
