@@ -146,7 +146,7 @@ pub fn measure(effort: Effort) -> Result<Vec<Row>, SceneError> {
         add("girandole", bare);
         let mut table = VisibilityTable::new(VisibilityOptions::default());
         let mut frame = 0;
-        for until in effort.select(&FRAMES[..], &[1]) {
+        for until in effort.select(&FRAMES[..], &FRAMES[..1]) {
             while frame < *until {
                 frame += 1;
                 teach(&world, &mut table, frame, effort.select(TAUGHT, 10)).map_err(refused)?;
