@@ -4,21 +4,6 @@
 // nothing itself.
 
 // #if NON_RIGID
-// #if CONES | AREAS
-// The shares of the flux of a child that come from lights without size and from surfaces. `code`
-// are four bits of a node's `area_ratios`, and `steps` those of the node. Twin of
-// `Node::flux_shares`.
-fn light_flux_shares(code: u32, steps: u32) -> vec2<f32> {
-    // 2^(code - 7 - 3 s) from its exponent.
-    let shift = bitcast<i32>(steps) >> 28u;
-    let ratio = bitcast<f32>(bitcast<u32>(i32(code) + 120 - 3 * shift) << 23u);
-    let punctual = 1.0 / (1.0 + ratio);
-    let shares = select(vec2(punctual, ratio * punctual), vec2(1.0, 0.0), code == 0u);
-    return select(shares, vec2(0.0, 1.0), code == 15u);
-}
-
-// #endif
-
 // #if CONES
 // Whether the axis of emission is that of surfaces. See `FluxShares::has_normal`.
 fn light_has_normal(code: u32) -> bool {

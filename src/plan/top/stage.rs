@@ -51,12 +51,21 @@ pub(super) const GROUP: Stage = Stage {
         shader!("top_split"),
         shader!("top_gather"),
         shader!("top_children"),
-        shader!("top_store"),
+        shader!("node_store"),
+        shader!("top_layout"),
         shader!("top_group"),
     ],
 };
-pub(super) const NODE: Stage =
-    Stage { entry: "top_node", sources: &[shader!("top_store"), shader!("top_pack"), shader!("top_node")] };
+pub(super) const NODE: Stage = Stage {
+    entry: "top_node",
+    sources: &[
+        shader!("node_store"),
+        shader!("top_layout"),
+        shader!("pack_merge"),
+        shader!("top_pack"),
+        shader!("top_node"),
+    ],
+};
 
 impl Stage {
     /// The whole text: the constants, the records, the shared functions, and the stage's own files.

@@ -1,6 +1,6 @@
-// Stores nodes of the top level as sampling reads them. Binds nothing; writes the variable `nodes`
-// of the stage. `nodes` is an array of words because several invocations write the child bits of one
-// node, and a write to one component of a vector may touch the whole vector.
+// Stores nodes as sampling reads them, of the top level and of trees that are refitted. Binds nothing;
+// writes the variable `nodes` of the stage. `nodes` is an array of words because several invocations
+// write the child bits of one node, and a write to one component of a vector may touch the whole vector.
 
 // The stride of nodes and the offset of the lobes, in units of 16 bytes; the offset is 0 if they are
 // not stored.
@@ -49,10 +49,6 @@ fn node_store_child_bits(stored: NodeLayout, place: u32, child_bits: u32) {
     nodes[node_child_word(stored, place)] = child_bits;
 }
 
-fn node_layout() -> NodeLayout {
-    return NodeLayout(top_pass.node_stride, top_pass.node_lobes);
-}
-
 // The first word after the children of a node.
 fn node_tail_word(stored: NodeLayout, node: u32) -> u32 {
     return 4u * (node * stored.stride + LIGHT_NODE_TAIL);
@@ -61,9 +57,4 @@ fn node_tail_word(stored: NodeLayout, node: u32) -> u32 {
 // Stores the place of a node's parent.
 fn node_store_parent(stored: NodeLayout, node: u32, place: u32) {
     nodes[node_tail_word(stored, node)] = place;
-}
-
-// Stores which node of a piece is the first of the same depth. Packing removes that again.
-fn node_store_depth(stored: NodeLayout, node: u32, first: u32) {
-    nodes[node_tail_word(stored, node) + 1u] = first;
 }
