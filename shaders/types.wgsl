@@ -97,7 +97,8 @@ struct LightTree {
     area_flux: f32,
     // As in LightPart.
     child_bits: u32,
-    padding: u32,
+    // The place of an opening in the tree.
+    place: u32,
 }
 
 // A part of an instance, which is a leaf of the top level. The parts come after the nodes of the

@@ -230,6 +230,9 @@ pub enum WorldError {
         /// The greatest value allowed.
         limit: f32,
     },
+    /// A light of the tree has a profile, which kernels on the GPU cannot bound.
+    #[error("a light of the tree has a profile; such lights cannot be written on the GPU")]
+    ProfileOnGpu,
     /// The origin does not lie on the grid of the world's [`OriginMode`](crate::OriginMode).
     #[error("a coordinate of the origin is {value} m; it must be a multiple of {grid} m")]
     OriginOffGrid {
@@ -276,6 +279,7 @@ impl WorldError {
             Self::RegionInUse { .. } => 213,
             Self::OriginOffGrid { .. } => 214,
             Self::OriginTooFar { .. } => 215,
+            Self::ProfileOnGpu => 216,
         }
     }
 }

@@ -45,6 +45,7 @@ mod recorder;
 mod resampling;
 mod sampling;
 mod shader;
+mod sources;
 mod sync;
 mod table_groups;
 mod tables;
@@ -70,13 +71,14 @@ use player::Player;
 use recorder::Recorder;
 pub use records::{ReservoirRecord, SampleRecord, SampleRequest};
 pub use shader::LightShader;
+use sources::SourceLink;
 pub use sync::SyncReport;
 use table_groups::TableGroup;
 use top_status::TopStatus;
 
 use crate::effects::Effects;
 use crate::plan::pool::Growth;
-use crate::plan::{Commands, KERNELS, LightPlanner, PlanLimits, ShaderBuffers};
+use crate::plan::{Commands, KERNELS, Kernel, LightPlanner, PlanLimits, ShaderBuffers};
 pub use crate::plan::{
     CutFallback, GpuMemory, ShaderNameError, ShaderParts, TargetHook, UploadReport, wgsl, with_prefix,
 };
@@ -134,6 +136,7 @@ pub struct GpuLights {
     bind_group: wgpu::BindGroup,
     /// The buffers that the bind group was made for; `None` for `dark`.
     bound: Option<ShaderBuffers>,
+    sources: SourceLink,
     /// The bind group of the last frame, and its buffers; without them `dark` is bound.
     previous: (Option<ShaderBuffers>, wgpu::BindGroup),
 }
@@ -194,9 +197,11 @@ impl GpuLights {
             previous: (None, bind_group.clone()),
             bind_group,
             bound: None,
+            sources: SourceLink::new(device),
         };
-        // Conversions are rare, so their kernel is compiled when one is needed.
-        KERNELS.iter().filter(|kernel| kernel.stage() != "relayout").for_each(|kernel| lights.player.compile(*kernel));
+        // Conversions and refits are rare, so their kernels are compiled when they are needed.
+        let is_rare = |kernel: &&Kernel| matches!(kernel.stage(), "relayout" | "refit");
+        KERNELS.iter().filter(|kernel| !is_rare(kernel)).for_each(|kernel| lights.player.compile(*kernel));
         lights.start()?;
         Ok(lights)
     }
@@ -217,9 +222,10 @@ impl GpuLights {
         Ok(())
     }
 
-    /// Records the build of the top level into the engine's encoder, if a build is due.
+    /// Records the build of the top level into the engine's encoder, if a build is due, and before it the refit of
+    /// the trees whose lights [kernels of the engine](GpuLights::source_group) write.
     ///
-    /// A build is due after an upload that changed something. It is also due if the commands of the
+    /// A build is due after an upload that changed something, and after each while there are such trees. It is also due if the commands of the
     /// last build were dropped before they were submitted, as in a frame that is skipped or whose
     /// surface is outdated: the next call records it again. Otherwise nothing is recorded.
     ///
@@ -238,6 +244,8 @@ impl GpuLights {
         self.top_status.record(encoder);
         let mut recorder = Recorder::together(encoder, "girandole top level");
         self.player.record(&mut recorder, &self.top);
+        drop(recorder);
+        self.record_readback(encoder);
         self.planner.top_changed();
     }
 

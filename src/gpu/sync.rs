@@ -46,6 +46,9 @@ impl GpuLights {
     ///
     /// Submit the encoder before the next call.
     ///
+    /// An engine whose kernels write [lights](GpuLights::source_group) makes these calls by itself, after
+    /// [`GpuLights::follow_sources`], and records its kernels before the last.
+    ///
     /// # Errors
     /// As [`GpuLights::upload`]. The world was updated and nothing was recorded. The next call sends the
     /// changes too, and its report covers them.
@@ -55,6 +58,7 @@ impl GpuLights {
         budget: FrameBudget,
         encoder: &mut wgpu::CommandEncoder,
     ) -> Result<SyncReport, GpuError> {
+        self.follow_sources(world);
         let frame = world.update(budget);
         let since = self.revision();
         let upload = self.upload(world)?;

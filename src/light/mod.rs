@@ -34,20 +34,20 @@ pub(crate) const LAMBERTIAN: f32 = 2.0 / 3.0;
 
 /// Below this sine of the angle between a flat emitter's edges, rounding could turn its normal by
 /// more than 1e-5 rad.
-const MIN_SINE: f32 = 1.0e-2;
+pub(crate) const MIN_SINE: f32 = 1.0e-2;
 
 /// Least entry of a cross product, in square metres, whose square is a normal number in f32.
-const MIN_CROSS: f32 = 1.0e-18;
+pub(crate) const MIN_CROSS: f32 = 1.0e-18;
 
 /// Least width of a spot's falloff, as a difference of cosines, as KHR_lights_punctual specifies.
 const MIN_SPOT_FALLOFF: f32 = 1.0e-3;
 
 /// Rounding of a spot's falloff at its rim lets through directions this far outside, in radians.
-const SPOT_RIM: f32 = 1.0e-3;
+pub(crate) const SPOT_RIM: f32 = 1.0e-3;
 
 /// How far the length of a direction may be from 1. Directions need not be of unit length to the
 /// last bit.
-const UNIT_TOLERANCE: f32 = 1.0e-3;
+pub(crate) const UNIT_TOLERANCE: f32 = 1.0e-3;
 
 /// Shape and position of a light, in the space of its tree. Metres and radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -475,14 +475,16 @@ pub(crate) fn spot_falloff(inner_angle: f32, outer_angle: f32) -> (f32, f32) {
     (scale, -cos_outer * scale)
 }
 
-struct SpotLobe {
-    solid_angle: f32,
-    mean_cosine: f32,
+pub(crate) struct SpotLobe {
+    /// The flux in lumens of a spot of one candela.
+    pub solid_angle: f32,
+    /// The length of its mean direction.
+    pub mean_cosine: f32,
 }
 
 /// Integrals of the spot falloff over the sphere. With c the cosine of the angle to the axis, t =
 /// (c - c_outer) scale runs from 0 to 1 over the falloff, and the falloff is t^2.
-fn spot_lobe(inner_angle: f32, outer_angle: f32) -> SpotLobe {
+pub(crate) fn spot_lobe(inner_angle: f32, outer_angle: f32) -> SpotLobe {
     if outer_angle <= 0.0 {
         return SpotLobe { solid_angle: 0.0, mean_cosine: 1.0 };
     }

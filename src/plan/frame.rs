@@ -5,7 +5,7 @@ use super::changes::UploadReport;
 use super::commands::Commands;
 
 /// What the GPU has to do in one frame, in this order: make buffers, run two lists of commands, and
-/// free buffers.
+/// free buffers. Kernels of the engine that [write lights](super::wgsl_of_sources) run between the two lists.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct FramePlan {
@@ -17,7 +17,8 @@ pub struct FramePlan {
     pub new_buffers: Vec<NewBuffer>,
     /// Brings the buffers up to date with the world. Empty if nothing changed.
     pub upload: Commands,
-    /// Builds the top level. Empty if it is up to date.
+    /// Refits the trees whose lights kernels of the engine write, and builds the top level. Empty if it is up to
+    /// date and there are no such trees.
     pub top: Commands,
     /// Buffers that no later plan uses. The commands of this plan may still read them, and so may
     /// commands that the engine recorded earlier.

@@ -10,7 +10,7 @@ use crate::cluster::Cluster;
 use crate::instance::appearance::Appearance;
 use crate::instance::placement::Placed;
 use crate::instance::sector;
-use crate::light::{DirectionalLight, Light, Shape, UNLIMITED_RANGE, spot_falloff};
+use crate::light::{DirectionalLight, Light, Shape, UNLIMITED_RANGE, spot_falloff, spot_lobe};
 use crate::sampling::cut::NO_INSTANCE;
 use crate::sky::StoredPatch;
 use crate::tree::{LightTree, Opening};
@@ -21,7 +21,7 @@ pub(crate) const KIND_MASK: u32 = 0xff;
 /// A point light. `a` is its position.
 pub(crate) const KIND_POINT: u32 = 0;
 /// A spot light. `a` is its position, `b` its direction, `c.x` and `c.y` are scale and offset of
-/// its falloff.
+/// its falloff, and `c.z` is its flux for one candela.
 pub(crate) const KIND_SPOT: u32 = 1;
 /// A parallelogram. `a` is its centre, `b` and `c` are its half edges.
 pub(crate) const KIND_RECTANGLE: u32 = 2;
@@ -70,7 +70,7 @@ pub(crate) struct LightRecord {
     pub b: [f32; 3],
     pub range: f32,
     pub c: [f32; 3],
-    /// Where the table of its profile ends, in quads before the map of the sky.
+    /// Where the table of its profile ends, in quads before the map of the sky; the mean cosine of a spot.
     pub profile: u32,
 }
 
@@ -136,7 +136,8 @@ pub(crate) struct TreeRecord {
     pub area_flux: f32,
     /// Where a walk goes on: 0 for the root, or as in [`Node::children`](crate::tree::Node).
     pub child_bits: u32,
-    pub padding: u32,
+    /// The place of an opening in the tree.
+    pub place: u32,
 }
 
 /// A part of an instance, as the top-level build reads it; 8 bytes.
@@ -227,7 +228,12 @@ impl LightRecord {
             Shape::Point { position } => (KIND_POINT, position, Vec3::ZERO, Vec3::ZERO),
             Shape::Spot { position, direction, inner_angle, outer_angle } => {
                 let (scale, offset) = spot_falloff(inner_angle, outer_angle);
-                (KIND_SPOT, position, direction, Vec3::new(scale, offset, 0.0))
+                (
+                    KIND_SPOT,
+                    position,
+                    direction,
+                    Vec3::new(scale, offset, spot_lobe(inner_angle, outer_angle).solid_angle),
+                )
             }
             Shape::Profile { position, rotation, profile } => {
                 let axes = profile.axes(Quat::from_array(rotation));
@@ -239,7 +245,11 @@ impl LightRecord {
             Shape::Triangle { vertices: [a, b, c], two_sided } => (KIND_TRIANGLE | two_sided_bit(two_sided), a, b, c),
             Shape::Sphere { center, radius } => (KIND_SPHERE, center, Vec3::ZERO, Vec3::new(radius, 0.0, 0.0)),
         };
-        let profile = if let Shape::Profile { profile, .. } = light.shape { profile.stored_end() } else { 0 };
+        let profile = match light.shape {
+            Shape::Profile { profile, .. } => profile.stored_end(),
+            Shape::Spot { inner_angle, outer_angle, .. } => spot_lobe(inner_angle, outer_angle).mean_cosine.to_bits(),
+            _ => 0,
+        };
         Self {
             a: a.to_array(),
             kind,
@@ -391,7 +401,9 @@ impl TreeRecord {
     pub fn of(tree: &LightTree, openings: &[Opening], index: u32) -> Self {
         match openings.get(index as usize) {
             None => Self::of_cluster(&tree.cluster(), 0),
-            Some(opening) => Self::of_cluster(&tree.opening_cluster(opening), opening.child_bits),
+            Some(opening) => {
+                Self { place: opening.place, ..Self::of_cluster(&tree.opening_cluster(opening), opening.child_bits) }
+            }
         }
     }
 
@@ -401,7 +413,7 @@ impl TreeRecord {
             punctual_flux: cluster.punctual_flux,
             area_flux: cluster.area_flux,
             child_bits,
-            padding: 0,
+            place: 0,
         }
     }
 }
@@ -472,7 +484,7 @@ mod tests {
                 factor, mask, sector
             ]
         );
-        record!(structs, TreeRecord, "LightTree", [cluster, punctual_flux, area_flux, child_bits, padding]);
+        record!(structs, TreeRecord, "LightTree", [cluster, punctual_flux, area_flux, child_bits, place]);
         record!(structs, LeafRecord, "LightPart", [slot, child_bits, place, mask]);
         record!(structs, SampleRequest, "Request", [position, choice, normal, splits, u]);
         record!(structs, SampleRecord, "LightSample", [direction, dist, radiance, pdf, pmf, instance, light, is_delta]);

@@ -86,6 +86,7 @@ mod room;
 mod runs;
 pub(crate) mod scatter;
 pub(crate) mod sort;
+pub(crate) mod sources;
 mod stand_in;
 pub(crate) mod stored;
 mod tables;
@@ -117,6 +118,7 @@ pub use limits::PlanLimits;
 pub use memory::GpuMemory;
 pub use module::naga_oil_module;
 pub use reserve::Reservation;
+pub use sources::{LightReadback, MeasureReadback, wgsl_of_sources};
 pub use tables::TableReservation;
 pub use target_hook::TargetHook;
 pub use text::{ShaderParts, wgsl, wgsl_of_marks, wgsl_previous, wgsl_with};
@@ -124,7 +126,7 @@ pub use text::{ShaderParts, wgsl, wgsl_of_marks, wgsl_previous, wgsl_with};
 use crate::effects::Effects;
 use crate::instance::portal::PlacedPortal;
 use crate::instance::sector;
-use crate::keys::slot_of;
+use crate::keys::{TreeKey, slot_of};
 use crate::sampling::cut::NO_INSTANCE;
 use crate::world::{LightWorld, Revision};
 use buffers::Buffers;
@@ -134,6 +136,7 @@ use layout::{ParamsRecord, Strides};
 use previous::{BUFFERS, Previous};
 use residency::Form;
 use room::ReusedLists;
+use sources::SourceStore;
 use top::TopBuild;
 use tree_store::TreeStore;
 use uniforms::Uniforms;
@@ -151,6 +154,8 @@ pub const KERNELS: &[Kernel] = &[
     sort::SCATTER_KEYS,
     top::GROUP,
     top::NODE,
+    sources::REFIT,
+    sources::PARTS,
 ];
 
 /// What the GPU holds of one [`LightWorld`], and what it has to do to follow the world.
@@ -160,6 +165,7 @@ pub const KERNELS: &[Kernel] = &[
 pub struct LightPlanner {
     trees: TreeStore,
     instances: InstanceStore,
+    sources: SourceStore,
     uniforms: Uniforms,
     top: TopBuild,
     previous: Previous,
@@ -190,6 +196,7 @@ impl LightPlanner {
         Self {
             trees: TreeStore::new(limits),
             instances: InstanceStore::new(limits.largest_buffer),
+            sources: SourceStore::new(limits.largest_buffer),
             uniforms: Uniforms::new(),
             top: TopBuild::new(limits.largest_buffer),
             previous: Previous::new(),
@@ -298,6 +305,13 @@ impl LightPlanner {
         self.uniforms.params
     }
 
+    /// The buffer of the records of trees, and the ranges of nodes, lights and records of the tree in a slot.
+    #[cfg(all(test, feature = "gpu"))]
+    pub(crate) fn tree_ranges(&self, slot: u32) -> (BufferId, [std::ops::Range<u32>; 3]) {
+        let ranges = self.trees.residency.get(slot).ranges().map(Clone::clone);
+        (self.trees.records.buffer(), ranges)
+    }
+
     /// The ends of the ranges of nodes and lights that are in use.
     #[cfg(all(test, feature = "gpu"))]
     pub(crate) fn used(&self) -> [u32; 2] {
@@ -321,7 +335,8 @@ impl LightPlanner {
         self.top.is_due = true;
     }
 
-    /// The build of the top level after the last plan, whether it is due or not. It may be played
+    /// The refit of trees that kernels of the engine write and the build of the top level, after the last plan,
+    /// whether they are due or not. It may be played
     /// again at any time between two plans. Adds nothing before the first plan.
     pub fn top_level(&self) -> Commands {
         let mut commands = Commands::default();
@@ -329,12 +344,39 @@ impl LightPlanner {
         commands
     }
 
+    /// The buffers that kernels of the engine bind to write lights, in the order of the bindings of
+    /// [`wgsl_of_sources`]: two storage buffers that are read and written. `None` until the world has a tree with
+    /// a [source](crate::LightSource). Any plan may replace them.
+    pub fn source_bindings(&self) -> Option<[BufferId; 2]> {
+        self.sources.table().map(|table| [table, self.trees.lights.buffer()])
+    }
+
+    /// What an engine reads back after each refit, of at most `most` trees with a source: the numbers from `first`
+    /// on. `None` if there are none.
+    pub fn measures(&self, first: u32, most: u32) -> Option<MeasureReadback> {
+        self.sources.measures(first, most)
+    }
+
+    /// The number of numbers of sources, in use or not, after the last plan.
+    pub fn source_count(&self) -> u32 {
+        self.sources.count()
+    }
+
+    /// Where the lights of a tree with a source are after the last plan, for an engine that reads them back; `None`
+    /// if the tree has no source, and if the GPU does not hold it whole.
+    pub fn source_lights(&self, tree: TreeKey) -> Option<LightReadback> {
+        let (version, range) = self.sources.lights(tree)?;
+        let stride = self.trees.lights.stride();
+        let (offset, bytes) = (u64::from(range.start) * stride, range.len() as u64 * stride);
+        Some(LightReadback { buffer: self.trees.lights.buffer(), offset, bytes, tree: version.tree, version, stride })
+    }
+
     fn build_top(&self, commands: &mut Commands) {
         if self.uniforms.params_buffer.is_some() {
-            self.top.build(
-                commands,
-                [self.instances.parts.buffer(), self.instances.pool.buffer(), self.trees.records.buffer()],
-            );
+            let [nodes, lights, records] =
+                [self.trees.nodes.buffer(), self.trees.lights.buffer(), self.trees.records.buffer()];
+            self.sources.refit(commands, [nodes, lights, records]);
+            self.top.build(commands, [self.instances.parts.buffer(), self.instances.pool.buffer(), records]);
         }
     }
 

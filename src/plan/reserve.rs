@@ -7,7 +7,7 @@ use super::LightPlanner;
 use super::buffers::NewBuffer;
 use super::changes::FrameChanges;
 use super::error::PlanError;
-use super::layout::{ParamsRecord, PartRecord, TreeRecord};
+use super::layout::{ParamsRecord, PartRecord, Strides, TreeRecord};
 use super::pool::Growth;
 use super::relayout::RELAYOUT_STRIDE;
 use super::residency::TreeState;
@@ -94,6 +94,7 @@ impl LightPlanner {
             self.trees.residency.lose();
             self.instances.parts.lose_records();
             self.top.lose();
+            self.sources.lose();
         }
         let mut changes = match self.is_lost {
             true => FrameChanges::everything(world),
@@ -186,6 +187,13 @@ impl LightPlanner {
             growth,
             (&mut self.buffers.ids, &mut room.new_buffers),
         )?;
+        self.sources.reserve(
+            (world, changes),
+            &self.trees,
+            &room.trees.placed,
+            (Strides::of(effects), growth),
+            &mut room.sources,
+        )?;
         self.find_runs(world, changes, room);
         self.name_buffers(room);
         Ok(())
@@ -239,6 +247,7 @@ impl LightPlanner {
             self.instances.parts.pool().end(ids),
         ];
         room.new_buffers.extend(pools.into_iter().flatten());
+        self.sources.end(&room.sources, ids, &mut room.new_buffers);
         let mut add = |buffer: NewBuffer| {
             room.new_buffers.push(buffer);
             buffer.id
@@ -286,6 +295,7 @@ impl LightPlanner {
         self.trees.records.undo();
         self.instances.parts.pool().undo();
         self.top.undo();
+        self.sources.undo(room.sources);
         if let Some(restarted) = room.trees.restarted {
             self.trees.nodes.restore(restarted.nodes);
             self.trees.lights.restore(restarted.lights);

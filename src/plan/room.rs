@@ -10,6 +10,7 @@ use super::pool::{Growth, RestartedPool};
 use super::previous::Copies;
 use super::residency::{Incoming, Residency, TreeState};
 use super::scatter::{self, RunCount};
+use super::sources::NewSources;
 use super::tree_writes::TreeRuns;
 use super::uniforms::NewUniforms;
 
@@ -25,6 +26,7 @@ pub(super) struct Room {
     /// The continuation of the table of instances.
     pub slots: Range<u32>,
     pub directionals: Option<Range<u32>>,
+    pub sources: NewSources,
     pub runs: RecordRuns,
     pub uniforms: NewUniforms,
     /// Copies of the present buffers, for shaders that read those of the last frame.

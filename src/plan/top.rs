@@ -26,6 +26,7 @@ mod stage;
 pub(crate) use buffers::MapQuads;
 use buffers::{BOUNDS_BYTES, TopBuffers};
 use passes::{MAX_PASSES, Passes, Places, TopPass};
+pub(super) use stage::NODE_LANES;
 use stage::{LANES, Stage};
 
 use super::buffers::{BufferId, Ids, NewBuffer};

@@ -52,13 +52,15 @@ impl Reservation<'_> {
         planner.previous.adopt(copies, planner.uniforms.params, (&mut plan.upload, &mut plan.freed));
         if room.is_idle {
             planner.lists.keep(room.trees.writes, room.runs.instances);
+            planner.top.is_due |= planner.sources.is_active();
             if planner.top.is_due {
                 planner.finish_top(&mut plan.top);
             }
             planner.cuts.follow(&mut plan.upload, world.origin(), (!plan.top.is_empty(), false));
             planner.visibility.follow(&mut plan.upload, world.origin(), false);
             plan.report = planner.report_of(&plan.upload);
-            planner.previous.changed([!plan.top.is_empty(), false, false, false]);
+            let is_refit = planner.sources.is_active();
+            planner.previous.changed([!plan.top.is_empty(), is_refit, false, is_refit]);
             planner.buffers.change(&plan.new_buffers, &plan.freed);
             return plan;
         }
@@ -72,7 +74,8 @@ impl Reservation<'_> {
         ];
         let room = planner.adopt(room, &mut plan);
         let mut staged = planner.make_lists(&room, &mut plan.upload);
-        let Room { trees: TreeRoom { placed, incoming, is_packed, writes, .. }, parts, directionals, runs, .. } = room;
+        let Room { trees, parts, directionals, sources, runs, .. } = room;
+        let TreeRoom { placed, incoming, is_packed, writes, .. } = trees;
         planner.place(placed, incoming);
         planner.trees.residency.is_packed |= is_packed;
         if let Some(range) = directionals {
@@ -102,6 +105,8 @@ impl Reservation<'_> {
         planner.write_sky(commands, world, is_new_top);
         planner.write_params(commands, world, effects);
         let ParamsRecord { strides, masks, home, .. } = planner.uniforms.params;
+        planner.sources.adopt(sources, strides, commands, &mut plan.freed);
+        planner.top.is_due |= planner.sources.is_active();
         planner.top.prepare(commands, planner.instances.parts.count(), strides, (masks, home));
         if changes.concern_lights || is_new_top || former != (strides, masks, home) || planner.top.is_due {
             planner.finish_top(&mut plan.top);
@@ -114,9 +119,9 @@ impl Reservation<'_> {
         planner.is_lost = false;
         planner.previous.changed([
             !plan.top.is_empty(),
-            replaced[0] || report.nodes > 0,
+            replaced[0] || report.nodes > 0 || planner.sources.is_active(),
             replaced[1] || report.instances > 0,
-            replaced[2] || report.lights > 0 || changes.directionals,
+            replaced[2] || report.lights > 0 || changes.directionals || planner.sources.is_active(),
         ]);
         planner.buffers.change(&plan.new_buffers, &plan.freed);
         plan
@@ -370,7 +375,7 @@ impl LightPlanner {
         }
     }
 
-    /// Adds the build of the top level, which is then no longer due.
+    /// Adds the refit and the build of the top level, which is then no longer due.
     fn finish_top(&mut self, commands: &mut Commands) {
         commands.reserve_as(self.top.sizes);
         self.build_top(commands);

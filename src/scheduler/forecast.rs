@@ -8,7 +8,7 @@ use super::constants::{
     FRESH_COEFFICIENTS, FRESH_POWER, LEAST_RISE, MAX_LN_VARIANCE, MAX_RISE, MIN_ATTRIBUTE, PLACEHOLDER_RISE,
     RISE_PER_COST,
 };
-use crate::tree::LightTree;
+use crate::tree::{Attributes, LightTree};
 
 /// The properties of a tree that predict its noise. They are finite for every tree.
 #[derive(Clone, Copy, Debug, Default)]
@@ -24,20 +24,23 @@ pub(crate) struct TreeFeatures {
 impl TreeFeatures {
     /// The features of a tree as of its last refit with attributes.
     pub fn of(tree: &LightTree) -> Self {
-        let (cluster, attributes) = (tree.cluster(), tree.attributes());
-        // The squared diagonal of the box, relative to the variance of position.
-        let box_sq = cluster.aabb.extent().length_squared() / cluster.variance;
+        let cluster = tree.cluster();
+        let spread = cluster.aabb.extent().length_squared() / cluster.variance;
+        Self::new(&tree.attributes(), spread, cluster.axis.length(), tree.light_count())
+    }
+
+    /// The features of a tree of so many lights with these attributes. `spread` is the squared diagonal of its
+    /// box, relative to the variance of position, and `axis_length` that of the mean direction of emission.
+    pub fn new(attributes: &Attributes, spread: f32, axis_length: f32, lights: usize) -> Self {
         let logarithm = |attribute: f32| {
-            let clamped = (attribute * box_sq).clamp(MIN_ATTRIBUTE, 1.0 / MIN_ATTRIBUTE);
+            let clamped = (attribute * spread).clamp(MIN_ATTRIBUTE, 1.0 / MIN_ATTRIBUTE);
             // NaN, say of lights that are all at one point, counts as the least attribute.
             if clamped.is_nan() { MIN_ATTRIBUTE.ln() } else { clamped.ln() }
         };
-        let lights = tree.light_count().max(1) as f32;
+        let lights = lights.max(1) as f32;
         let [constant, by_lights, by_variance, by_axis] = FRESH_COEFFICIENTS;
-        let ln_variance = constant
-            + by_lights * lights.ln()
-            + by_variance * logarithm(attributes.variance)
-            + by_axis * cluster.axis.length();
+        let ln_variance =
+            constant + by_lights * lights.ln() + by_variance * logarithm(attributes.variance) + by_axis * axis_length;
         Self {
             ln_cost: logarithm(attributes.splitting_cost),
             ln_variance: ln_variance.clamp(-MAX_LN_VARIANCE, MAX_LN_VARIANCE),

@@ -21,14 +21,14 @@ use crate::light::LAMBERTIAN;
 pub(crate) const DIAGONAL_WEIGHT: f32 = 0.05;
 
 /// Orientation of emission to all sides. The unit is the orientation of flat emitters that agree.
-const ALL_SIDES: f32 = 4.0;
+pub(crate) const ALL_SIDES: f32 = 4.0;
 
 /// How fast the orientation falls from [`ALL_SIDES`] to 1 as the length of the mean direction
 /// rises to that of flat emitters that agree.
-const FALL_TO_FLAT: f32 = 3.0 / LAMBERTIAN;
+pub(crate) const FALL_TO_FLAT: f32 = 3.0 / LAMBERTIAN;
 
 /// How fast it falls from there to 0 as the length rises to that of a beam.
-const FALL_TO_BEAM: f32 = 3.0;
+pub(crate) const FALL_TO_BEAM: f32 = 3.0;
 
 /// The least orientation in a build's cost, in the same unit. Beams that agree would have none, and
 /// the rounding of f32 sums over a million directions would choose their splits.

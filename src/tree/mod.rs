@@ -6,7 +6,7 @@ mod attributes;
 mod bake;
 mod build;
 mod check;
-mod cost;
+pub(crate) mod cost;
 pub(crate) mod space_order;
 mod dirty;
 mod edited;
@@ -234,6 +234,17 @@ impl LightTree {
     /// The map for which builds divide and weigh the lights; `None` for the tree's own space.
     pub(crate) fn reference(&self) -> Option<&Linear> {
         self.reference.as_deref()
+    }
+
+    /// The number of builds of the whole tree so far.
+    pub(crate) fn builds(&self) -> u32 {
+        self.builds
+    }
+
+    /// The map that refits weigh the lights for; `None` for the tree's own space.
+    #[cfg(feature = "gpu-plan")]
+    pub(crate) fn weights(&self) -> Option<&Linear> {
+        self.weights.as_deref()
     }
 
     /// Sets that map for later builds.

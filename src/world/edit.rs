@@ -96,6 +96,9 @@ impl LightWorld {
         self.sums.remove(&entry.counted);
         self.effects.change(|counts| counts.remove_all(entry.tree.effects()));
         self.edits.pending.remove(tree);
+        if self.scene.sources.remove(tree) {
+            self.effects.change(|counts| counts.remove(Effects::MOVING));
+        }
         self.log.tree(slot_of(tree));
         RemovedTree { entry, build }
     }

@@ -34,6 +34,7 @@ mod slot_set;
 mod slot_table;
 mod staged;
 mod stamps;
+mod sources;
 mod sums;
 mod update;
 mod viewpoint;
@@ -56,6 +57,9 @@ pub use region_table::RegionView;
 pub use regions::RemovedRegion;
 pub use reports::{BackgroundReport, FrameReport, JobReport, RebuildState};
 pub(crate) use scene::{Instance, TreeEntry};
+pub use sources::LightSource;
+#[cfg(feature = "gpu-plan")]
+pub(crate) use sources::{SourceMeasure, TreeVersion};
 
 use crate::cluster::Cluster;
 use crate::effects::{EffectCounts, Effects, HeldEffects};

@@ -43,9 +43,14 @@ impl TreeEntry {
         self.tree.nodes().first().map_or(0, |root| root.count())
     }
 
-    /// The least number of openings: the sides of a tree that is divided by side, and 0 for others.
+    /// The least number of openings: all lights of a loose tree, the sides of a tree that is divided by side,
+    /// and 0 for others.
     fn least_openings(&self) -> usize {
-        if self.tree.sides().is_empty() { 0 } else { self.root_count() }
+        match () {
+            () if self.is_loose => self.tree.light_count(),
+            () if self.tree.sides().is_empty() => 0,
+            () => self.root_count(),
+        }
     }
 
     /// The number of openings that the tree should have. 0 for a whole tree. `share` is what each tree
@@ -59,7 +64,7 @@ impl TreeEntry {
 
     /// Whether the tree is opened where it is crowded.
     pub(super) fn may_open(&self) -> bool {
-        self.tree.light_count() > 1
+        self.tree.light_count() > 1 && !self.is_loose
     }
 
     /// Whether the tree is whole because all openings would be too many.

@@ -8,13 +8,18 @@ use super::scene::{Scene, TreeEntry};
 use crate::keys::TreeKey;
 use crate::policy::{Excess, RebuildRequest};
 use crate::scheduler::TreeFeatures;
-use crate::tree::{LightTree, WIDTH};
+use crate::tree::{Attributes, LightTree, WIDTH};
 
 impl TreeEntry {
     /// The most demanding request of the tree's policies. A placeholder requests its build whatever
     /// they are.
     fn rebuild_request(&self, excess: Excess) -> RebuildRequest {
-        let request = self.policies.rebuild_request(&self.history, &self.tree.attributes(), excess);
+        self.rebuild_request_at(&self.tree.attributes(), excess)
+    }
+
+    /// The same for a tree with these attributes.
+    pub(super) fn rebuild_request_at(&self, attributes: &Attributes, excess: Excess) -> RebuildRequest {
+        let request = self.policies.rebuild_request(&self.history, attributes, excess);
         if self.tree.is_placeholder() {
             return request.max(RebuildRequest::Required);
         }

@@ -6,6 +6,7 @@ use super::births::{BirthCounter, Births};
 use super::change_log::ChangeLog;
 use super::origin::Origin;
 use super::slot_table::SlotTable;
+use super::sources::Sources;
 use super::staged::StagedLights;
 use super::sums::{Sums, TreeTerms};
 use crate::effects::Effects;
@@ -31,6 +32,7 @@ pub(super) struct Scene {
     /// The same relative to the origin.
     pub placed_portals: Vec<PlacedPortal>,
     pub births: BirthCounter,
+    pub sources: Sources,
     pub origin: Origin,
 }
 
@@ -61,6 +63,8 @@ pub(crate) struct TreeEntry {
     /// A policy changed since the last update, so that the tree may request a rebuild although no
     /// light changes.
     pub has_new_policy: bool,
+    /// Each light is an opening: see [`LightSource::GpuParticles`](super::LightSource).
+    pub is_loose: bool,
     pub weight: TreeWeight,
     /// The lights of others that lie between those of each instance, for all instances together, in units
     /// of [`CROWD_UNIT`].
@@ -118,6 +122,7 @@ impl TreeEntry {
             log: ChangeLog::default(),
             staged: Rare::default(),
             has_new_policy: false,
+            is_loose: false,
             weight: TreeWeight::default(),
             crowd: 0,
             openings: Box::default(),

@@ -8,6 +8,7 @@ mod relayout;
 mod scatter;
 mod sky;
 mod sort;
+mod sources;
 mod top;
 mod upload;
 

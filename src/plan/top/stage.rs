@@ -23,7 +23,7 @@ pub(super) const SPLIT_LANES: u32 = 256;
 
 /// Invocations in a workgroup that packs the nodes of a piece, eight for each node. The deepest nodes
 /// of a piece are about fifty.
-pub(super) const NODE_LANES: u32 = 128;
+pub(in crate::plan) const NODE_LANES: u32 = 128;
 
 /// One stage of the build.
 #[derive(Clone, Copy, Debug)]

@@ -1,0 +1,397 @@
+//! What the GPU holds of trees whose lights a kernel of the engine writes there, and the commands that
+//! refit them.
+//!
+//! Such a tree lies in the pools as any other. It has beside that a record by which kernels find its
+//! lights, and pieces: see `pieces.rs`. A frame refits all of them, the pieces of one pass in one dispatch,
+//! and then writes the records of their parts, from which the top level is built.
+
+mod pieces;
+mod readback;
+mod records;
+mod stage;
+
+use pieces::Pieces;
+pub use readback::{LightReadback, MeasureReadback};
+pub(crate) use records::MeasureRecord;
+use records::{RefitCluster, RefitPass, SourceRecord};
+use stage::PART_LANES;
+pub use stage::wgsl_of_sources;
+pub(super) use stage::{PARTS, REFIT};
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use super::buffers::{BufferId, Ids, NewBuffer};
+use super::changes::FrameChanges;
+use super::commands::Commands;
+use super::error::PlanError;
+use super::kernel::{UNIFORM_ALIGNMENT, pass_bytes};
+use super::layout::Strides;
+use super::pool::{Growth, Pool};
+use super::residency::{Form, TreeState};
+use super::scatter::Scattered;
+use super::stored::{Missing, Stored};
+use super::tree_store::TreeStore;
+use crate::effects::Effects;
+use crate::keys::{TreeKey, slot_of};
+use crate::world::{LightSource, LightWorld, TreeVersion};
+
+/// Records that the first buffers have room for.
+const FIRST_RECORDS: u32 = 16;
+
+/// All sources of a world. Empty, and without buffers, until the world has one.
+pub(super) struct SourceStore {
+    table: Pool<SourceRecord>,
+    measures: Pool<MeasureRecord>,
+    clusters: Pool<RefitCluster>,
+    pieces: Pool<[u32; 2]>,
+    lists: Pool<u32>,
+    /// The uniform of the passes, and how many it has room for.
+    uniform: Option<(BufferId, u32)>,
+    new_uniform: Option<(BufferId, u32)>,
+    /// By the number of the source.
+    states: Vec<SourceState>,
+    list: Range<u32>,
+    /// The passes of the last plan.
+    passes: Vec<RefitPass>,
+}
+
+/// A source as the GPU knows it.
+#[derive(Clone, Debug, Default)]
+struct SourceState {
+    /// The tree; `None` for a number that no tree has.
+    key: Option<TreeKey>,
+    /// The version of the tree that shaders see.
+    version: Option<TreeVersion>,
+    record: SourceRecord,
+    /// The ranges of pairs and clusters.
+    pieces: Range<u32>,
+    clusters: Range<u32>,
+    /// Where the pieces of each pass begin, in the range.
+    passes: Vec<Vec<u32>>,
+}
+
+/// What a frame changes about sources.
+#[derive(Debug, Default)]
+pub(super) struct NewSources {
+    /// The pools were begun.
+    is_begun: bool,
+    /// The states that change, with the pieces that are written.
+    changed: BTreeMap<u32, (SourceState, Option<Pieces>)>,
+    /// Continuations of both tables.
+    table: Range<u32>,
+    measures: Range<u32>,
+    list: Range<u32>,
+}
+
+impl SourceStore {
+    /// No sources. No buffer will be larger than `limit` bytes.
+    pub fn new(limit: u64) -> Self {
+        let none = |_| Missing::Value(0);
+        Self {
+            table: Pool::new("light sources", FIRST_RECORDS, limit, none),
+            measures: Pool::new("measures of sources", FIRST_RECORDS, limit, none),
+            clusters: Pool::new("clusters of sources", FIRST_RECORDS, limit, none),
+            pieces: Pool::new("pieces of sources", FIRST_RECORDS, limit, none),
+            lists: Pool::new("lists of pieces", FIRST_RECORDS, limit, none),
+            uniform: None,
+            new_uniform: None,
+            states: Vec::new(),
+            list: 0..0,
+            passes: Vec::new(),
+        }
+    }
+
+    /// The state that a source should have after the frame, and whether its pieces have to be made anew.
+    fn due(
+        &self,
+        index: u32,
+        world: &LightWorld,
+        changes: &FrameChanges,
+        trees: &TreeStore,
+        (placed, strides): (&BTreeMap<u32, TreeState>, Strides),
+    ) -> (SourceState, bool) {
+        let present = self.states.get(index as usize).cloned().unwrap_or_default();
+        let Some((key, source)) = world.source_at(index) else { return (SourceState::default(), false) };
+        let Some(entry) = world.tree_entry(key) else { return (SourceState::default(), false) };
+        let slot = slot_of(key);
+        let state = trees.state_after(slot, placed);
+        let is_same = present.key == Some(key);
+        let has_profiles = entry.tree.effects().has(Effects::PROFILES);
+        if state.form != Form::Whole || entry.tree.nodes().is_empty() || has_profiles {
+            return (SourceState { key: Some(key), ..SourceState::default() }, false);
+        }
+        let is_changed = changes.trees.as_slice().binary_search(&slot).is_ok() || placed.contains_key(&slot);
+        if is_same && state.waits && present.record.light_count > 0 {
+            // Shaders see an older version.
+            return (present, false);
+        }
+        let has_pieces = source == LightSource::GpuMesh;
+        let record = SourceRecord {
+            light_base: state.lights.start,
+            light_count: entry.tree.lights().len() as u32,
+            light_stride: strides.light,
+            node_base: state.nodes.start,
+            root: present.record.root,
+            record_base: state.records.start,
+            record_count: state.records.len() as u32,
+            ..SourceRecord::default()
+        };
+        let record = record.weighed_for(entry.tree.weights());
+        let is_stale = !is_same || is_changed || has_pieces == present.pieces.is_empty();
+        if is_stale {
+            let version = world.version(key);
+            return (SourceState { key: Some(key), version, record, ..SourceState::default() }, has_pieces);
+        }
+        (SourceState { record, ..present }, false)
+    }
+
+    /// Reserves what the sources of a world need: the first three steps of each pool. To be undone if it
+    /// fails.
+    pub fn reserve(
+        &mut self,
+        (world, changes): (&LightWorld, &FrameChanges),
+        trees: &TreeStore,
+        placed: &BTreeMap<u32, TreeState>,
+        (strides, growth): (Strides, Growth),
+        new: &mut NewSources,
+    ) -> Result<(), PlanError> {
+        let count = (world.source_numbers()).max(self.states.len() as u32);
+        if count == 0 {
+            return Ok(());
+        }
+        new.is_begun = true;
+        self.table.begin(Stored::whole::<SourceRecord>())?;
+        self.measures.begin(Stored::whole::<MeasureRecord>())?;
+        self.clusters.begin(Stored::whole::<RefitCluster>())?;
+        self.pieces.begin(Stored::whole::<[u32; 2]>())?;
+        self.lists.begin(Stored::whole::<u32>())?;
+        let more = count - self.states.len() as u32;
+        new.table = self.table.alloc(more, growth)?;
+        new.measures = self.measures.alloc(more, growth)?;
+        for index in 0..count {
+            let (mut state, has_new_pieces) = self.due(index, world, changes, trees, (placed, strides));
+            let present = self.states.get(index as usize);
+            let is_same =
+                present.is_some_and(|p| (p.key, p.version, &p.record) == (state.key, state.version, &state.record));
+            if is_same && !has_new_pieces && present.is_some_and(|present| present.pieces == state.pieces) {
+                continue;
+            }
+            let mut written = None;
+            if has_new_pieces && let Some(tree) = state.key.and_then(|key| world.tree(key)) {
+                let pieces = Pieces::of(tree, index);
+                state.pieces = self.pieces.alloc(pieces.pairs.len() as u32, growth)?;
+                let clusters = self.clusters.alloc(pieces.count, growth);
+                if clusters.is_err() {
+                    self.pieces.free(state.pieces.clone());
+                }
+                state.clusters = clusters?;
+                state.record.root = state.clusters.start;
+                state.passes = pieces.passes.clone();
+                written = Some(pieces);
+            }
+            new.changed.insert(index, (state, written));
+        }
+        let (words, _) = self.sizes(new);
+        if !new.changed.is_empty() {
+            new.list = self.lists.alloc(words, growth)?;
+        }
+        Ok(())
+    }
+
+    /// The words of the lists and the number of passes after a frame.
+    fn sizes(&self, new: &NewSources) -> (u32, u32) {
+        let (mut words, mut passes) = (0, 0);
+        for (_, state) in self.states_after(new) {
+            words += state.passes.iter().map(|pass| pass.len() as u32).sum::<u32>();
+            words += 2 * state.record.record_count.div_ceil(PART_LANES);
+            passes = passes.max(state.passes.len() as u32);
+        }
+        (words, passes + 1)
+    }
+
+    /// The states after a frame, with their numbers.
+    fn states_after<'a>(&'a self, new: &'a NewSources) -> impl Iterator<Item = (u32, &'a SourceState)> {
+        let more = new.changed.range(self.states.len() as u32..);
+        let present = (0..).zip(&self.states);
+        let after = present.map(|(index, state)| (index, new.changed.get(&index).map_or(state, |(state, _)| state)));
+        after.chain(more.map(|(index, (state, _))| (*index, state)))
+    }
+
+    /// Names the new buffers.
+    pub fn end(&mut self, new: &NewSources, ids: &mut Ids, buffers: &mut Vec<NewBuffer>) {
+        if !new.is_begun {
+            return;
+        }
+        let pools = [
+            self.table.end(ids),
+            self.measures.end(ids),
+            self.clusters.end(ids),
+            self.pieces.end(ids),
+            self.lists.end(ids),
+        ];
+        buffers.extend(pools.into_iter().flatten());
+        let (_, passes) = self.sizes(new);
+        if self.uniform.is_none_or(|(_, room)| room < passes) {
+            let room = passes.next_power_of_two().max(8);
+            let uniform = ids.uniform("refit passes", u64::from(room * UNIFORM_ALIGNMENT));
+            self.new_uniform = Some((uniform.id, room));
+            buffers.push(uniform);
+        }
+    }
+
+    /// Takes back what was reserved.
+    pub fn undo(&mut self, new: NewSources) {
+        if !new.is_begun {
+            return;
+        }
+        for (_, (state, written)) in new.changed {
+            if written.is_some() {
+                self.pieces.free(state.pieces);
+                self.clusters.free(state.clusters);
+            }
+        }
+        self.table.free(new.table);
+        self.measures.free(new.measures);
+        self.lists.free(new.list);
+        self.table.undo();
+        self.measures.undo();
+        self.clusters.undo();
+        self.pieces.undo();
+        self.lists.undo();
+        self.new_uniform = None;
+    }
+
+    /// Takes what was reserved into use, and writes what has changed.
+    pub fn adopt(&mut self, mut new: NewSources, strides: Strides, commands: &mut Commands, freed: &mut Vec<BufferId>) {
+        if !new.is_begun {
+            return;
+        }
+        freed.extend(self.table.adopt(commands, None));
+        freed.extend(self.measures.adopt(commands, None));
+        freed.extend(self.clusters.adopt(commands, None));
+        freed.extend(self.pieces.adopt(commands, None));
+        freed.extend(self.lists.adopt(commands, None));
+        let has_new_uniform = self.new_uniform.is_some();
+        if let Some(uniform) = self.new_uniform.take() {
+            freed.extend(self.uniform.replace(uniform).map(|(id, _)| id));
+        }
+        let is_changed = !new.changed.is_empty();
+        for (index, (state, written)) in std::mem::take(&mut new.changed) {
+            if self.states.len() <= index as usize {
+                self.states.resize(index as usize + 1, SourceState::default());
+            }
+            let none = &mut Scattered::default();
+            self.table.write(commands, none, index..index + 1, [state.record].into_iter());
+            if let Some(pieces) = written {
+                let pairs = pieces.pairs_from(state.clusters.start);
+                self.pieces.write(commands, none, state.pieces.clone(), pairs);
+            }
+            let former = std::mem::replace(&mut self.states[index as usize], state);
+            let kept = &self.states[index as usize];
+            if former.pieces != kept.pieces {
+                self.pieces.free(former.pieces);
+                self.clusters.free(former.clusters);
+            }
+        }
+        if is_changed {
+            let former = std::mem::replace(&mut self.list, new.list);
+            self.lists.free(former);
+        }
+        let (list, passes) = self.list_of_passes(strides);
+        if is_changed {
+            self.lists.write(commands, &mut Scattered::default(), self.list.clone(), list.into_iter());
+        }
+        if (has_new_uniform || passes != self.passes)
+            && let Some((uniform, _)) = self.uniform
+        {
+            commands.write(uniform, 0, &pass_bytes(&passes, UNIFORM_ALIGNMENT));
+        }
+        self.passes = passes;
+    }
+
+    /// The words of the lists, and the passes that read them. The last pass writes the records of parts.
+    fn list_of_passes(&self, strides: Strides) -> (Vec<u32>, Vec<RefitPass>) {
+        let (mut list, mut passes) = (Vec::new(), Vec::new());
+        let mut add = |list: &Vec<u32>, before: usize, words: u32| {
+            let (first, count) = (self.list.start + before as u32, (list.len() - before) as u32 / words);
+            passes.push(RefitPass { first, count, node_stride: strides.node, node_lobes: strides.lobes });
+        };
+        let most = self.states.iter().map(|state| state.passes.len()).max().unwrap_or(0);
+        for pass in 0..most {
+            let before = list.len();
+            for state in &self.states {
+                let starts = state.passes.get(pass).into_iter().flatten();
+                list.extend(starts.map(|start| state.pieces.start + start));
+            }
+            add(&list, before, 1);
+        }
+        let before = list.len();
+        for (index, state) in (0..).zip(&self.states) {
+            let firsts = (0..state.record.record_count).step_by(PART_LANES as usize);
+            list.extend(firsts.flat_map(|first| [index, first]));
+        }
+        add(&list, before, 2);
+        (list, passes)
+    }
+
+    /// Whether there is anything to refit.
+    pub fn is_active(&self) -> bool {
+        self.passes.last().is_some_and(|parts| parts.count > 0)
+    }
+
+    /// The device may lack what was written.
+    pub fn lose(&mut self) {
+        self.passes.clear();
+        self.states.iter_mut().for_each(|state| state.key = None);
+    }
+
+    /// Adds the refit of all trees with a source: a dispatch for each pass, and one for the records.
+    pub fn refit(&self, commands: &mut Commands, [nodes, lights, records]: [BufferId; 3]) {
+        let Some((uniform, _)) = self.uniform.filter(|_| self.is_active()) else { return };
+        let [table, measures] = [self.table.buffer(), self.measures.buffer()];
+        let [clusters, pieces, lists] = [self.clusters.buffer(), self.pieces.buffer(), self.lists.buffer()];
+        let last = self.passes.len() - 1;
+        for (pass, index) in self.passes.iter().zip(0..) {
+            let offset = index as u32 * UNIFORM_ALIGNMENT;
+            match index == last {
+                false => {
+                    let buffers = [uniform, nodes, table, clusters, measures, lights, pieces, lists];
+                    commands.dispatch(REFIT, &buffers, offset, pass.count);
+                }
+                true => {
+                    let buffers = [uniform, records, table, clusters, nodes, lights, lists, measures];
+                    commands.dispatch(PARTS, &buffers, offset, pass.count);
+                }
+            }
+        }
+    }
+
+    /// The table that kernels of the engine read; `None` before the first source.
+    pub fn table(&self) -> Option<BufferId> {
+        self.uniform.map(|_| self.table.buffer())
+    }
+
+    /// What the engine reads back of some sources after a refit, the numbers from `first` on: see
+    /// [`MeasureReadback`].
+    pub fn measures(&self, first: u32, most: u32) -> Option<MeasureReadback> {
+        let end = first.saturating_add(most).min(self.states.len() as u32);
+        let versions: Vec<_> = self.states.get(first as usize..end as usize)?.iter().map(|s| s.version).collect();
+        let stride = self.measures.stride();
+        let (offset, bytes) = (u64::from(first) * stride, versions.len() as u64 * stride);
+        self.uniform.filter(|_| bytes > 0 && self.is_active())?;
+        Some(MeasureReadback { buffer: self.measures.buffer(), offset, bytes, versions })
+    }
+
+    /// The number of sources, in use or not.
+    pub fn count(&self) -> u32 {
+        self.states.len() as u32
+    }
+
+    /// The range of the lights of a tree and its version, if it has a source and shaders see it whole. O(sources).
+    pub fn lights(&self, tree: TreeKey) -> Option<(TreeVersion, Range<u32>)> {
+        let state = self.states.iter().find(|s| s.key == Some(tree) && s.record.light_count > 0)?;
+        let SourceRecord { light_base, light_count, .. } = state.record;
+        Some((state.version?, light_base..light_base + light_count))
+    }
+}

@@ -1,0 +1,199 @@
+//! Trees whose lights a kernel of the engine writes on the GPU.
+
+use std::collections::{BTreeSet, HashMap};
+
+use super::LightWorld;
+use crate::effects::Effects;
+use crate::error::WorldError;
+use crate::keys::TreeKey;
+use crate::policy::RebuildRequest;
+use crate::scheduler::TreeFeatures;
+use crate::tree::Attributes;
+
+/// Who writes the lights of a tree: see [`LightWorld::set_light_source`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum LightSource {
+    /// Edits of the world.
+    #[default]
+    Cpu,
+    /// A kernel of the engine, in each frame. The lights keep about the same neighbours, as the
+    /// triangles of a skinned mesh do: a refit on the GPU follows them.
+    GpuMesh,
+    /// A kernel of the engine, in each frame. The lights mingle, come and go, as particles do: each of
+    /// them is a leaf of the top level, which is built anew in each frame.
+    GpuParticles,
+}
+
+/// The sources of a world, by number and by tree.
+#[derive(Debug, Default)]
+pub(super) struct Sources {
+    numbers: Vec<Option<TreeKey>>,
+    free: BTreeSet<u32>,
+    trees: HashMap<TreeKey, Source>,
+}
+
+/// The source of one tree.
+#[derive(Clone, Copy, Debug)]
+struct Source {
+    by: LightSource,
+    number: u32,
+    /// The count of the last measure, and all refusals so far.
+    refused: (u32, u64),
+}
+
+/// The version of a tree that the GPU holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct TreeVersion {
+    pub tree: TreeKey,
+    /// The exchange and the build that made it.
+    made_by: (u32, u32),
+}
+
+/// What a refit on the GPU found out about a tree.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SourceMeasure {
+    pub attributes: Attributes,
+    /// The squared diagonal of the box by the variance of position.
+    pub spread: f32,
+    pub axis_length: f32,
+    /// Writes that were refused since the record of the source was written.
+    pub refused: u32,
+}
+
+impl Sources {
+    /// The source of a tree, and its number.
+    pub fn of(&self, tree: TreeKey) -> Option<(LightSource, u32)> {
+        self.get(tree).map(|source| (source.by, source.number))
+    }
+
+    fn get(&self, tree: TreeKey) -> Option<&Source> {
+        if self.trees.is_empty() { None } else { self.trees.get(&tree) }
+    }
+
+    /// Gives a tree a source, with the number that it has already or with the least that is free.
+    fn set(&mut self, tree: TreeKey, source: LightSource) {
+        let number = self.of(tree).map(|(_, number)| number).or_else(|| self.free.pop_first());
+        let number = number.unwrap_or(self.numbers.len() as u32);
+        if self.numbers.len() <= number as usize {
+            self.numbers.push(None);
+        }
+        self.numbers[number as usize] = Some(tree);
+        self.trees.insert(tree, Source { by: source, number, refused: (0, 0) });
+    }
+
+    /// Takes the source of a tree away. Returns whether it had one.
+    pub fn remove(&mut self, tree: TreeKey) -> bool {
+        let Some(Source { number, .. }) = self.trees.remove(&tree) else { return false };
+        self.numbers[number as usize] = None;
+        self.free.insert(number);
+        true
+    }
+}
+
+impl LightWorld {
+    /// Lets a kernel of the engine write the lights of a tree on the GPU, or the CPU again.
+    ///
+    /// The tree is added with as many lights as the kernel may write, of the kinds, ranges, sides and
+    /// opening angles that they keep. The kernel may change positions, shapes and emission, and makes
+    /// lights dark that are not in use. It runs in each frame between the upload and the build of the top
+    /// level, and calls functions of `girandole::plan::wgsl_of_sources`, with the
+    /// [number](LightWorld::light_source) of the tree. Before the top level is built, the GPU refits the
+    /// tree from what was written.
+    ///
+    /// What the CPU knows of such a tree are the lights as they were last [set](LightWorld::set_lights):
+    /// a [`LightSampler`](crate::LightSampler) samples these, crowds are counted and stand-ins are made from
+    /// them. So set them where the lights really are about, before or after this call.
+    ///
+    /// | | [`LightSource::GpuMesh`] | [`LightSource::GpuParticles`] |
+    /// |---|---|---|
+    /// | work in a frame | O(lights), the refit | O(lights), and the top level has a leaf for each light of each instance |
+    /// | noise | grows as lights part from their neighbours, until a rebuild | as of a fresh build |
+    /// | rebuilds | as policies request them: see `GpuLights::follow_sources` | none |
+    ///
+    /// O(1) for [`LightSource::GpuMesh`], O(lights · log lights) for [`LightSource::GpuParticles`].
+    ///
+    /// # Errors
+    /// [`WorldError::NoSuchTree`]; [`WorldError::ProfileOnGpu`] if a light of the tree has a profile. While a
+    /// later edit gives it such a light, writes of the kernel do nothing.
+    pub fn set_light_source(&mut self, tree: TreeKey, source: LightSource) -> Result<(), WorldError> {
+        let has_profiles = self.entry(tree)?.tree.effects().has(Effects::PROFILES);
+        let former = self.scene.sources.of(tree).map_or(LightSource::Cpu, |(source, _)| source);
+        if source == former {
+            return Ok(());
+        }
+        if has_profiles && source != LightSource::Cpu {
+            return Err(WorldError::ProfileOnGpu);
+        }
+        if source == LightSource::Cpu {
+            self.scene.sources.remove(tree);
+            self.effects.change(|counts| counts.remove(Effects::MOVING));
+        } else {
+            self.scene.sources.set(tree, source);
+            if former == LightSource::Cpu {
+                self.effects.change(|counts| counts.add(Effects::MOVING));
+            }
+        }
+        self.scene.trees[tree].is_loose = source == LightSource::GpuParticles;
+        self.whole_tree_changed(tree);
+        let (crowds, mut edit) = self.crowds();
+        edit.update(tree);
+        crowds.add_all(tree, &mut edit);
+        self.top.take();
+        Ok(())
+    }
+
+    /// Who writes the lights of a tree, with the number by which kernels know its source; `None` for a stale
+    /// key and for a tree whose lights the CPU writes. The number stays the same while the tree has a source.
+    pub fn light_source(&self, tree: TreeKey) -> Option<(LightSource, u32)> {
+        self.scene.sources.of(tree)
+    }
+
+    /// How many writes of lights of a tree kernels were refused, as far as the GPU has told so far: see
+    /// [`wgsl_of_sources`](crate::plan::wgsl_of_sources). 0 for a tree without a source.
+    pub fn refused_writes(&self, tree: TreeKey) -> u64 {
+        self.scene.sources.get(tree).map_or(0, |source| source.refused.1)
+    }
+
+    /// The present version of a tree.
+    pub(crate) fn version(&self, tree: TreeKey) -> Option<TreeVersion> {
+        let entry = self.scene.trees.get(tree)?;
+        Some(TreeVersion { tree, made_by: (entry.replaced, entry.tree.builds()) })
+    }
+
+    /// Takes what a refit on the GPU found out about a version of a tree. Returns whether the tree's policies
+    /// request a rebuild, for which the present lights are needed. O(1).
+    pub(crate) fn measure(&mut self, version: TreeVersion, measure: &SourceMeasure) -> bool {
+        let tree = version.tree;
+        let Some(source) = self.scene.sources.trees.get_mut(&tree) else { return false };
+        let (last, total) = source.refused;
+        let more = measure.refused.checked_sub(last).unwrap_or(measure.refused);
+        source.refused = (measure.refused, total + u64::from(more));
+        if source.by != LightSource::GpuMesh || self.version(tree) != Some(version) {
+            return false;
+        }
+        let entry = &mut self.scene.trees[tree];
+        if !entry.policies.may_rebuild() {
+            return false;
+        }
+        entry.history.observe(&measure.attributes);
+        let SourceMeasure { attributes, spread, axis_length, .. } = *measure;
+        let features = TreeFeatures::new(&attributes, spread, axis_length, entry.tree.light_count());
+        let scheduler = &mut self.rebuilds.scheduler;
+        scheduler.has_changed(tree, &features);
+        // A tree that waits was read already.
+        !scheduler.waits(tree)
+            && entry.rebuild_request_at(&attributes, scheduler.excess(tree)) > RebuildRequest::Doubtful
+    }
+
+    /// The number of numbers of sources, in use or not.
+    pub(crate) fn source_numbers(&self) -> u32 {
+        self.scene.sources.numbers.len() as u32
+    }
+
+    /// The tree whose source has a number.
+    pub(crate) fn source_at(&self, number: u32) -> Option<(TreeKey, LightSource)> {
+        let tree = (*self.scene.sources.numbers.get(number as usize)?)?;
+        self.scene.sources.get(tree).map(|source| (tree, source.by))
+    }
+}
