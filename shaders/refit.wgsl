@@ -4,7 +4,7 @@
 
 @group(0) @binding(0) var<uniform> refit_pass: RefitPass;
 @group(0) @binding(1) var<storage, read_write> nodes: array<u32>;
-@group(0) @binding(2) var<storage, read_write> sources: array<LightSource>;
+@group(0) @binding(2) var<storage, read_write> sources: array<LightSourceRecord>;
 // The clusters of the uppermost nodes of all pieces.
 @group(0) @binding(3) var<storage, read_write> clusters: array<RefitCluster>;
 @group(0) @binding(4) var<storage, read_write> measures: array<LightMeasure>;

@@ -233,6 +233,8 @@ mod pages {
     struct Profiles;
     #[doc = include_str!("../docs/textures.md")]
     struct Textures;
+    #[doc = include_str!("../docs/gpu-lights.md")]
+    struct KernelLights;
     #[doc = include_str!("../docs/streaming.md")]
     #[cfg(feature = "bake")]
     struct Streaming;

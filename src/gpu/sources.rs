@@ -15,6 +15,10 @@ const MEASURED_PER_FRAME: u32 = 256;
 /// The bytes of lights that are read back in one frame, unless the first tree has more.
 const LIGHT_BYTES_PER_FRAME: u64 = 4 << 20;
 
+/// The most trees that were read back, or are being read, and have not been rebuilt yet: those that wait for
+/// longer would be built of old lights.
+const MAX_READ: usize = 16;
+
 /// The most frames that wait for the GPU. Later ones read nothing back.
 const MAX_WAITING: usize = 4;
 
@@ -33,6 +37,8 @@ pub(super) struct SourceLink {
     next: u32,
     /// The trees whose lights are to be read back.
     wanted: VecDeque<TreeKey>,
+    /// The trees whose lights were read back, and that wait for their rebuild.
+    read: Vec<TreeKey>,
     /// In the order in which they were recorded.
     readbacks: VecDeque<Readback>,
     /// A buffer that may be used again.
@@ -91,7 +97,8 @@ impl SourceLink {
             label: Some("girandole sources"),
             entries: &[entry(0), entry(1)],
         });
-        Self { layout, group: None, next: 0, wanted: VecDeque::new(), readbacks: VecDeque::new(), spare: None }
+        let (wanted, readbacks) = (VecDeque::new(), VecDeque::new());
+        Self { layout, group: None, next: 0, wanted, read: Vec::new(), readbacks, spare: None }
     }
 }
 
@@ -141,6 +148,7 @@ impl GpuLights {
     /// have their lights copied too, at most 4 MiB a frame or one tree. The world then holds these
     /// lights, and rebuilds the tree within its budget. O(trees that were measured, lights that were copied).
     pub fn follow_sources(&mut self, world: &mut LightWorld) {
+        self.sources.read.retain(|tree| world.rebuild_state(*tree).is_some_and(|state| state.waited.is_some()));
         while let Some(state) = self.sources.readbacks.front().map(|readback| readback.state.load(Ordering::Acquire)) {
             if state == WAITS {
                 return;
@@ -165,7 +173,10 @@ impl GpuLights {
         let Some(measures) = planner.measures(sources.next, MEASURED_PER_FRAME) else { return };
         sources.next += MEASURED_PER_FRAME;
         let (mut bytes, mut lights) = (measures.bytes, Vec::new());
-        while let Some(tree) = sources.wanted.front() {
+        let underway = sources.read.len() + sources.readbacks.iter().map(|other| other.lights.len()).sum::<usize>();
+        while underway + lights.len() < MAX_READ
+            && let Some(tree) = sources.wanted.front()
+        {
             let Some(of_tree) = planner.source_lights(*tree) else {
                 sources.wanted.pop_front();
                 continue;
@@ -209,6 +220,7 @@ impl SourceLink {
         let mut at = measures.bytes as usize;
         for lights in lights {
             lights.apply(world, &bytes[at..][..lights.bytes as usize]);
+            self.read.push(lights.tree);
             at += lights.bytes as usize;
         }
         for tree in measures.apply(world, &bytes[..measures.bytes as usize]) {

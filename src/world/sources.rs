@@ -197,3 +197,64 @@ impl LightWorld {
         self.scene.sources.get(tree).map(|source| (tree, source.by))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{Quat, Vec3};
+
+    use super::*;
+    use crate::profile::tests::street_lamp;
+    use crate::{FrameBudget, Light, LightTree, Placement, Policy};
+
+    fn tree(count: usize) -> LightTree {
+        LightTree::new((0..count).map(|i| Light::point(Vec3::X * i as f32, Vec3::ONE)).collect()).expect("valid")
+    }
+
+    #[test]
+    fn numbers_stay_while_a_tree_has_a_source_and_are_used_again_after_it() {
+        let mut world = LightWorld::new();
+        let trees: Vec<_> = (0..4).map(|_| world.add_tree(tree(20))).collect();
+        for key in &trees[..3] {
+            world.set_light_source(*key, LightSource::GpuMesh).expect("no profiles");
+        }
+        let number = |world: &LightWorld, key| world.light_source(key).map(|(_, number)| number);
+        assert_eq!([0, 1, 2, 3].map(|i| number(&world, trees[i])), [Some(0), Some(1), Some(2), None]);
+        assert_eq!(world.effect_counts().of(Effects::MOVING), 3);
+        world.set_light_source(trees[1], LightSource::GpuParticles).expect("no profiles");
+        assert_eq!(world.light_source(trees[1]), Some((LightSource::GpuParticles, 1)));
+        world.set_light_source(trees[0], LightSource::Cpu).expect("always");
+        world.remove_tree(trees[1]).expect("no instances");
+        assert_eq!(world.effect_counts().of(Effects::MOVING), 1);
+        assert_eq!((world.light_source(trees[0]), world.light_source(trees[1])), (None, None));
+        world.set_light_source(trees[3], LightSource::GpuMesh).expect("no profiles");
+        assert_eq!(number(&world, trees[3]), Some(0));
+        assert_eq!(world.set_light_source(trees[1], LightSource::Cpu), Err(WorldError::NoSuchTree(trees[1])));
+    }
+
+    #[test]
+    fn each_particle_is_a_part_of_each_instance_whatever_happens_to_the_tree() {
+        let mut world = LightWorld::new();
+        let key = world.add_tree(tree(300));
+        for place in [0.0, 7.0] {
+            world.add_instance(key, Placement::at(glam::DVec3::Y * place), Policy::Budgeted).expect("valid");
+        }
+        world.set_light_source(key, LightSource::GpuParticles).expect("no profiles");
+        let parts = |world: &mut LightWorld| world.update(FrameBudget::NONE).parts;
+        assert_eq!(parts(&mut world), 600);
+        world.rebuild_tree(key).expect("live");
+        assert_eq!(parts(&mut world), 600);
+        world.replace_lights(key, tree(50).lights().to_vec()).expect("valid");
+        assert_eq!(parts(&mut world), 100);
+        world.set_light_source(key, LightSource::Cpu).expect("always");
+        assert!(parts(&mut world) < 100);
+    }
+
+    #[test]
+    fn lights_with_profiles_are_refused() {
+        let mut world = LightWorld::new();
+        let lamp = Light::profile(Vec3::ZERO, Quat::IDENTITY, street_lamp(3), Vec3::ONE);
+        let key = world.add_tree(LightTree::new(vec![lamp]).expect("valid"));
+        assert_eq!(world.set_light_source(key, LightSource::GpuMesh), Err(WorldError::ProfileOnGpu));
+        assert_eq!((world.light_source(key), WorldError::ProfileOnGpu.code()), (None, 216));
+    }
+}

@@ -26,7 +26,7 @@ const fn limit(kernel: &'static str, effects: &'static str, most: [u64; 3]) -> L
 /// Registers, bytes of scratch memory for each lane, and instructions. Registers and scratch memory
 /// are those that were measured; instructions are rounded up. Mesa
 /// 22.3.6, 2026-11-28, by `cargo run --release -p shader_stats -- --out FILE.csv`.
-pub const LIMITS: [Limit; 56] = [
+pub const LIMITS: [Limit; 59] = [
     limit("relayout", "", [16, 0, 100]),
     limit("scatter", "", [8, 0, 100]),
     limit("top_leaves", "", [56, 0, 700]),
@@ -35,6 +35,9 @@ pub const LIMITS: [Limit; 56] = [
     limit("sort_scatter", "", [16, 0, 400]),
     limit("top_group", "", [88, 0, 6100]),
     limit("top_node", "", [64, 0, 1700]),
+    limit("refit", "", [1, 0, 1]),
+    limit("refit_parts", "", [1, 0, 1]),
+    limit("light_put_triangle", "", [1, 0, 1]),
     limit("visibility_gather", "", [8, 0, 150]),
     limit("visibility_fold_blocks", "", [16, 0, 550]),
     limit("visibility_fold_cells", "", [16, 0, 550]),
