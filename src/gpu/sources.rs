@@ -1,10 +1,10 @@
 //! Trees whose lights kernels of the engine write: the bind group of these kernels, and what is read back.
 
-use std::collections::VecDeque;
+use std::collections::{HashSet, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-use super::GpuLights;
+use super::{GpuLights, memory};
 use crate::keys::TreeKey;
 use crate::plan::{BufferId, LightReadback, MeasureReadback, wgsl_of_sources};
 use crate::world::LightWorld;
@@ -35,8 +35,9 @@ pub(super) struct SourceLink {
     group: Option<([BufferId; 2], wgpu::BindGroup)>,
     /// The number of the source that is measured next.
     next: u32,
-    /// The trees whose lights are to be read back.
+    /// The trees whose lights are to be read back, in order, and the same as a set.
     wanted: VecDeque<TreeKey>,
+    are_wanted: HashSet<TreeKey>,
     /// The trees whose lights were read back, and that wait for their rebuild.
     read: Vec<TreeKey>,
     /// In the order in which they were recorded.
@@ -98,7 +99,8 @@ impl SourceLink {
             entries: &[entry(0), entry(1)],
         });
         let (wanted, readbacks) = (VecDeque::new(), VecDeque::new());
-        Self { layout, group: None, next: 0, wanted, read: Vec::new(), readbacks, spare: None }
+        let are_wanted = HashSet::new();
+        Self { layout, group: None, next: 0, wanted, are_wanted, read: Vec::new(), readbacks, spare: None }
     }
 }
 
@@ -177,25 +179,21 @@ impl GpuLights {
         while underway + lights.len() < MAX_READ
             && let Some(tree) = sources.wanted.front()
         {
-            let Some(of_tree) = planner.source_lights(*tree) else {
-                sources.wanted.pop_front();
-                continue;
-            };
-            if !lights.is_empty() && bytes + of_tree.bytes > LIGHT_BYTES_PER_FRAME {
+            let of_tree = planner.source_lights(*tree);
+            let more = of_tree.as_ref().map_or(0, |of_tree| of_tree.bytes);
+            if !lights.is_empty() && bytes + more > LIGHT_BYTES_PER_FRAME {
                 break;
             }
-            bytes += of_tree.bytes;
-            lights.push(of_tree);
+            bytes += more;
+            lights.extend(of_tree);
+            sources.are_wanted.remove(tree);
             sources.wanted.pop_front();
         }
-        let buffer = sources.spare.take().filter(|spare| spare.size() >= bytes).unwrap_or_else(|| {
-            device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("girandole readback"),
-                size: bytes.next_power_of_two(),
-                usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })
-        });
+        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        let spare = sources.spare.take().filter(|spare| spare.size() >= bytes);
+        let made = || memory::create_buffer(device, "readback", bytes.next_power_of_two(), usage);
+        // Without memory, the trees ask again.
+        let Some(buffer) = spare.map_or_else(|| made().ok(), Some) else { return };
         let ranges = std::iter::once((measures.buffer, measures.offset, measures.bytes));
         let mut at = 0;
         for (from, offset, bytes) in ranges.chain(lights.iter().map(|l| (l.buffer, l.offset, l.bytes))) {
@@ -226,7 +224,7 @@ impl SourceLink {
         for tree in measures.apply(world, &bytes[..measures.bytes as usize]) {
             let is_underway = self.readbacks.iter().any(|r| r.lights.iter().any(|l| l.tree == tree))
                 || lights.iter().any(|lights| lights.tree == tree);
-            if !is_underway && !self.wanted.contains(&tree) {
+            if !is_underway && self.are_wanted.insert(tree) {
                 self.wanted.push_back(tree);
             }
         }
