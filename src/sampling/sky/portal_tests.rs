@@ -232,11 +232,11 @@ fn bad_portals_are_refused_and_change_nothing() {
         assert!(matches!(error, SkyError::Portal { portal: 1 }) && error.code() == 1305);
         assert_eq!(world.portals().len(), 32);
     }
-    // A point of the pane sees all that is in front of it.
+    // A point of the pane sees all that is in front of it, on whichever side of the plane it is by rounding.
     world.set_portals(&[portal]).expect("a sound portal");
-    let pane = turn() * (WINDOWS[0][0] + 0.3 * WINDOWS[0][1]);
     let texels = texels(&world);
-    for normal in [turn() * Vec3::X, Vec3::ZERO] {
+    for (normal, outward) in [(turn() * Vec3::X, -1.0e-5), (turn() * Vec3::X, 1.0e-5), (Vec3::ZERO, 0.0)] {
+        let pane = turn() * (WINDOWS[0][0] + 0.3 * WINDOWS[0][1] + outward * Vec3::X);
         let at = ShadingPoint { normal, ..ShadingPoint::volume(pane) };
         for (direction, _, radiance) in &texels {
             if *radiance != Vec3::ZERO && (normal == Vec3::ZERO || normal.dot(*direction) > 1.0e-3) {
