@@ -198,8 +198,8 @@ pub use visibility::{VisibilityOptions, VisibilityTable};
 #[cfg(feature = "gpu")]
 pub use wgpu;
 pub use world::{
-    BackgroundReport, Changes, FrameReport, JobReport, LightSource, LightWorld, OriginMode, RebuildState,
-    RefusedRegion, Region, RegionInstance, RegionTree, RegionView, RemovedRegion, Revision, WorldMemory,
+    BackgroundReport, Changes, FrameReport, JobReport, LightWorld, OriginMode, RebuildState, RefusedRegion, Region,
+    RegionInstance, RegionTree, RegionView, RemovedRegion, Revision, TreeSource, WorldMemory,
 };
 
 /// The README's programs, compiled and run as documentation tests.

@@ -105,7 +105,7 @@ impl SourceLink {
 }
 
 impl GpuLights {
-    /// The WGSL text for kernels that write the lights of trees with a [source](crate::LightSource): see
+    /// The WGSL text for kernels that write the lights of trees with a [source](crate::TreeSource): see
     /// [`wgsl_of_sources`]. `group` is the number of [`GpuLights::source_group`].
     pub fn source_shader(&self, group: u32) -> String {
         wgsl_of_sources(group)
@@ -117,7 +117,7 @@ impl GpuLights {
     }
 
     /// The bind group for kernels that write lights; `None` until an upload has sent a tree with a
-    /// [source](crate::LightSource), and while there is no memory for the lights.
+    /// [source](crate::TreeSource), and while there is no memory for the lights.
     ///
     /// Call it in each frame after [`GpuLights::upload`], and record the kernels before
     /// [`GpuLights::build_top`], which refits the trees. What kernels have not written is as in the last frame;
@@ -141,7 +141,7 @@ impl GpuLights {
         self.sources.group.as_ref().map(|(_, group)| group)
     }
 
-    /// Tells the world what the GPU has found out about trees with a [source](crate::LightSource), so that
+    /// Tells the world what the GPU has found out about trees with a [source](crate::TreeSource), so that
     /// policies and the scheduler know of them. Call it once a frame before [`LightWorld::update`];
     /// [`GpuLights::sync`] does.
     ///

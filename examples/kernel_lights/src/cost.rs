@@ -6,7 +6,7 @@ use girandole::glam::DVec3;
 use girandole::gpu::GpuLights;
 use girandole::gpu::measure::{MAX_TOP_STAGES, build_top_timed};
 use girandole::plan::{Command, LightPlanner, PlanLimits};
-use girandole::{FrameBudget, Light, LightSource, LightTree, LightWorld, Placement, Policy};
+use girandole::{FrameBudget, Light, LightTree, LightWorld, Placement, Policy, TreeSource};
 use std::time::{Duration, Instant};
 use testbed::common::gpu;
 use testbed::scene::SceneError;
@@ -58,7 +58,7 @@ fn world_of(effort: Effort) -> Result<(LightWorld, Vec<Vec<Light>>), SceneError>
         let tree = world.add_tree(LightTree::new(lights.clone())?);
         let at = DVec3::new(f64::from(index % 40), 0.0, f64::from(index / 40)) * 3.0;
         world.add_instance(tree, Placement::at(at), Policy::Budgeted)?;
-        world.set_light_source(tree, LightSource::GpuMesh)?;
+        world.set_light_source(tree, TreeSource::GpuMesh)?;
         all.push(lights);
     }
     world.update(FrameBudget::NONE);

@@ -5,7 +5,7 @@ use super::motion::{Fire, dancer, swirl};
 use girandole::glam::{DVec3, Vec3};
 use girandole::gpu::GpuLights;
 use girandole::scheduler::{VirtualClock, Work};
-use girandole::{FrameBudget, Light, LightSource, LightTree, LightWorld, Placement, Policy, ShadingPoint, TreeKey};
+use girandole::{FrameBudget, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint, TreeKey, TreeSource};
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Duration;
@@ -160,7 +160,7 @@ fn deform(
     let trees: Vec<LightTree> =
         (0..effort.trees).map(|tree| LightTree::new(lights_in(tree, 0))).collect::<Result<_, _>>()?;
     let (mut world, keys) = world_of(trees.into_iter(), policy)?;
-    keys.iter().try_for_each(|key| world.set_light_source(*key, LightSource::GpuMesh))?;
+    keys.iter().try_for_each(|key| world.set_light_source(*key, TreeSource::GpuMesh))?;
     let mut gpu = GpuLights::new(engine.device, engine.queue).map_err(refused)?;
     let writer = Writer::new(engine.device, &gpu);
     let points = shading_points(effort.shading_points, effort.trees);
@@ -217,8 +217,8 @@ fn compare(
 /// Sparks that come and go, as leaves of the top level and as a tree that is refitted and rebuilt.
 pub fn sparks(engine: &Engine<'_>, effort: Effort) -> Result<Vec<Row>, SceneError> {
     let kinds = [
-        ("leaves of the top level", LightSource::GpuParticles, Policy::RefitOnly),
-        ("scheduled rebuilds", LightSource::GpuMesh, Policy::Budgeted),
+        ("leaves of the top level", TreeSource::GpuParticles, Policy::RefitOnly),
+        ("scheduled rebuilds", TreeSource::GpuMesh, Policy::Budgeted),
     ];
     kinds.into_iter().map(|(name, source, policy)| burn(engine, effort, (name, source, policy))).collect()
 }
@@ -226,7 +226,7 @@ pub fn sparks(engine: &Engine<'_>, effort: Effort) -> Result<Vec<Row>, SceneErro
 fn burn(
     engine: &Engine<'_>,
     effort: Effort,
-    (name, source, policy): (&'static str, LightSource, Policy),
+    (name, source, policy): (&'static str, TreeSource, Policy),
 ) -> Result<Row, SceneError> {
     let mut fire = Fire::new(effort.sparks, 7);
     let lights_of = |fire: &Fire| fire.lights().map(|(light, _)| light).collect::<Vec<_>>();
@@ -258,7 +258,7 @@ fn burn(
         tree.set_lights(&(0..).zip(lights.iter().copied()).collect::<Vec<_>>())?;
         tree.refit();
         let (mut twin, twins) = one(tree)?;
-        if source == LightSource::GpuParticles {
+        if source == TreeSource::GpuParticles {
             twin.set_light_source(twins[0], source)?;
         }
         let (fresh, _) = one(LightTree::new(lights.clone())?)?;

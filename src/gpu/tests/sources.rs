@@ -19,8 +19,8 @@ use crate::plan::{BufferId, Command, MeasureReadback, ShaderBuffers};
 use crate::scheduler::VirtualClock;
 use crate::tree::{LightTree, NO_LEAF, Node, WIDTH};
 use crate::{
-    Effects, FrameBudget, Light, LightSource, LightWorld, Placement, Policy, ShadingPoint, Texture, TexturedSurface,
-    TreeKey,
+    Effects, FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint, Texture, TexturedSurface, TreeKey,
+    TreeSource,
 };
 
 /// What the kernel of the tests writes to a light. A kind of 99 makes it dark.
@@ -237,7 +237,7 @@ fn a_refit_on_the_gpu_makes_the_nodes_of_a_refit_on_the_cpu() {
     };
     let (mut world, trees) = world_of(&sizes, placement);
     let (mut twin, twins) = world_of(&sizes, placement);
-    trees.iter().for_each(|tree| world.set_light_source(*tree, LightSource::GpuMesh).expect("no profiles"));
+    trees.iter().for_each(|tree| world.set_light_source(*tree, TreeSource::GpuMesh).expect("no profiles"));
     let mut lights = gpu_lights();
     lights.upload(&world).expect("room");
     let mut puts = Vec::new();
@@ -245,7 +245,7 @@ fn a_refit_on_the_gpu_makes_the_nodes_of_a_refit_on_the_cpu() {
         let mut moved = lights_of(size, 2);
         moved.iter_mut().skip(5).step_by(11).for_each(|light| light.emission = Vec3::ZERO);
         let (source, number) = world.light_source(*tree).expect("set");
-        assert_eq!(source, LightSource::GpuMesh);
+        assert_eq!(source, TreeSource::GpuMesh);
         puts.extend((0..).zip(&moved).map(|(index, light)| Put::of(number, index, light)));
         twin.set_light_range(*other, 0, &moved).expect("valid");
     }
@@ -277,7 +277,7 @@ fn a_refit_on_the_gpu_makes_the_nodes_of_a_refit_on_the_cpu() {
 #[test]
 fn values_that_the_cpu_would_refuse_make_a_light_dark_and_nothing_else() {
     let (mut world, trees) = world_of(&[300], |_| Placement::IDENTITY);
-    world.set_light_source(trees[0], LightSource::GpuMesh).expect("no profiles");
+    world.set_light_source(trees[0], TreeSource::GpuMesh).expect("no profiles");
     let mut lights = gpu_lights();
     lights.upload(&world).expect("room");
     let mut moved = lights_of(300, 2);
@@ -334,7 +334,7 @@ fn values_that_the_cpu_would_refuse_make_a_light_dark_and_nothing_else() {
 fn measures_are_the_attributes_of_a_refit_on_the_cpu() {
     let sizes = [1, 40, 2_000];
     let (mut world, trees) = world_of(&sizes, |index| Placement::at(DVec3::X * 200.0 * f64::from(index)));
-    trees.iter().for_each(|tree| world.set_light_source(*tree, LightSource::GpuMesh).expect("no profiles"));
+    trees.iter().for_each(|tree| world.set_light_source(*tree, TreeSource::GpuMesh).expect("no profiles"));
     let mut lights = gpu_lights();
     lights.upload(&world).expect("room");
     let mut puts = Vec::new();
@@ -406,7 +406,7 @@ fn mean_and_sum(lights: &mut GpuLights, world: &LightWorld, all: &LightWorld) ->
 
 #[test]
 fn samples_of_lights_that_kernels_write_have_the_mean_of_the_sum() {
-    for source in [LightSource::GpuMesh, LightSource::GpuParticles] {
+    for source in [TreeSource::GpuMesh, TreeSource::GpuParticles] {
         let sizes = [500, 90];
         let placement = |index: u32| Placement::at(DVec3::X * 30.0 * f64::from(index));
         let (mut world, trees) = world_of(&sizes, placement);
@@ -447,7 +447,7 @@ fn a_frame_in_which_nothing_changes_on_the_cpu_refits_and_sends_nothing() {
     let mut lights = gpu_lights();
     lights.upload(&world).expect("room");
     assert!(refits(&lights) == 0 && lights.source_group().is_none(), "no source yet");
-    trees.iter().for_each(|tree| world.set_light_source(*tree, LightSource::GpuMesh).expect("no profiles"));
+    trees.iter().for_each(|tree| world.set_light_source(*tree, TreeSource::GpuMesh).expect("no profiles"));
     assert!(lights.upload(&world).expect("room").bytes > 0);
     for _ in 0..3 {
         assert_eq!(lights.upload(&world).expect("room").bytes, 0);
@@ -455,7 +455,7 @@ fn a_frame_in_which_nothing_changes_on_the_cpu_refits_and_sends_nothing() {
         assert!((2..=8).contains(&refits(&lights)), "{} dispatches", refits(&lights));
     }
     // The CPU writes again.
-    trees.iter().for_each(|tree| world.set_light_source(*tree, LightSource::Cpu).expect("no profiles"));
+    trees.iter().for_each(|tree| world.set_light_source(*tree, TreeSource::Cpu).expect("no profiles"));
     lights.upload(&world).expect("room");
     assert_eq!(refits(&lights), 0);
 }
@@ -466,7 +466,7 @@ fn a_particle_that_is_born_where_another_died_is_another_light() {
     let mut world = LightWorld::new();
     let tree = world.add_tree(LightTree::new(lamps(1)).expect("valid"));
     world.add_instance(tree, Placement::IDENTITY, Policy::RefitOnly).expect("valid");
-    world.set_light_source(tree, LightSource::GpuParticles).expect("no profiles");
+    world.set_light_source(tree, TreeSource::GpuParticles).expect("no profiles");
     world.update(FrameBudget::NONE);
     assert_eq!(world.effects(), Effects::empty());
     let mut lights = gpu_lights();
@@ -504,7 +504,7 @@ fn a_film_that_only_the_gpu_has_lights_the_parts_of_a_screen_as_on_the_cpu() {
     let dark = expected.iter().map(|light| light.with_emission(Vec3::ZERO)).collect();
     let tree = world.add_tree(LightTree::new(dark).expect("valid"));
     world.add_instance(tree, Placement::IDENTITY, Policy::RefitOnly).expect("valid");
-    world.set_light_source(tree, LightSource::GpuMesh).expect("no profiles");
+    world.set_light_source(tree, TreeSource::GpuMesh).expect("no profiles");
     let mut lights = gpu_lights();
     lights.upload(&world).expect("room");
 
@@ -620,7 +620,7 @@ fn a_tree_is_rebuilt_from_what_kernels_wrote_once_its_lights_have_parted() {
     let rest = world.add_tree(LightTree::new(whirl(count, 0.0)).expect("valid"));
     for key in [tree, rest] {
         world.add_instance(key, Placement::IDENTITY, Policy::Budgeted).expect("valid");
-        world.set_light_source(key, LightSource::GpuMesh).expect("no profiles");
+        world.set_light_source(key, TreeSource::GpuMesh).expect("no profiles");
     }
     assert!(world.active_effects().contains(Effects::MOVING));
     let mut lights = gpu_lights();
@@ -654,7 +654,7 @@ fn frames_that_are_dropped_and_trees_that_go_disturb_no_readback() {
     let add = |world: &mut LightWorld, policy| {
         let tree = world.add_tree(LightTree::new(whirl(90, 0.0)).expect("valid"));
         let instance = world.add_instance(tree, Placement::IDENTITY, policy).expect("valid");
-        world.set_light_source(tree, LightSource::GpuMesh).expect("no profiles");
+        world.set_light_source(tree, TreeSource::GpuMesh).expect("no profiles");
         (tree, instance)
     };
     let (first, instance) = add(&mut world, Policy::AlwaysRebuild);
@@ -674,7 +674,7 @@ fn frames_that_are_dropped_and_trees_that_go_disturb_no_readback() {
     world.remove_tree(first).expect("no instances");
     // The number is used again, by another tree.
     let (third, _) = add(&mut world, Policy::RefitOnly);
-    assert_eq!(world.light_source(third), Some((LightSource::GpuMesh, 0)));
+    assert_eq!(world.light_source(third), Some((TreeSource::GpuMesh, 0)));
     for time in 4..9 {
         let puts = puts_of(&world, second, &whirl(90, time as f32));
         frame(&mut lights, &mut world, &puts);
@@ -687,7 +687,7 @@ fn frames_that_are_dropped_and_trees_that_go_disturb_no_readback() {
 fn the_records_of_openings_follow_the_lights() {
     // Two trees between each other's lights, and a third one that is divided by side.
     let (mut world, trees) = world_of(&[2_000, 100, 40], |_| Placement::IDENTITY);
-    trees.iter().for_each(|tree| world.set_light_source(*tree, LightSource::GpuMesh).expect("no profiles"));
+    trees.iter().for_each(|tree| world.set_light_source(*tree, TreeSource::GpuMesh).expect("no profiles"));
     for _ in 0..3 {
         world.update(FrameBudget::NONE);
     }
@@ -733,7 +733,7 @@ fn lights_are_written_in_the_layout_that_is_stored_now() {
     let mut world = LightWorld::new();
     let tree = world.add_tree(LightTree::new(whirl(200, 0.0)).expect("valid"));
     world.add_instance(tree, Placement::IDENTITY, Policy::RefitOnly).expect("valid");
-    world.set_light_source(tree, LightSource::GpuMesh).expect("no profiles");
+    world.set_light_source(tree, TreeSource::GpuMesh).expect("no profiles");
     world.update(FrameBudget::NONE);
     let mut lights = gpu_lights();
     for (time, has_more) in [(3.0, false), (5.0, true)] {
@@ -760,7 +760,7 @@ fn lights_are_written_in_the_layout_that_is_stored_now() {
 #[test]
 fn a_device_without_room_for_a_tree_takes_no_lights_of_it_until_there_is_room() {
     let (mut world, trees) = world_of(&[3_000, 20], |index| Placement::at(DVec3::X * 300.0 * f64::from(index)));
-    trees.iter().for_each(|tree| world.set_light_source(*tree, LightSource::GpuMesh).expect("no profiles"));
+    trees.iter().for_each(|tree| world.set_light_source(*tree, TreeSource::GpuMesh).expect("no profiles"));
     let mut lights = gpu_lights();
     lights.set_tree_memory(Some(128 * 1024));
     lights.upload(&world).expect("room for stand-ins");

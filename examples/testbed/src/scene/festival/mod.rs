@@ -9,7 +9,7 @@ pub mod dancer;
 pub mod fire;
 
 use girandole::glam::{Affine3A, Vec3, vec3};
-use girandole::{LightSource, LightTree, LightWorld, Placement, Policy, TreeKey};
+use girandole::{LightTree, LightWorld, Placement, Policy, TreeKey, TreeSource};
 use std::sync::Arc;
 
 use super::part::Part;
@@ -47,7 +47,7 @@ struct Dance {
 /// Puts a festival on the crossing before the camera, which steps nearer.
 pub fn celebrate(stage: Stage) -> Result<Stage, SceneError> {
     let Stage { mut scene, mut world, animation } = stage;
-    let sparks = add_lights(&mut world, fire::lights(), FIRE, LightSource::GpuParticles)?;
+    let sparks = add_lights(&mut world, fire::lights(), FIRE, TreeSource::GpuParticles)?;
     let [steel, wood, cloth] =
         [(0.05, 0.5, 1.0), (0.06, 0.9, 0.0), (0.02, 0.3, 0.0)].map(|(tone, roughness, metallic)| {
             let base_color = Vec3::splat(tone);
@@ -60,7 +60,7 @@ pub fn celebrate(stage: Stage) -> Result<Stage, SceneError> {
     });
     let lamps = dancer::lamps();
     let pose = dancer::pose(0.0);
-    let suit = add_lights(&mut world, dancer::lights(&lamps, &pose), DANCER, LightSource::GpuMesh)?;
+    let suit = add_lights(&mut world, dancer::lights(&lamps, &pose), DANCER, TreeSource::GpuMesh)?;
     let bones = std::array::from_fn(|bone| add_object(&mut scene, dancer::limb(bone, &lamps, cloth, glows), DANCER));
     scene.camera = Camera { eye: vec3(-2.6, 2.1, 116.5), target: vec3(0.5, 4.3, 100.0), ..scene.camera };
     scene.festival = Some(Festival { sparks, base: FIRE, steps: 0, suit, lamps: lamps.into(), pose });
@@ -71,7 +71,7 @@ fn add_lights(
     world: &mut LightWorld,
     lights: Vec<girandole::Light>,
     at: Vec3,
-    source: LightSource,
+    source: TreeSource,
 ) -> Result<TreeKey, SceneError> {
     let tree = world.add_tree(LightTree::new(lights)?);
     world.add_instance(tree, Placement::at(at.as_dvec3()), Policy::Budgeted)?;
