@@ -237,7 +237,7 @@ fn refit(
         }
         let merged = refit_node(lane, source, entry, words, is_listed && !is_stored);
         if i + 1u == rounds && lane == 0u {
-            clusters[pieces[piece + 1u].x] = merged;
+            clusters[pieces[piece + 1u].x & ~REFIT_STORED] = merged;
             if words.x == 0u {
                 refit_measure(source, merged);
             }

@@ -49,6 +49,9 @@
 // The number of buffers that shaders bind.
 #define GIRANDOLE_SHADER_BUFFERS 5
 
+// The number of buffers that kernels bind to write lights.
+#define GIRANDOLE_SOURCE_BUFFERS 2
+
 // No index.
 #define GIRANDOLE_NO_INDEX UINT32_MAX
 
@@ -118,6 +121,10 @@ typedef struct GirandolePlan GirandolePlan;
 //
 // Threads: one thread at a time.
 typedef struct GirandolePlanner GirandolePlanner;
+
+// A range of a buffer that the engine copies after a plan, and whose bytes it passes to the world once they are
+// there, some frames later. It does not depend on the planner.
+typedef struct GirandoleReadback GirandoleReadback;
 
 // Follows the changes of one world, for renderers that keep samples from frame to frame. Any number of readers
 // may follow a world. Planners follow it by themselves.
@@ -582,6 +589,21 @@ typedef struct GirandoleLimits {
     uint64_t frame_bytes;
 } GirandoleLimits;
 
+// Who writes the lights of a tree: one of GIRANDOLE_SOURCE_*.
+typedef uint32_t GirandoleLightSource;
+
+// What a readback copies.
+typedef struct GirandoleReadbackView {
+    // The number of the buffer.
+    uint32_t buffer;
+    // The first byte, a multiple of 4.
+    uint64_t offset;
+    // How many bytes: more than 0, and a multiple of 4.
+    uint64_t size;
+    // The most trees that girandole_readback_apply may store.
+    size_t most_trees;
+} GirandoleReadbackView;
+
 // The stage of an entry point: one of GIRANDOLE_STAGE_*.
 typedef uint32_t GirandoleStage;
 
@@ -767,6 +789,9 @@ typedef struct GirandoleKernel {
 // A tree of the region has instances outside of it.
 #define GIRANDOLE_ERROR_REGION_IN_USE 213
 
+// A light of the tree has a profile, so no kernel can write its lights.
+#define GIRANDOLE_ERROR_PROFILE_ON_GPU 216
+
 // A buffer would outgrow the limits of the planner. The changes are kept for the next call.
 #define GIRANDOLE_ERROR_FULL 600
 
@@ -859,6 +884,17 @@ typedef struct GirandoleKernel {
 
 // Runs kernel with buffers, at uniform_offset in the first of them.
 #define GIRANDOLE_COMMAND_DISPATCH 3
+
+// Calls of this interface.
+#define GIRANDOLE_SOURCE_CPU 0
+
+// A kernel of the engine, in each frame. The lights keep about the same neighbours, as the triangles of a
+// skinned mesh do: a refit on the GPU follows them.
+#define GIRANDOLE_SOURCE_GPU_MESH 1
+
+// A kernel of the engine, in each frame. The lights mingle, come and go, as particles do: each of them is a
+// leaf of the top level, which is built anew in each frame.
+#define GIRANDOLE_SOURCE_GPU_PARTICLES 2
 
 // A uniform buffer. In a kernel its offset changes from dispatch to dispatch.
 #define GIRANDOLE_BINDING_UNIFORM 0
@@ -1441,6 +1477,91 @@ GirandoleStatus girandole_planner_effects(struct GirandolePlanner *planner, uint
 
 // Stores the total size of all buffers, in bytes.
 GirandoleStatus girandole_planner_memory(struct GirandolePlanner *planner, uint64_t *bytes);
+
+// Lets a kernel of the engine write the lights of a tree on the GPU, or calls of this interface again.
+//
+// The tree is added with as many lights as the kernel may write, of the kinds, ranges, sides and opening
+// angles that they keep. In each frame, the kernel runs between the commands in upload and those in top of
+// the plan, and calls the functions of girandole_shader_sources. top then refits the tree from what was
+// written.
+//
+// Calls that sample on the CPU see the lights as they were last set or read back: set them where the lights
+// are about. Refused with GIRANDOLE_ERROR_PROFILE_ON_GPU if a light of the tree has a profile.
+GirandoleStatus girandole_world_set_light_source(struct GirandoleWorld *world,
+                                                 uint64_t tree,
+                                                 GirandoleLightSource source);
+
+// Stores who writes the lights of a tree, one of GIRANDOLE_SOURCE_*, and the number by which kernels know its
+// source: GIRANDOLE_NO_INDEX for GIRANDOLE_SOURCE_CPU. The number stays the same while the tree has a source.
+// Either pointer may be NULL.
+GirandoleStatus girandole_world_light_source(const struct GirandoleWorld *world,
+                                             uint64_t tree,
+                                             GirandoleLightSource *source,
+                                             uint32_t *number);
+
+// Stores how many writes of lights of a tree kernels were refused, as far as readbacks have told so far: see
+// girandole_planner_measures. 0 for a tree without a source.
+GirandoleStatus girandole_world_refused_writes(const struct GirandoleWorld *world,
+                                               uint64_t tree,
+                                               uint64_t *count);
+
+// Makes the WGSL text for kernels that write lights: light_source_count, light_put_point, light_put_spot,
+// light_put_rectangle, light_put_triangle, light_put_sphere, light_put_dark and light_put_new. The text says
+// what they do. Join it with the engine's kernel, and pass both to girandole_translate. It binds the buffers of
+// girandole_planner_source_bindings at 0 and 1 of the group, 0 to 254, and must not be joined with the text of
+// girandole_shader_include. Destroy the shader with girandole_shader_destroy.
+GirandoleStatus girandole_shader_sources(uint32_t group,
+                                         struct GirandoleShader **shader);
+
+// Stores the numbers of the buffers that kernels bind to write lights after the last plan, at the bindings 0
+// and 1 of their group: two storage buffers that are read and written, each bound whole. UINT32_MAX until the
+// world has a tree with a source. buffers has room for GIRANDOLE_SOURCE_BUFFERS numbers. Any plan may replace
+// the buffers.
+GirandoleStatus girandole_planner_source_bindings(struct GirandolePlanner *planner, uint32_t *buffers);
+
+// Stores the number of numbers of sources, in use or not, after the last plan.
+GirandoleStatus girandole_planner_source_count(struct GirandolePlanner *planner, uint32_t *count);
+
+// Makes a readback of what the refit in the last plan finds out about trees with a source: the numbers from
+// first on, at most most of them, 32 bytes each. Stores NULL if there are none. Copy the range after the commands
+// in top. Destroy the readback with girandole_readback_destroy.
+GirandoleStatus girandole_planner_measures(struct GirandolePlanner *planner,
+                                           uint32_t first,
+                                           uint32_t most,
+                                           struct GirandoleReadback **readback);
+
+// Makes a readback of the lights of a tree with a source, for a rebuild: of the trees that
+// girandole_readback_apply stores. Stores NULL if the tree has no source, or if the GPU does not hold it whole.
+// Copy the range after the kernel of the engine has run. Destroy the readback with girandole_readback_destroy.
+GirandoleStatus girandole_planner_source_lights(struct GirandolePlanner *planner,
+                                                uint64_t tree,
+                                                struct GirandoleReadback **readback);
+
+// Stores the range that a readback copies.
+GirandoleStatus girandole_readback_view(const struct GirandoleReadback *readback,
+                                        struct GirandoleReadbackView *view);
+
+// Tells the world what the bytes of a readback say, before girandole_world_update. What was removed or rebuilt
+// meanwhile is left out.
+//
+// Measures: policies and the scheduler of the world learn how good the trees are. Stores the keys of trees whose
+// policies request a rebuild, and in count how many. Read the lights of these trees back too, unless such a
+// readback is under way. trees has room for capacity keys: at least most_trees of the view, or the call is
+// refused with GIRANDOLE_ERROR_NO_SPACE and stores this number in count.
+//
+// Lights: the tree's lights are set as the bytes say, so that it is rebuilt from these. Stores no tree.
+//
+// size is that of the view. Bytes that no GPU has written do no harm.
+GirandoleStatus girandole_readback_apply(const struct GirandoleReadback *readback,
+                                         struct GirandoleWorld *world,
+                                         const uint8_t *bytes,
+                                         size_t size,
+                                         uint64_t *trees,
+                                         size_t capacity,
+                                         size_t *count);
+
+// Frees a readback. NULL is allowed.
+void girandole_readback_destroy(struct GirandoleReadback *readback);
 
 // Determines which buffers the GPU needs for the current state of the world, however many frames lie between
 // this call and the last plan. Changes nothing that shaders read.

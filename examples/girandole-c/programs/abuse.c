@@ -321,6 +321,118 @@ static void plans(GirandoleWorld *world)
     EXPECT(GIRANDOLE_OK, girandole_world_destroy(other_world));
 }
 
+/* Trees whose lights a kernel writes. */
+static void sources(GirandoleWorld *world)
+{
+    static const uint8_t bytes[4096] = {0};
+    static uint8_t noise[4096];
+    const GirandoleLight bulbs[2] = {bulb(1.0f), bulb(2.0f)};
+    const GirandolePlacement place = girandole_placement_at(0.0, 0.0, 0.0);
+    GirandoleWorld *other = NULL;
+    GirandolePlanner *planner = NULL;
+    GirandolePlan *plan = NULL;
+    GirandoleReadback *measures = NULL, *lights = NULL, *none = NULL;
+    GirandoleReadbackView view;
+    GirandolePlanView of_plan;
+    GirandoleShader *text = NULL;
+    const GirandoleNewBuffer *buffers = NULL;
+    uint64_t tree = 0, instance = 0, refused = 7, trees[2];
+    uint32_t source = 7, number = 7, ids[GIRANDOLE_SOURCE_BUFFERS], sources = 7;
+    size_t count = 0, i, dispatches = 0;
+
+    memset(noise, 0xff, sizeof noise); /* NaN */
+    EXPECT(GIRANDOLE_OK, girandole_world_add_tree(world, bulbs, 2, &tree));
+    EXPECT(GIRANDOLE_OK, girandole_world_add_instance(world, tree, &place, NULL, &instance));
+    EXPECT(GIRANDOLE_OK, girandole_planner_create(NULL, &planner));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_set_light_source(NULL, tree, GIRANDOLE_SOURCE_GPU_MESH));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_TREE, girandole_world_set_light_source(world, 1, GIRANDOLE_SOURCE_GPU_MESH));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_set_light_source(world, tree, 3));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_TREE, girandole_world_light_source(world, 1, &source, &number));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_TREE, girandole_world_refused_writes(world, 1, &refused));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_refused_writes(world, tree, NULL));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_shader_sources(255, &text));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_shader_sources(0, NULL));
+    REQUIRE(source == 7 && number == 7 && refused == 7 && text == NULL);
+    EXPECT(GIRANDOLE_OK, girandole_world_light_source(world, tree, &source, &number));
+    REQUIRE(source == GIRANDOLE_SOURCE_CPU && number == GIRANDOLE_NO_INDEX);
+    EXPECT(GIRANDOLE_OK, girandole_planner_source_bindings(planner, ids));
+    EXPECT(GIRANDOLE_OK, girandole_planner_source_count(planner, &sources));
+    EXPECT(GIRANDOLE_OK, girandole_planner_measures(planner, 0, 9, &none));
+    REQUIRE(ids[0] == UINT32_MAX && ids[1] == UINT32_MAX && sources == 0 && none == NULL);
+
+    EXPECT(GIRANDOLE_OK, girandole_world_set_light_source(world, tree, GIRANDOLE_SOURCE_GPU_MESH));
+    EXPECT(GIRANDOLE_OK, girandole_world_light_source(world, tree, &source, &number));
+    REQUIRE(source == GIRANDOLE_SOURCE_GPU_MESH && number == 0);
+    EXPECT(GIRANDOLE_OK, girandole_world_light_source(world, tree, NULL, NULL));
+    EXPECT(GIRANDOLE_OK, girandole_world_update(world, 0.0, NULL));
+    EXPECT(GIRANDOLE_OK, girandole_planner_reserve(planner, world, 0, &buffers, &count));
+    EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_planner_measures(planner, 0, 9, &none));
+    EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_planner_source_lights(planner, tree, &none));
+    EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_planner_source_bindings(planner, ids));
+    EXPECT(GIRANDOLE_OK, girandole_planner_plan(planner, &plan));
+    EXPECT(GIRANDOLE_OK, girandole_plan_view(plan, &of_plan));
+    for (i = 0; i < of_plan.top_count; i++) {
+        GirandoleKernel kernel;
+        if (of_plan.top[i].kind != GIRANDOLE_COMMAND_DISPATCH) continue;
+        EXPECT(GIRANDOLE_OK, girandole_kernel(of_plan.top[i].kernel, &kernel));
+        dispatches += strncmp(kernel.name, "refit", 5) == 0;
+    }
+    REQUIRE(dispatches == 2); /* one level of pieces, and the records of all trees */
+    EXPECT(GIRANDOLE_OK, girandole_planner_source_bindings(planner, ids));
+    EXPECT(GIRANDOLE_OK, girandole_planner_source_count(planner, &sources));
+    REQUIRE(ids[0] != UINT32_MAX && ids[1] != UINT32_MAX && sources == 1);
+
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_planner_measures(NULL, 0, 9, &none));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_planner_measures(planner, 0, 9, NULL));
+    EXPECT(GIRANDOLE_OK, girandole_planner_measures(planner, 1, 9, &none));
+    EXPECT(GIRANDOLE_OK, girandole_planner_measures(planner, UINT32_MAX, UINT32_MAX, &none));
+    EXPECT(GIRANDOLE_OK, girandole_planner_source_lights(planner, 1, &none));
+    REQUIRE(none == NULL);
+    EXPECT(GIRANDOLE_OK, girandole_planner_measures(planner, 0, UINT32_MAX, &measures));
+    EXPECT(GIRANDOLE_OK, girandole_planner_source_lights(planner, tree, &lights));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_readback_view(NULL, &view));
+    EXPECT(GIRANDOLE_OK, girandole_readback_view(measures, &view));
+    REQUIRE(view.size == 32 && view.most_trees == 1);
+    count = 7;
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_readback_apply(NULL, world, bytes, 32, trees, 2, &count));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_readback_apply(measures, NULL, bytes, 32, trees, 2, &count));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_readback_apply(measures, world, NULL, 32, trees, 2, &count));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_readback_apply(measures, world, bytes, 32, NULL, 2, &count));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_readback_apply(measures, world, bytes, 32, trees, 2, NULL));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_readback_apply(measures, world, bytes, 64, trees, 2, &count));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_readback_apply(measures, world, NULL, 0, trees, 2, &count));
+    REQUIRE(count == 7);
+    EXPECT(GIRANDOLE_ERROR_NO_SPACE, girandole_readback_apply(measures, world, bytes, 32, NULL, 0, &count));
+    REQUIRE(count == 1);
+    EXPECT(GIRANDOLE_OK, girandole_world_create(&other));
+    EXPECT(GIRANDOLE_ERROR_OTHER_WORLD, girandole_readback_apply(measures, other, bytes, 32, trees, 2, &count));
+    EXPECT(GIRANDOLE_OK, girandole_readback_apply(measures, world, bytes, 32, trees, 2, &count));
+    REQUIRE(count == 0);
+    EXPECT(GIRANDOLE_OK, girandole_world_refused_writes(world, tree, &refused));
+    REQUIRE(refused == 0);
+
+    /* Bytes that no GPU has written. */
+    EXPECT(GIRANDOLE_OK, girandole_readback_apply(measures, world, noise, 32, trees, 2, &count));
+    EXPECT(GIRANDOLE_OK, girandole_readback_view(lights, &view));
+    REQUIRE(view.size <= sizeof bytes && view.most_trees == 0);
+    EXPECT(GIRANDOLE_OK, girandole_readback_apply(lights, world, noise, (size_t)view.size, NULL, 0, &count));
+    EXPECT(GIRANDOLE_OK, girandole_readback_apply(lights, world, bytes, (size_t)view.size, NULL, 0, &count));
+    REQUIRE(count == 0);
+    EXPECT(GIRANDOLE_OK, girandole_world_update(world, INFINITY, NULL));
+
+    /* Readbacks may outlive the planner and the tree. */
+    girandole_planner_destroy(planner);
+    EXPECT(GIRANDOLE_OK, girandole_world_remove_instance(world, instance));
+    EXPECT(GIRANDOLE_OK, girandole_world_remove_tree(world, tree));
+    EXPECT(GIRANDOLE_OK, girandole_readback_apply(measures, world, noise, 32, trees, 2, &count));
+    EXPECT(GIRANDOLE_OK, girandole_readback_apply(lights, world, noise, (size_t)view.size, NULL, 0, &count));
+    REQUIRE(count == 0);
+    girandole_readback_destroy(measures);
+    girandole_readback_destroy(lights);
+    girandole_plan_destroy(plan);
+    EXPECT(GIRANDOLE_OK, girandole_world_destroy(other));
+}
+
 static void regions(GirandoleWorld *world)
 {
     const GirandoleLight good = bulb(5.0f), bad = bulb(-1.0f);
@@ -514,6 +626,7 @@ int main(void)
     sampling(world);
     regions(world);
     plans(world);
+    sources(world);
     textures();
     shaders();
     EXPECT(GIRANDOLE_OK, girandole_world_destroy(world));
@@ -525,6 +638,7 @@ int main(void)
     girandole_cursor_destroy(NULL);
     girandole_shader_destroy(NULL);
     girandole_blob_destroy(NULL);
+    girandole_readback_destroy(NULL);
     printf("%d refusals differ from what is expected\n", failures);
     return failures != 0;
 }

@@ -202,6 +202,8 @@ void sky_and_profiles() {
     const auto beside = girandole_surface_point(vec3(0, 0, 5), vec3(0, 1, 0));
     require(exhaustive_lux(world.get(), beside) == 0.0, "beyond the beam of a profile");
     require(girandole_profile_from_ies(bytes, 30, &profile) == 1400 && profile == again, "a file that ends early");
+    require(girandole_world_set_light_source(world.get(), tree, GIRANDOLE_SOURCE_GPU_MESH) ==
+                GIRANDOLE_ERROR_PROFILE_ON_GPU, "a kernel writes a light with a profile");
     auto unknown = lamp;
     unknown.shape.profile.profile ^= 1;
     uint64_t refused = 0;

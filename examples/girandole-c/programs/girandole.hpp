@@ -30,6 +30,7 @@ struct Destroy {
     void operator()(GirandolePlan *it) const { girandole_plan_destroy(it); }
     void operator()(GirandoleCursor *it) const { girandole_cursor_destroy(it); }
     void operator()(GirandoleShader *it) const { girandole_shader_destroy(it); }
+    void operator()(GirandoleReadback *it) const { girandole_readback_destroy(it); }
     void operator()(GirandoleRegion *it) const { girandole_region_destroy(it); }
     void operator()(GirandoleBlob *it) const { girandole_blob_destroy(it); }
 };

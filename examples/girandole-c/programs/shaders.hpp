@@ -7,6 +7,7 @@
 constexpr uint32_t POINTS = 16;       // shading points that measure visits
 constexpr uint32_t INVOCATIONS = 128; // for each of them
 constexpr uint32_t SAMPLES = 64;      // that each invocation takes
+constexpr uint32_t KERNEL_LIGHTS = 256; // lights that put_lights writes
 constexpr uint32_t WIDTH = 512, HEIGHT = 288;
 
 // The shading points of measure: a grid on the ground, 2.4 m apart.
@@ -67,5 +68,17 @@ fn shade(@builtin(global_invocation_id) id: vec3<u32>) {
     let tile = (i32(floor(position.x)) + i32(floor(position.z))) & 1;
     let albedo = select(0.35, 0.6, tile == 0);
     engine_out[pixel] = vec4(lux * albedo / 3.14159265, dist);
+}
+)";
+
+// A kernel that writes lights: a grid of lamps. The text of girandole_shader_sources goes before it.
+constexpr const char *KERNEL_WGSL = R"(
+@compute @workgroup_size(64)
+fn put_lights(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= light_source_count(0u) {
+        return;
+    }
+    let place = vec3(0.75 * f32(id.x % 16u) - 6.0, 0.5 + 0.125 * f32(id.x % 8u), 0.75 * f32(id.x / 16u) - 6.0);
+    light_put_point(0u, id.x, place, vec3(1.0 + f32(id.x % 5u)));
 }
 )";

@@ -7,7 +7,8 @@
 // Writes lights.ppm, a picture of the ground under the lamps, and measure.spv, the shader that was run, into
 // FOLDER. Compares the mean of many samples at 16 shading points with the sum over all lights, by the engine's
 // shader in WGSL and, if it is given, by the same shader in HLSL that DXC has compiled to SPIR-V. A single lamp
-// is compared with the closed form. --hazard records two writes without a barrier, to show that validation is on.
+// is compared with the closed form. A kernel writes the lights of a tree on the GPU, which are sampled there, read
+// back and rebuilt. --hazard records two writes without a barrier, to show that validation is on.
 #include <cmath>
 #include <cstdio>
 #include <fstream>
@@ -22,7 +23,7 @@ using namespace girandole;
 namespace {
 
 // Standard errors that a mean may be off by. A normal variable is outside with a probability of 5.7e-7. The
-// program compares at most 64 means of 8,192 samples and 4 sums, so a wrong alarm has a probability of 4e-5. The random
+// program compares at most 96 means of 8,192 samples and 6 sums, so a wrong alarm has a probability of 6e-5. The random
 // numbers are fixed: it either always comes or never.
 const double SIGMAS = 5.0;
 // Rounding: shaders divide with an error of 2.5 units in the last place and take square roots with more, and a
@@ -234,6 +235,69 @@ std::vector<Measured> compare_wgsl(vulkan::Device &device, Player &player, const
     return compare(device, player, world, view.code, view.size, what);
 }
 
+// Lights that a kernel writes: sampled as they were written, read back, rebuilt on the CPU, and sampled again.
+void kernel_lights(vulkan::Device &device, const std::string &folder) {
+    auto world = make_world();
+    // All at one place, until the kernel has run. The last one is a sphere, which the kernel gets wrong.
+    std::vector<GirandoleLight> lights(KERNEL_LIGHTS, girandole_point_light(vec3(0, 2, 0), grey(1)));
+    lights.back() = girandole_sphere_light(vec3(0, 2, 0), 0.1f, grey(1));
+    const auto at = girandole_placement_at(0, 0, 0);
+    const GirandolePolicy policy = {GIRANDOLE_POLICY_ALWAYS_REBUILD, 0, 0};
+    uint64_t tree = 0, instance = 0;
+    check(girandole_world_add_tree(world.get(), lights.data(), lights.size(), &tree));
+    check(girandole_world_add_instance(world.get(), tree, &at, &policy, &instance));
+    check(girandole_world_set_light_source(world.get(), tree, GIRANDOLE_SOURCE_GPU_MESH));
+    uint32_t number = GIRANDOLE_NO_INDEX;
+    check(girandole_world_light_source(world.get(), tree, nullptr, &number));
+    require(number == 0, "the number of the first source");
+
+    const auto sources =
+        make<GirandoleShader>([](GirandoleShader **it) { return girandole_shader_sources(0, it); });
+    GirandoleShaderView view;
+    check(girandole_shader_view(sources.get(), &view));
+    const std::string text = std::string(static_cast<const char *>(view.code), view.size) + KERNEL_WGSL;
+    GirandoleTarget target = {};
+    target.language = GIRANDOLE_LANGUAGE_SPIRV;
+    const auto kernel = make<GirandoleShader>(
+        [&](GirandoleShader **it) { return girandole_translate(text.c_str(), &target, it); });
+    check(girandole_shader_view(kernel.get(), &view));
+    auto pipeline = device.make_pipeline(view.code, view.size, "put_lights",
+                                         {{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER}});
+    Player player(device);
+    const uint32_t groups[] = {KERNEL_LIGHTS / 64, 1, 1};
+    const auto frame = [&] {
+        check(girandole_world_update(world.get(), 0.0, nullptr));
+        player.frame(world.get(), [&] { device.dispatch(pipeline, {player.source_bindings()}, groups); });
+    };
+    frame();
+    const auto wanted = player.apply(player.measures().get(), world.get());
+    require(wanted.size() == 1 && wanted[0] == tree, "the policy of the instance wants a rebuild");
+    uint64_t refused = 0;
+    check(girandole_world_refused_writes(world.get(), tree, &refused));
+    require(refused == 1, "the sphere that was written as a point is refused");
+    require(player.apply(player.source_lights(tree).get(), world.get()).empty(), "lights name no trees");
+    check(girandole_world_update(world.get(), 0.0, nullptr));
+
+    // The world has what the kernel has written.
+    for (uint32_t point = 0; point < POINTS; point++) {
+        const double x = measured_x(point), z = measured_z(point);
+        double exact = 0.0;
+        for (uint32_t i = 0; i + 1 < KERNEL_LIGHTS; i++) {
+            const double dx = 0.75 * (i % 16) - 6.0 - x, dz = 0.75 * (i / 16) - 6.0 - z, y = 0.5 + 0.125 * (i % 8);
+            exact += (1.0 + i % 5) * y / std::pow(dx * dx + y * y + dz * dz, 1.5);
+        }
+        const auto ground = girandole_surface_point(vec3(measured_x(point), 0, measured_z(point)), vec3(0, 1, 0));
+        require(std::fabs(exhaustive_lux(world.get(), ground) / exact - 1.0) <= ROUNDING, "lights that were read back");
+    }
+    compare_wgsl(device, player, world.get(), "kernel, refitted", folder);
+    GirandoleUpdateReport report;
+    check(girandole_world_update(world.get(), INFINITY, &report));
+    require(report.rebuilt_trees == 1, "the tree is rebuilt from the lights that were read back");
+    frame();
+    compare_wgsl(device, player, world.get(), "kernel, rebuilt", folder);
+    device.free_pipeline(pipeline);
+}
+
 // Edits that the measured points see. A lantern gets a factor, one is sheared, one gets a mask, which change the
 // layout of records; a tree with an instance comes, and lights come to a tree.
 void edit(const Scene &scene, double time) {
@@ -277,6 +341,7 @@ void all(const std::string &folder, const char *measure_spv) {
     vulkan::Device device;
     std::printf("%s\n", device.name().c_str());
     single_lamp(device);
+    kernel_lights(device, folder);
 
     Scene scene;
     Player player(device);

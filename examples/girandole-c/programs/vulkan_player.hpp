@@ -1,6 +1,7 @@
 // Plays plans on a Vulkan device: makes and frees buffers, compiles the kernels, and records commands.
 #pragma once
 
+#include <functional>
 #include <map>
 
 #include "girandole.hpp"
@@ -43,7 +44,9 @@ public:
     Player &operator=(const Player &) = delete;
 
     // Brings the device up to date with the world, after girandole_world_update. Returns the commands played.
-    size_t frame(GirandoleWorld *world) {
+    // write_lights records the engine's kernels that write lights, between the upload and the build of the top
+    // level.
+    size_t frame(GirandoleWorld *world, const std::function<void()> &write_lights = nullptr) {
         const GirandoleNewBuffer *wanted = nullptr;
         size_t count = 0;
         girandole::check(girandole_planner_reserve(planner_.get(), world, 0, &wanted, &count));
@@ -60,7 +63,7 @@ public:
         const auto plan = girandole::make<GirandolePlan>(
             [&](GirandolePlan **it) { return girandole_planner_plan(planner_.get(), it); });
         girandole::check(girandole_cursor_advance(cursor_.get(), plan.get()));
-        return play(plan.get());
+        return play(plan.get(), write_lights);
     }
 
     // What shaders bind, at the group that their text was made for.
@@ -81,6 +84,49 @@ public:
         return types;
     }
 
+    // What kernels bind that write lights, at the group that girandole_shader_sources was made for.
+    std::vector<vulkan::Bound> source_bindings() {
+        uint32_t ids[GIRANDOLE_SOURCE_BUFFERS];
+        girandole::check(girandole_planner_source_bindings(planner_.get(), ids));
+        std::vector<vulkan::Bound> bound;
+        for (const uint32_t id : ids) bound.push_back({VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, buffers_.at(id).buffer});
+        return bound;
+    }
+
+    // What the last refit has found out about all trees with a source.
+    girandole::Owned<GirandoleReadback> measures() {
+        uint32_t count = 0;
+        girandole::check(girandole_planner_source_count(planner_.get(), &count));
+        return girandole::make<GirandoleReadback>(
+            [&](GirandoleReadback **it) { return girandole_planner_measures(planner_.get(), 0, count, it); });
+    }
+
+    // The lights of a tree with a source.
+    girandole::Owned<GirandoleReadback> source_lights(uint64_t tree) {
+        return girandole::make<GirandoleReadback>(
+            [&](GirandoleReadback **it) { return girandole_planner_source_lights(planner_.get(), tree, it); });
+    }
+
+    // Waits for what a readback copies, and tells the world. An engine does so some frames later, without waiting.
+    // Returns the trees whose lights should be read back.
+    std::vector<uint64_t> apply(const GirandoleReadback *readback, GirandoleWorld *world) {
+        GirandoleReadbackView view;
+        girandole::check(girandole_readback_view(readback, &view));
+        const auto copy = device_.make_buffer(view.size, VK_BUFFER_USAGE_TRANSFER_DST_BIT, true);
+        device_.begin();
+        device_.copy(buffers_.at(view.buffer), view.offset, copy, 0, view.size);
+        device_.submit_and_wait();
+        std::vector<uint8_t> bytes(view.size);
+        device_.read(copy, bytes.data(), bytes.size());
+        device_.free_buffer(copy);
+        std::vector<uint64_t> trees(view.most_trees);
+        size_t count = 0;
+        girandole::check(girandole_readback_apply(readback, world, bytes.data(), bytes.size(), trees.data(),
+                                                  trees.size(), &count));
+        trees.resize(count);
+        return trees;
+    }
+
     uint32_t effects() {
         uint32_t effects = 0;
         girandole::check(girandole_planner_effects(planner_.get(), &effects));
@@ -97,7 +143,7 @@ private:
         return device_.make_buffer(wanted.size, usage, false);
     }
 
-    size_t play(const GirandolePlan *plan) {
+    size_t play(const GirandolePlan *plan, const std::function<void()> &write_lights) {
         GirandolePlanView view;
         girandole::check(girandole_plan_view(plan, &view));
 
@@ -108,6 +154,10 @@ private:
         VkDeviceSize used = 0;
         device_.begin();
         play(view.upload, view.upload_count, staging, used);
+        if (write_lights) {
+            write_lights();
+            device_.barrier();
+        }
         play(view.top, view.top_count, staging, used);
         device_.submit_and_wait();
         // The device has finished the frame.

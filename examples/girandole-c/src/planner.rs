@@ -106,6 +106,11 @@ impl GirandolePlanner {
         Ok(unsafe { self.planner.as_mut() })
     }
 
+    /// The world that it follows, after the first reservation.
+    pub(crate) fn world(&self) -> Option<u64> {
+        self.world
+    }
+
     /// Changes the planner.
     pub(crate) fn edit<R>(&mut self, change: impl FnOnce(&mut Self) -> Result<R, Failure>) -> Result<R, Failure> {
         self.check_whole()?;

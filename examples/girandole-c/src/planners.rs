@@ -9,7 +9,7 @@ use crate::status::{Failure, GirandoleStatus, call};
 use crate::vectors::flag;
 
 /// Runs a call that changes a planner without a reservation.
-unsafe fn change<R>(
+pub(crate) unsafe fn change<R>(
     planner: *mut GirandolePlanner,
     change: impl FnOnce(&mut LightPlanner) -> Result<R, Failure>,
 ) -> Result<R, Failure> {

@@ -61,6 +61,19 @@ pub struct GirandoleTarget {
     pub binding_count: usize,
 }
 
+/// WGSL as it is.
+pub(crate) fn wgsl_target() -> GirandoleTarget {
+    GirandoleTarget {
+        language: GIRANDOLE_LANGUAGE_WGSL,
+        major_version: 0,
+        minor_version: 0,
+        flags: 0,
+        entry_point: std::ptr::null(),
+        bindings: std::ptr::null(),
+        binding_count: 0,
+    }
+}
+
 /// The stage of an entry point: one of GIRANDOLE_STAGE_*.
 pub type GirandoleStage = u32;
 /// A compute shader.

@@ -79,7 +79,7 @@ fn known_effects(bits: u32) -> Result<Effects, Failure> {
 }
 
 /// The last number that the group may have, so that group + 1 is a space of HLSL too.
-const LAST_GROUP: u32 = 254;
+pub(crate) const LAST_GROUP: u32 = 254;
 
 /// Makes the text that an engine's shader includes: the functions light_sample, light_resample, light_pmf and
 /// others, without an entry point. docs/integration.md describes them. Destroy the shader with

@@ -75,6 +75,8 @@ pub const GIRANDOLE_ERROR_REMOVED_LIGHT: GirandoleStatus = 210;
 pub const GIRANDOLE_ERROR_NO_SUCH_REGION: GirandoleStatus = 211;
 /// A tree of the region has instances outside of it.
 pub const GIRANDOLE_ERROR_REGION_IN_USE: GirandoleStatus = 213;
+/// A light of the tree has a profile, so no kernel can write its lights.
+pub const GIRANDOLE_ERROR_PROFILE_ON_GPU: GirandoleStatus = 216;
 /// A buffer would outgrow the limits of the planner. The changes are kept for the next call.
 pub const GIRANDOLE_ERROR_FULL: GirandoleStatus = 600;
 /// A plan was played twice, or an earlier plan was skipped.
@@ -202,6 +204,7 @@ mod tests {
             (WorldError::NoSuchRegion(region), GIRANDOLE_ERROR_NO_SUCH_REGION),
             (WorldError::RegionInUse { region, tree, instances: 1 }, GIRANDOLE_ERROR_REGION_IN_USE),
             (WorldError::RemovedLight { index: 0 }, GIRANDOLE_ERROR_REMOVED_LIGHT),
+            (WorldError::ProfileOnGpu, GIRANDOLE_ERROR_PROFILE_ON_GPU),
         ] {
             assert_eq!(error.code() as GirandoleStatus, code, "{error}");
         }
