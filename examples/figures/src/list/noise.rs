@@ -335,7 +335,7 @@ pub const KERNEL_NOISE: Figure = table(
     "docs/gpu-lights.md",
     &[View {
         from: &["kernel-noise/noise.csv"],
-        keys: &[("lights", "scene"), ("followed by", "policy")],
+        keys: &[("scene", "lights"), ("policy", "followed by")],
         cells: &[
             cell("rebuilds of a tree in 100 frames", "rebuilds", Digits(2)),
             cell("σ", "sigma_mean", Digits(3)),
@@ -351,7 +351,7 @@ pub const KERNEL_COST: Figure = table(
     "docs/gpu-lights.md",
     &[View {
         from: &["kernel-cost/cost.csv"],
-        keys: &[("lights", "scene")],
+        keys: &[("scene", "lights")],
         cells: &[
             cell("trees", "trees", Fixed(0)),
             cell("triangles", "lights", Fixed(0)),
