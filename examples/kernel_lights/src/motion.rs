@@ -23,32 +23,30 @@ struct Limb {
     rate: f32,
 }
 
-/// Trunk, head, and two limbs for each arm and leg.
-const LIMBS: [([usize; 1], [f32; 3], [f32; 3], [f32; 3], f32); 10] = [
-    ([0], [0.0, 1.4, 0.0], [0.18, 0.3, 0.1], [0.1, 0.6, 0.1], 0.7),
-    ([0], [0.0, 0.25, 0.0], [0.1, 0.12, 0.1], [0.4, 0.8, 0.2], 0.9),
-    ([0], [0.25, 0.0, 0.0], [0.05, 0.15, 0.05], [2.4, 0.5, 1.2], 1.1),
-    ([2], [0.0, -0.3, 0.0], [0.04, 0.15, 0.04], [1.4, 0.2, 0.6], 1.7),
-    ([0], [-0.25, 0.0, 0.0], [0.05, 0.15, 0.05], [2.4, 0.5, 1.2], 1.3),
-    ([4], [0.0, -0.3, 0.0], [0.04, 0.15, 0.04], [1.4, 0.2, 0.6], 1.9),
-    ([0], [0.1, -0.6, 0.0], [0.07, 0.2, 0.07], [1.3, 0.3, 0.5], 0.8),
-    ([6], [0.0, -0.4, 0.0], [0.05, 0.2, 0.05], [1.5, 0.1, 0.1], 1.5),
-    ([0], [-0.1, -0.6, 0.0], [0.07, 0.2, 0.07], [1.3, 0.3, 0.5], 1.0),
-    ([8], [0.0, -0.4, 0.0], [0.05, 0.2, 0.05], [1.5, 0.1, 0.1], 1.4),
-];
-
-fn limb(index: usize) -> Limb {
-    let ([parent], joint, half, swing, rate) = LIMBS[index];
-    Limb { parent, joint: joint.into(), half: half.into(), swing: swing.into(), rate }
+const fn limb(parent: usize, joint: [f32; 3], half: [f32; 3], swing: [f32; 3], rate: f32) -> Limb {
+    Limb { parent, joint: Vec3::from_array(joint), half: Vec3::from_array(half), swing: Vec3::from_array(swing), rate }
 }
+
+/// Trunk, head, and two limbs for each arm and leg.
+const LIMBS: [Limb; 10] = [
+    limb(0, [0.0, 1.4, 0.0], [0.18, 0.3, 0.1], [0.1, 0.6, 0.1], 0.7),
+    limb(0, [0.0, 0.25, 0.0], [0.1, 0.12, 0.1], [0.4, 0.8, 0.2], 0.9),
+    limb(0, [0.25, 0.0, 0.0], [0.05, 0.15, 0.05], [2.4, 0.5, 1.2], 1.1),
+    limb(2, [0.0, -0.3, 0.0], [0.04, 0.15, 0.04], [1.4, 0.2, 0.6], 1.7),
+    limb(0, [-0.25, 0.0, 0.0], [0.05, 0.15, 0.05], [2.4, 0.5, 1.2], 1.3),
+    limb(4, [0.0, -0.3, 0.0], [0.04, 0.15, 0.04], [1.4, 0.2, 0.6], 1.9),
+    limb(0, [0.1, -0.6, 0.0], [0.07, 0.2, 0.07], [1.3, 0.3, 0.5], 0.8),
+    limb(6, [0.0, -0.4, 0.0], [0.05, 0.2, 0.05], [1.5, 0.1, 0.1], 1.5),
+    limb(0, [-0.1, -0.6, 0.0], [0.07, 0.2, 0.07], [1.3, 0.3, 0.5], 1.0),
+    limb(8, [0.0, -0.4, 0.0], [0.05, 0.2, 0.05], [1.5, 0.1, 0.1], 1.4),
+];
 
 /// The lamps of a dancer in a frame, `count` triangles on its limbs, in its own space. `seed` tells dancers
 /// apart.
 pub fn dancer(seed: u32, count: usize, frame: u32) -> Vec<Light> {
     let time = frame as f32 / RATE + 10.0 * seed as f32;
     let mut poses: Vec<(Mat3, Vec3)> = Vec::new();
-    for index in 0..LIMBS.len() {
-        let limb = limb(index);
+    for limb in &LIMBS {
         let turn = std::f32::consts::TAU * limb.rate * time;
         let [x, y, z] = (limb.swing * Vec3::new(turn.sin(), (0.61 * turn).sin(), (0.37 * turn).cos())).to_array();
         let own = Mat3::from_quat(Quat::from_euler(girandole::glam::EulerRot::XYZ, x, y, z));
@@ -61,7 +59,7 @@ pub fn dancer(seed: u32, count: usize, frame: u32) -> Vec<Light> {
     let mut rng = Rng::new(u64::from(seed), 1);
     let lamp = |i: usize| {
         let index = i % LIMBS.len();
-        let (limb, (rotation, joint)) = (limb(index), poses[index]);
+        let (limb, (rotation, joint)) = (&LIMBS[index], poses[index]);
         let mut signed = || 2.0 * rng.unit() - 1.0;
         // A point on one of the six sides of the box, and a small triangle in that side.
         let mut at = Vec3::new(signed(), signed(), signed());
