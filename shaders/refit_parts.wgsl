@@ -46,7 +46,7 @@ fn refit_unpacked(place: u32) -> RefitCluster {
     found.cluster.variance = deviation * deviation * light_sum_axes(half_diagonal * half_diagonal);
     found.cluster.axis = light_unit_axis(packed.lobe.x) * max(1.0 - shortness * shortness, MIN_AXIS);
     found.cluster.cos_half_angle = max(1.0 - light_byte(packed.lobe.x, 3u) * (1.0 / LIGHT_CAP_STEPS), -1.0);
-    found.cluster.range = light_upper_half(packed.lobe.y);
+    found.cluster.range = min(light_upper_half(packed.lobe.y), LIGHT_UNLIMITED_RANGE);
     found.punctual_flux = flux * shares.x;
     found.area_flux = flux * shares.y;
     return found;

@@ -1,108 +1,14 @@
 //! Trees whose lights kernels of the engine write: the bind group of these kernels, and what is read back.
 
-use std::collections::{HashSet, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
+use super::source_link::{
+    Fate, IS_LOST, IS_READABLE, LIGHT_BYTES_PER_FRAME, MAX_READ, MAX_WAITING, MEASURED_PER_FRAME, Readback, WAITS,
+};
 use super::{GpuLights, memory};
-use crate::keys::TreeKey;
-use crate::plan::{BufferId, LightReadback, MeasureReadback, wgsl_of_sources};
+use crate::plan::{BufferId, wgsl_of_sources};
 use crate::world::LightWorld;
-
-/// The trees that are measured in one frame.
-const MEASURED_PER_FRAME: u32 = 256;
-
-/// The bytes of lights that are read back in one frame, unless the first tree has more.
-const LIGHT_BYTES_PER_FRAME: u64 = 4 << 20;
-
-/// The most trees that were read back, or are being read, and have not been rebuilt yet: those that wait for
-/// longer would be built of old lights.
-const MAX_READ: usize = 16;
-
-/// The most frames that wait for the GPU. Later ones read nothing back.
-const MAX_WAITING: usize = 4;
-
-/// The states of a [`Readback`].
-const WAITS: u8 = 0;
-const IS_READABLE: u8 = 1;
-const IS_LOST: u8 = 2;
-
-/// What the GPU tells and is told about trees with a source.
-#[derive(Debug)]
-pub(super) struct SourceLink {
-    layout: wgpu::BindGroupLayout,
-    /// The bind group of kernels of the engine, and the buffers that it was made for.
-    group: Option<([BufferId; 2], wgpu::BindGroup)>,
-    /// The number of the source that is measured next.
-    next: u32,
-    /// The trees whose lights are to be read back, in order, and the same as a set.
-    wanted: VecDeque<TreeKey>,
-    are_wanted: HashSet<TreeKey>,
-    /// The trees whose lights were read back, and that wait for their rebuild.
-    read: Vec<TreeKey>,
-    /// In the order in which they were recorded.
-    readbacks: VecDeque<Readback>,
-    /// A buffer that may be used again.
-    spare: Option<wgpu::Buffer>,
-}
-
-/// Copies that were recorded in one frame, one after the other in a buffer.
-#[derive(Debug)]
-struct Readback {
-    buffer: wgpu::Buffer,
-    state: Arc<AtomicU8>,
-    measures: MeasureReadback,
-    lights: Vec<LightReadback>,
-}
-
-/// What mapped buffers return: wgpu 30 can fail where wgpu 29 panics.
-trait Mapped {
-    fn view(self) -> Option<wgpu::BufferView>;
-}
-
-impl Mapped for wgpu::BufferView {
-    fn view(self) -> Option<wgpu::BufferView> {
-        Some(self)
-    }
-}
-
-impl<E> Mapped for Result<wgpu::BufferView, E> {
-    fn view(self) -> Option<wgpu::BufferView> {
-        self.ok()
-    }
-}
-
-/// Travels with the commands of a readback, and tells what became of them.
-struct Fate(Arc<AtomicU8>);
-
-impl Drop for Fate {
-    fn drop(&mut self) {
-        // The commands were dropped before they were submitted.
-        let _ = self.0.compare_exchange(WAITS, IS_LOST, Ordering::AcqRel, Ordering::Relaxed);
-    }
-}
-
-impl SourceLink {
-    pub fn new(device: &wgpu::Device) -> Self {
-        let entry = |binding| wgpu::BindGroupLayoutEntry {
-            binding,
-            visibility: wgpu::ShaderStages::COMPUTE,
-            ty: wgpu::BindingType::Buffer {
-                ty: wgpu::BufferBindingType::Storage { read_only: false },
-                has_dynamic_offset: false,
-                min_binding_size: None,
-            },
-            count: None,
-        };
-        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some("girandole sources"),
-            entries: &[entry(0), entry(1)],
-        });
-        let (wanted, readbacks) = (VecDeque::new(), VecDeque::new());
-        let are_wanted = HashSet::new();
-        Self { layout, group: None, next: 0, wanted, are_wanted, read: Vec::new(), readbacks, spare: None }
-    }
-}
 
 impl GpuLights {
     /// The WGSL text for kernels that write the lights of trees with a [source](crate::TreeSource): see
@@ -206,27 +112,5 @@ impl GpuLights {
             fate.0.store(if result.is_ok() { IS_READABLE } else { IS_LOST }, Ordering::Release);
         });
         sources.readbacks.push_back(Readback { buffer, state, measures, lights });
-    }
-}
-
-impl SourceLink {
-    /// Tells the world what a readback says.
-    fn take(&mut self, readback: &Readback, world: &mut LightWorld) {
-        let Readback { buffer, measures, lights, .. } = readback;
-        let end = measures.bytes + lights.iter().map(|lights| lights.bytes).sum::<u64>();
-        let Some(bytes) = buffer.slice(..end).get_mapped_range().view() else { return };
-        let mut at = measures.bytes as usize;
-        for lights in lights {
-            lights.apply(world, &bytes[at..][..lights.bytes as usize]);
-            self.read.push(lights.tree);
-            at += lights.bytes as usize;
-        }
-        for tree in measures.apply(world, &bytes[..measures.bytes as usize]) {
-            let is_underway = self.readbacks.iter().any(|r| r.lights.iter().any(|l| l.tree == tree))
-                || lights.iter().any(|lights| lights.tree == tree);
-            if !is_underway && self.are_wanted.insert(tree) {
-                self.wanted.push_back(tree);
-            }
-        }
     }
 }

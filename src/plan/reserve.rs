@@ -189,8 +189,7 @@ impl LightPlanner {
         )?;
         self.sources.reserve(
             (world, changes),
-            &self.trees,
-            &room.trees.placed,
+            (&|slot| self.trees.state_after(slot, &room.trees.placed), &room.trees.placed),
             (Strides::of(effects), growth),
             &mut room.sources,
         )?;

@@ -34,6 +34,7 @@ mod slot_set;
 mod slot_table;
 mod staged;
 mod stamps;
+mod source_table;
 mod sources;
 mod sums;
 mod update;
@@ -57,7 +58,7 @@ pub use region_table::RegionView;
 pub use regions::RemovedRegion;
 pub use reports::{BackgroundReport, FrameReport, JobReport, RebuildState};
 pub(crate) use scene::{Instance, TreeEntry};
-pub use sources::TreeSource;
+pub use source_table::TreeSource;
 #[cfg(feature = "gpu-plan")]
 pub(crate) use sources::{SourceMeasure, TreeVersion};
 

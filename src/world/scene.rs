@@ -6,7 +6,7 @@ use super::births::{BirthCounter, Births};
 use super::change_log::ChangeLog;
 use super::origin::Origin;
 use super::slot_table::SlotTable;
-use super::sources::Sources;
+use super::source_table::Sources;
 use super::staged::StagedLights;
 use super::sums::{Sums, TreeTerms};
 use crate::effects::Effects;

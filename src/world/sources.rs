@@ -1,46 +1,13 @@
 //! Trees whose lights a kernel of the engine writes on the GPU.
 
-use std::collections::{BTreeSet, HashMap};
-
 use super::LightWorld;
+use super::source_table::TreeSource;
 use crate::effects::Effects;
 use crate::error::WorldError;
 use crate::keys::TreeKey;
 use crate::policy::RebuildRequest;
 use crate::scheduler::TreeFeatures;
 use crate::tree::Attributes;
-
-/// Who writes the lights of a tree: see [`LightWorld::set_light_source`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum TreeSource {
-    /// Edits of the world.
-    #[default]
-    Cpu,
-    /// A kernel of the engine, in each frame. The lights keep about the same neighbours, as the
-    /// triangles of a skinned mesh do: a refit on the GPU follows them.
-    GpuMesh,
-    /// A kernel of the engine, in each frame. The lights mingle, come and go, as particles do: each of
-    /// them is a leaf of the top level, which is built anew in each frame.
-    GpuParticles,
-}
-
-/// The sources of a world, by number and by tree.
-#[derive(Debug, Default)]
-pub(super) struct Sources {
-    numbers: Vec<Option<TreeKey>>,
-    free: BTreeSet<u32>,
-    trees: HashMap<TreeKey, Source>,
-}
-
-/// The source of one tree.
-#[derive(Clone, Copy, Debug)]
-struct Source {
-    by: TreeSource,
-    number: u32,
-    /// The count of the last measure, and all refusals so far.
-    refused: (u32, u64),
-}
 
 /// The version of a tree that the GPU holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,36 +26,6 @@ pub(crate) struct SourceMeasure {
     pub axis_length: f32,
     /// Writes that were refused since the record of the source was written.
     pub refused: u32,
-}
-
-impl Sources {
-    /// The source of a tree, and its number.
-    pub fn of(&self, tree: TreeKey) -> Option<(TreeSource, u32)> {
-        self.get(tree).map(|source| (source.by, source.number))
-    }
-
-    fn get(&self, tree: TreeKey) -> Option<&Source> {
-        if self.trees.is_empty() { None } else { self.trees.get(&tree) }
-    }
-
-    /// Gives a tree a source, with the number that it has already or with the least that is free.
-    fn set(&mut self, tree: TreeKey, source: TreeSource) {
-        let number = self.of(tree).map(|(_, number)| number).or_else(|| self.free.pop_first());
-        let number = number.unwrap_or(self.numbers.len() as u32);
-        if self.numbers.len() <= number as usize {
-            self.numbers.push(None);
-        }
-        self.numbers[number as usize] = Some(tree);
-        self.trees.insert(tree, Source { by: source, number, refused: (0, 0) });
-    }
-
-    /// Takes the source of a tree away. Returns whether it had one.
-    pub fn remove(&mut self, tree: TreeKey) -> bool {
-        let Some(Source { number, .. }) = self.trees.remove(&tree) else { return false };
-        self.numbers[number as usize] = None;
-        self.free.insert(number);
-        true
-    }
 }
 
 impl LightWorld {

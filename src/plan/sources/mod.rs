@@ -31,7 +31,6 @@ use super::pool::{Growth, Pool};
 use super::residency::{Form, TreeState};
 use super::scatter::Scattered;
 use super::stored::{Missing, Stored};
-use super::tree_store::TreeStore;
 use crate::effects::Effects;
 use crate::keys::{TreeKey, slot_of};
 use crate::world::{LightWorld, TreeSource, TreeVersion};
@@ -55,6 +54,9 @@ pub(super) struct SourceStore {
     /// The passes of the last plan.
     passes: Vec<RefitPass>,
 }
+
+/// The state of the tree in a slot after the frame.
+type Trees<'a> = &'a dyn Fn(u32) -> &'a TreeState;
 
 /// A source as the GPU knows it.
 #[derive(Clone, Debug, Default)]
@@ -108,14 +110,13 @@ impl SourceStore {
         index: u32,
         world: &LightWorld,
         changes: &FrameChanges,
-        trees: &TreeStore,
-        (placed, strides): (&BTreeMap<u32, TreeState>, Strides),
+        (trees, placed, strides): (Trees<'_>, &BTreeMap<u32, TreeState>, Strides),
     ) -> (SourceState, bool) {
         let present = self.states.get(index as usize).cloned().unwrap_or_default();
         let Some((key, source)) = world.source_at(index) else { return (SourceState::default(), false) };
         let Some(entry) = world.tree_entry(key) else { return (SourceState::default(), false) };
         let slot = slot_of(key);
-        let state = trees.state_after(slot, placed);
+        let state = trees(slot);
         let is_same = present.key == Some(key);
         let has_profiles = entry.tree.effects().has(Effects::PROFILES);
         if state.form != Form::Whole || entry.tree.nodes().is_empty() || has_profiles {
@@ -151,8 +152,7 @@ impl SourceStore {
     pub fn reserve(
         &mut self,
         (world, changes): (&LightWorld, &FrameChanges),
-        trees: &TreeStore,
-        placed: &BTreeMap<u32, TreeState>,
+        (trees, placed): (Trees<'_>, &BTreeMap<u32, TreeState>),
         (strides, growth): (Strides, Growth),
         new: &mut NewSources,
     ) -> Result<(), PlanError> {
@@ -170,7 +170,7 @@ impl SourceStore {
         new.table = self.table.alloc(more, growth)?;
         new.measures = self.measures.alloc(more, growth)?;
         for index in 0..count {
-            let (mut state, has_new_pieces) = self.due(index, world, changes, trees, (placed, strides));
+            let (mut state, has_new_pieces) = self.due(index, world, changes, (trees, placed, strides));
             let present = self.states.get(index as usize);
             let is_same =
                 present.is_some_and(|p| (p.key, p.version, &p.record) == (state.key, state.version, &state.record));
