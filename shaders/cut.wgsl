@@ -240,7 +240,9 @@ fn light_weigh(
             // #if SKY
             // #if PORTALS
             if portals != 0u {
-                estimate.lux *= light_portal_share(portals, light_quad(in_top, at), packed, shading_point);
+                let share = light_portal_share(portals, light_quad(in_top, at), packed, shading_point);
+                estimate.lux *= share;
+                estimate.doubt += select(1.0 - share, 0.0, (packed.child_bits & local.light_bit) != 0u);
             }
             // #endif
             // #endif

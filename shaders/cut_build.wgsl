@@ -112,7 +112,9 @@ fn estimate(
     // The middle stands for all points of the cell, which may see other parts of the sky.
     let portals = select(light_portals_in_sight(place, point), 0u, is_center);
     if portals != 0u {
-        found.lux *= light_portal_share(portals, light_quad(in_top, at), packed, point);
+        let share = light_portal_share(portals, light_quad(in_top, at), packed, point);
+        found.lux *= share;
+        found.doubt += select(1.0 - share, 0.0, is_light);
     }
     // #endif
     // #endif

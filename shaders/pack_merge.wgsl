@@ -49,17 +49,11 @@ fn pack_result3(first: u32, word: u32) -> vec3<f32> {
     return vec3(pack_result(first, word), pack_result(first, word + 1u), pack_result(first, word + 2u));
 }
 
-// What the children of a node merge to.
-struct MergedChildren {
-    // Its flux is the sum of the weights.
-    cluster: LightCluster,
-    // Variance of the mean positions of the children about that of the cluster.
-    between: f32,
-}
-
 // Merges the clusters of the eight invocations of a node, of which this one has `child`. Weights are
-// positive where fluxes are. Call from uniform control flow.
-fn pack_merged(lane: u32, child: LightCluster, weight: f32) -> MergedChildren {
+// positive where fluxes are. The flux of the result is the sum of the weights. What else it needs is in
+// pack_words, for pack_between and pack_finished, until they are written again after a barrier. Call from
+// uniform control flow.
+fn pack_merged(lane: u32, child: LightCluster, weight: f32) -> LightCluster {
     let slot = lane % LIGHT_WIDTH;
     let first = lane - slot;
     let is_lit = child.flux > 0.0;
@@ -114,17 +108,27 @@ fn pack_merged(lane: u32, child: LightCluster, weight: f32) -> MergedChildren {
     pack_words[pack_word(1u, lane)] = bitcast<u32>(cap_about(unit, child));
     pack_words[pack_word(2u, lane)] = bitcast<u32>(child.range);
     workgroupBarrier();
-    var between = 0.0;
     if total > 0.0 {
-        between = pack_sum(0u, first);
-        merged.variance = between + pack_result(first, 6u);
-        merged.cos_half_angle = -1.0;
-        if any(merged.axis != vec3(0.0)) {
-            merged.cos_half_angle = pack_least(1u, first);
-        }
-        merged.range = pack_greatest(2u, first);
+        merged.variance = pack_result(first, 6u);
     }
-    // The words may be written again.
-    workgroupBarrier();
-    return MergedChildren(merged, between);
+    return merged;
+}
+
+// The variance of the mean positions of the children about that of the cluster.
+fn pack_between(first: u32, merged: LightCluster) -> f32 {
+    return select(0.0, pack_sum(0u, first), merged.flux > 0.0);
+}
+
+// A merged cluster with its variance, cap and range. `between` is that of pack_between.
+fn pack_finished(first: u32, merged: LightCluster, between: f32) -> LightCluster {
+    var finished = merged;
+    if merged.flux > 0.0 {
+        finished.variance = between + merged.variance;
+        finished.cos_half_angle = -1.0;
+        if any(merged.axis != vec3(0.0)) {
+            finished.cos_half_angle = pack_least(1u, first);
+        }
+        finished.range = pack_greatest(2u, first);
+    }
+    return finished;
 }

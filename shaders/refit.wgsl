@@ -4,7 +4,7 @@
 
 @group(0) @binding(0) var<uniform> refit_pass: RefitPass;
 @group(0) @binding(1) var<storage, read_write> nodes: array<u32>;
-@group(0) @binding(2) var<storage, read_write> sources: array<LightSource>;
+@group(0) @binding(2) var<storage, read_write> sources: array<LightSourceRecord>;
 // The clusters of the uppermost nodes of all pieces.
 @group(0) @binding(3) var<storage, read_write> clusters: array<RefitCluster>;
 @group(0) @binding(4) var<storage, read_write> measures: array<LightMeasure>;
@@ -122,9 +122,11 @@ fn refit_node(lane: u32, source: u32, entry: u32, words: vec2<u32>, is_used: boo
     if is_used {
         child = refit_child(source, nodes[node_child_word(stored, place)], slot, words.y);
     }
-    let all = pack_merged(lane, child.cluster, refit_weight(source, child));
     var merged: RefitCluster;
-    merged.cluster = all.cluster;
+    merged.cluster = pack_merged(lane, child.cluster, refit_weight(source, child));
+    let between = pack_between(first, merged.cluster);
+    merged.cluster = pack_finished(first, merged.cluster, between);
+    workgroupBarrier();
     let fluxes = refit_sums(
         lane, array(child.cluster.flux, child.punctual_flux, child.area_flux, 0.0, 0.0, 0.0, 0.0),
     );
@@ -144,7 +146,7 @@ fn refit_node(lane: u32, source: u32, entry: u32, words: vec2<u32>, is_used: boo
     ));
     let extent = merged.cluster.box_max - merged.cluster.box_min;
     let perimeter = extent.x + extent.y + extent.z;
-    merged.distance = sqrt(all.between) + sums[1];
+    merged.distance = sqrt(between) + sums[1];
     merged.overlap = select(0.0, sums[0] / max(perimeter, LIGHT_MIN_FLUX), perimeter > 0.0) + sums[2];
     merged.variance = merged.cluster.variance + sums[3];
     merged.cost = sums[4];

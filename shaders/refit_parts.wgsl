@@ -4,7 +4,7 @@
 
 @group(0) @binding(0) var<uniform> refit_pass: RefitPass;
 @group(0) @binding(1) var<storage, read_write> trees: array<LightTree>;
-@group(0) @binding(2) var<storage, read_write> sources: array<LightSource>;
+@group(0) @binding(2) var<storage, read_write> sources: array<LightSourceRecord>;
 @group(0) @binding(3) var<storage, read> clusters: array<RefitCluster>;
 @group(0) @binding(4) var<storage, read_write> nodes: array<u32>;
 @group(0) @binding(5) var<storage, read> lights: array<vec4<u32>>;

@@ -269,9 +269,9 @@ fn light_portal_side(
 
 // Twin of `share_between`.
 fn light_share_between(a: vec3<f32>, b: vec3<f32>) -> f32 {
-    let within = min(a.x + a.y, b.x + b.y);
-    let share = min(within, a.z + b.z) / (a.y + b.y);
-    return select(clamp(share, LIGHT_LEAST_SHARE, 1.0), 0.0, within <= 0.0);
+    let filled = min(a.x + LIGHT_FILLED_WIDTH * a.y, b.x + LIGHT_FILLED_WIDTH * b.y);
+    let share = min(filled, a.z + b.z) / (LIGHT_FILLED_WIDTH * (a.y + b.y));
+    return select(clamp(share, LIGHT_LEAST_SHARE, 1.0), 0.0, min(a.x + a.y, b.x + b.y) <= 0.0);
 }
 
 // The share of a child of the sky that is behind portals. Twin of `PortalsInSight::weigh`.

@@ -1,7 +1,7 @@
 // Writes the lights of trees with a source: to be called by kernels of the engine, in each frame between
 // the upload and the build of the top level. Twin of `LightWorld::set_lights` where the text says so.
 
-@group(LIGHT_GROUP) @binding(0) var<storage, read_write> light_source_table: array<LightSource>;
+@group(LIGHT_GROUP) @binding(0) var<storage, read_write> light_source_table: array<LightSourceRecord>;
 @group(LIGHT_GROUP) @binding(1) var<storage, read_write> light_source_records: array<vec4<u32>>;
 
 // Returns how many lights a source has; 0 while the GPU does not hold its tree, and for numbers of no

@@ -2,7 +2,7 @@
 // nothing.
 
 // A tree with a source. Twin of `SourceRecord` in src/plan/sources/records.rs.
-struct LightSource {
+struct LightSourceRecord {
     // The first light of the tree in its buffer, and how many there are; 0 if the GPU does not hold
     // the tree whole.
     light_base: u32,

@@ -66,7 +66,7 @@ fn node_pack(lane: u32, node: u32, is_used: bool, piece: u32) {
         pack_masks(lane, node, is_used, child_bits, piece);
     }
     let child = node_child(child_bits, piece);
-    let merged = pack_merged(lane, child, child.flux).cluster;
+    let merged = pack_merged(lane, child, child.flux);
     if is_used {
         let bits = vec3(
             step_bits(merged.box_min.x, merged.box_max.x),
@@ -76,8 +76,9 @@ fn node_pack(lane: u32, node: u32, is_used: bool, piece: u32) {
         if slot == 0u {
             let parent = nodes[node_tail_word(stored, node)];
             node_store(stored, node, merged.box_min, bits, parent);
-            clusters[top_pass.capacity + node] = merged;
-            pack_clusters[node - piece] = merged;
+            let finished = pack_finished(first, merged, pack_between(first, merged));
+            clusters[top_pass.capacity + node] = finished;
+            pack_clusters[node - piece] = finished;
         }
         node_store_child(stored, place, child_packed(child, merged.box_min, bits));
         if child_bits != LIGHT_EMPTY_SLOT && (child_bits & LIGHT_LEAF) != 0u {
@@ -86,6 +87,8 @@ fn node_pack(lane: u32, node: u32, is_used: bool, piece: u32) {
             node_store_child_bits(stored, place, node_leaf(part));
         }
     }
+    // The words may be written again.
+    workgroupBarrier();
 }
 
 // Twin of `weights` in src/top/masks.rs; `greatest` is the greatest flux of the eight.

@@ -198,8 +198,8 @@ pub use visibility::{VisibilityOptions, VisibilityTable};
 #[cfg(feature = "gpu")]
 pub use wgpu;
 pub use world::{
-    BackgroundReport, Changes, FrameReport, JobReport, LightSource, LightWorld, OriginMode, RebuildState,
-    RefusedRegion, Region, RegionInstance, RegionTree, RegionView, RemovedRegion, Revision, WorldMemory,
+    BackgroundReport, Changes, FrameReport, JobReport, LightWorld, OriginMode, RebuildState, RefusedRegion, Region,
+    RegionInstance, RegionTree, RegionView, RemovedRegion, Revision, TreeSource, WorldMemory,
 };
 
 /// The README's programs, compiled and run as documentation tests.
@@ -233,6 +233,8 @@ mod pages {
     struct Profiles;
     #[doc = include_str!("../docs/textures.md")]
     struct Textures;
+    #[doc = include_str!("../docs/gpu-lights.md")]
+    struct KernelLights;
     #[doc = include_str!("../docs/streaming.md")]
     #[cfg(feature = "bake")]
     struct Streaming;

@@ -10,7 +10,7 @@ use super::nodes::MIN_ROTATION_LENGTH_SQ;
 use super::texture::TextureImage;
 use crate::instance::placement::Placement;
 use crate::sky::Sky;
-use crate::texture::srgb_to_linear;
+use crate::texture::LINEAR;
 
 /// Columns of the sky for each column of a face: a quarter of a turn.
 const COLUMNS_OF_FACE: usize = 4;
@@ -72,9 +72,8 @@ impl ImageBasedLight {
             return Err(refused(format!("an image of {width} x {height} pixels is no face of a cube of {side}")));
         }
         let side = side as usize;
-        let linear: [f32; 256] = std::array::from_fn(|byte| srgb_to_linear(byte as f32 / 255.0));
         let nits = |pixel: &[u8]| {
-            let color = Vec3::from_array([0, 1, 2].map(|channel| linear[usize::from(pixel[channel])]));
+            let color = Vec3::from_array([0, 1, 2].map(|channel| LINEAR[usize::from(pixel[channel])]));
             // The least divisor in place of 0, which writers store for what is brighter still.
             color * (255.0 / f32::from(pixel[3].max(1)) * self.intensity)
         };

@@ -261,6 +261,7 @@ impl LightShader {
 mod tests {
     use super::*;
     use crate::gpu::testing::gpu_lights;
+    use crate::plan::wgsl_of_sources;
 
     #[test]
     fn the_directives_of_an_engine_stay_first() {
@@ -301,7 +302,7 @@ mod tests {
         let texts: Vec<_> = paths.map(|path| std::fs::read_to_string(path).expect("a text")).collect();
         let blocks_of = |text| str::split(text, "```wgsl\n").skip(1).filter_map(|rest| rest.split("```").next());
         let blocks: Vec<_> = texts.iter().flat_map(|text| blocks_of(text)).collect();
-        assert_eq!(blocks.len(), 10);
+        assert_eq!(blocks.len(), 11);
         for effects in [Effects::all(), Effects::empty()] {
             // Only shaders that know segments have the distance along one.
             let knows = |block: &&&str| effects.contains(Effects::SEGMENTS) || !block.contains("light_segment(");
@@ -311,8 +312,11 @@ mod tests {
                 let target = block.contains("light_resample_by").then_some(hook);
                 let previous = block.contains("light_pmf_previous").then(|| text::wgsl_previous(2, effects));
                 let parts = ShaderParts { target, learns, ..ShaderParts::default() };
-                let text = text::wgsl_with(1, effects, &parts) + &previous.unwrap_or_default();
-                let text = text + STUBS + block;
+                let text = match block.contains("light_put_") {
+                    true => wgsl_of_sources(1),
+                    false => text::wgsl_with(1, effects, &parts) + &previous.unwrap_or_default() + STUBS,
+                };
+                let text = text + block;
                 let module =
                     naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");
                 naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())

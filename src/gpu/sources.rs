@@ -1,10 +1,10 @@
 //! Trees whose lights kernels of the engine write: the bind group of these kernels, and what is read back.
 
-use std::collections::VecDeque;
+use std::collections::{HashSet, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-use super::GpuLights;
+use super::{GpuLights, memory};
 use crate::keys::TreeKey;
 use crate::plan::{BufferId, LightReadback, MeasureReadback, wgsl_of_sources};
 use crate::world::LightWorld;
@@ -14,6 +14,10 @@ const MEASURED_PER_FRAME: u32 = 256;
 
 /// The bytes of lights that are read back in one frame, unless the first tree has more.
 const LIGHT_BYTES_PER_FRAME: u64 = 4 << 20;
+
+/// The most trees that were read back, or are being read, and have not been rebuilt yet: those that wait for
+/// longer would be built of old lights.
+const MAX_READ: usize = 16;
 
 /// The most frames that wait for the GPU. Later ones read nothing back.
 const MAX_WAITING: usize = 4;
@@ -31,8 +35,11 @@ pub(super) struct SourceLink {
     group: Option<([BufferId; 2], wgpu::BindGroup)>,
     /// The number of the source that is measured next.
     next: u32,
-    /// The trees whose lights are to be read back.
+    /// The trees whose lights are to be read back, in order, and the same as a set.
     wanted: VecDeque<TreeKey>,
+    are_wanted: HashSet<TreeKey>,
+    /// The trees whose lights were read back, and that wait for their rebuild.
+    read: Vec<TreeKey>,
     /// In the order in which they were recorded.
     readbacks: VecDeque<Readback>,
     /// A buffer that may be used again.
@@ -91,12 +98,14 @@ impl SourceLink {
             label: Some("girandole sources"),
             entries: &[entry(0), entry(1)],
         });
-        Self { layout, group: None, next: 0, wanted: VecDeque::new(), readbacks: VecDeque::new(), spare: None }
+        let (wanted, readbacks) = (VecDeque::new(), VecDeque::new());
+        let are_wanted = HashSet::new();
+        Self { layout, group: None, next: 0, wanted, are_wanted, read: Vec::new(), readbacks, spare: None }
     }
 }
 
 impl GpuLights {
-    /// The WGSL text for kernels that write the lights of trees with a [source](crate::LightSource): see
+    /// The WGSL text for kernels that write the lights of trees with a [source](crate::TreeSource): see
     /// [`wgsl_of_sources`]. `group` is the number of [`GpuLights::source_group`].
     pub fn source_shader(&self, group: u32) -> String {
         wgsl_of_sources(group)
@@ -108,7 +117,7 @@ impl GpuLights {
     }
 
     /// The bind group for kernels that write lights; `None` until an upload has sent a tree with a
-    /// [source](crate::LightSource), and while there is no memory for the lights.
+    /// [source](crate::TreeSource), and while there is no memory for the lights.
     ///
     /// Call it in each frame after [`GpuLights::upload`], and record the kernels before
     /// [`GpuLights::build_top`], which refits the trees. What kernels have not written is as in the last frame;
@@ -132,7 +141,7 @@ impl GpuLights {
         self.sources.group.as_ref().map(|(_, group)| group)
     }
 
-    /// Tells the world what the GPU has found out about trees with a [source](crate::LightSource), so that
+    /// Tells the world what the GPU has found out about trees with a [source](crate::TreeSource), so that
     /// policies and the scheduler know of them. Call it once a frame before [`LightWorld::update`];
     /// [`GpuLights::sync`] does.
     ///
@@ -141,6 +150,7 @@ impl GpuLights {
     /// have their lights copied too, at most 4 MiB a frame or one tree. The world then holds these
     /// lights, and rebuilds the tree within its budget. O(trees that were measured, lights that were copied).
     pub fn follow_sources(&mut self, world: &mut LightWorld) {
+        self.sources.read.retain(|tree| world.rebuild_state(*tree).is_some_and(|state| state.waited.is_some()));
         while let Some(state) = self.sources.readbacks.front().map(|readback| readback.state.load(Ordering::Acquire)) {
             if state == WAITS {
                 return;
@@ -165,26 +175,25 @@ impl GpuLights {
         let Some(measures) = planner.measures(sources.next, MEASURED_PER_FRAME) else { return };
         sources.next += MEASURED_PER_FRAME;
         let (mut bytes, mut lights) = (measures.bytes, Vec::new());
-        while let Some(tree) = sources.wanted.front() {
-            let Some(of_tree) = planner.source_lights(*tree) else {
-                sources.wanted.pop_front();
-                continue;
-            };
-            if !lights.is_empty() && bytes + of_tree.bytes > LIGHT_BYTES_PER_FRAME {
+        let underway = sources.read.len() + sources.readbacks.iter().map(|other| other.lights.len()).sum::<usize>();
+        while underway + lights.len() < MAX_READ
+            && let Some(tree) = sources.wanted.front()
+        {
+            let of_tree = planner.source_lights(*tree);
+            let more = of_tree.as_ref().map_or(0, |of_tree| of_tree.bytes);
+            if !lights.is_empty() && bytes + more > LIGHT_BYTES_PER_FRAME {
                 break;
             }
-            bytes += of_tree.bytes;
-            lights.push(of_tree);
+            bytes += more;
+            lights.extend(of_tree);
+            sources.are_wanted.remove(tree);
             sources.wanted.pop_front();
         }
-        let buffer = sources.spare.take().filter(|spare| spare.size() >= bytes).unwrap_or_else(|| {
-            device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("girandole readback"),
-                size: bytes.next_power_of_two(),
-                usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })
-        });
+        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        let spare = sources.spare.take().filter(|spare| spare.size() >= bytes);
+        let made = || memory::create_buffer(device, "readback", bytes.next_power_of_two(), usage);
+        // Without memory, the trees ask again.
+        let Some(buffer) = spare.map_or_else(|| made().ok(), Some) else { return };
         let ranges = std::iter::once((measures.buffer, measures.offset, measures.bytes));
         let mut at = 0;
         for (from, offset, bytes) in ranges.chain(lights.iter().map(|l| (l.buffer, l.offset, l.bytes))) {
@@ -209,12 +218,13 @@ impl SourceLink {
         let mut at = measures.bytes as usize;
         for lights in lights {
             lights.apply(world, &bytes[at..][..lights.bytes as usize]);
+            self.read.push(lights.tree);
             at += lights.bytes as usize;
         }
         for tree in measures.apply(world, &bytes[..measures.bytes as usize]) {
             let is_underway = self.readbacks.iter().any(|r| r.lights.iter().any(|l| l.tree == tree))
                 || lights.iter().any(|lights| lights.tree == tree);
-            if !is_underway && !self.wanted.contains(&tree) {
+            if !is_underway && self.are_wanted.insert(tree) {
                 self.wanted.push_back(tree);
             }
         }

@@ -7,7 +7,8 @@
 use glam::{DMat3, DVec3, Mat3, Vec3, Vec4};
 
 use crate::instance::placement::Placement;
-use crate::tree::{Lanes, Node, WIDTH};
+use crate::shading::importance::ChildImportances;
+use crate::tree::{ChildRef, Node, WIDTH};
 
 /// The most portals of a world.
 pub(crate) const MAX_PORTALS: usize = 32;
@@ -20,6 +21,9 @@ pub(crate) const PORTAL_SLACK: f32 = 1.0e-4;
 
 /// Up to this sine of the angle to the plane of a portal, a point sees all of the sky.
 pub(crate) const IN_PLANE: f32 = 1.0e-4;
+
+/// How much of the width of a node's box holds light: boxes are about spheres, and those about patches.
+pub(crate) const FILLED_WIDTH: f32 = 0.85;
 
 /// The least share of a node along one axis of a portal, if the portal shows any of it.
 pub(crate) const LEAST_SHARE: f32 = 0.01;
@@ -145,8 +149,9 @@ impl<'a> PortalsInSight<'a> {
         (seen != 0).then_some(Self { portals, seen, position, axes })
     }
 
-    /// Multiplies the importance of each child of a node of the sky by the share of it that is behind portals.
-    pub fn weigh(&self, node: &Node, importance: &mut Lanes) {
+    /// Multiplies the importance of each child of a node of the sky by the share of it that is behind portals. What is
+    /// seen in part is split early: its light may be all in the other part.
+    pub fn weigh(&self, node: &Node, children: &mut ChildImportances) {
         let grid = node.grid(Vec3::ZERO);
         let boxes = std::array::from_fn::<_, WIDTH, _>(|slot| {
             let child = node.unpack(slot, &grid);
@@ -171,7 +176,11 @@ impl<'a> PortalsInSight<'a> {
             }
         }
         for slot in 0..WIDTH {
-            importance[slot] *= shares[slot].min(1.0);
+            let share = shares[slot].min(1.0);
+            children.importance[slot] *= share;
+            if let Some(ChildRef::Node(_)) = node.child(slot) {
+                children.doubt[slot] += 1.0 - share;
+            }
         }
     }
 }
@@ -179,8 +188,8 @@ impl<'a> PortalsInSight<'a> {
 /// The share of a box that is in front of two planes, along the line between them. Of each plane the distance to the
 /// centre, positive in front, how far the box reaches along its normal, and the distance to the middle of the portal.
 fn share_between(a: Vec3, b: Vec3) -> f32 {
-    let within = (a.x + a.y).min(b.x + b.y);
-    let share = within.min(a.z + b.z) / (a.y + b.y);
+    let filled = (a.x + FILLED_WIDTH * a.y).min(b.x + FILLED_WIDTH * b.y);
+    let share = filled.min(a.z + b.z) / (FILLED_WIDTH * (a.y + b.y));
     // A comparison that NaN passes.
-    if within <= 0.0 { 0.0 } else { share.clamp(LEAST_SHARE, 1.0) }
+    if (a.x + a.y).min(b.x + b.y) <= 0.0 { 0.0 } else { share.clamp(LEAST_SHARE, 1.0) }
 }

@@ -346,7 +346,7 @@ impl LightPlanner {
 
     /// The buffers that kernels of the engine bind to write lights, in the order of the bindings of
     /// [`wgsl_of_sources`]: two storage buffers that are read and written. `None` until the world has a tree with
-    /// a [source](crate::LightSource). Any plan may replace them.
+    /// a [source](crate::TreeSource). Any plan may replace them.
     pub fn source_bindings(&self) -> Option<[BufferId; 2]> {
         self.sources.table().map(|table| [table, self.trees.lights.buffer()])
     }

@@ -413,6 +413,7 @@ pub(crate) fn constants() -> String {
     for (name, value) in [
         ("VARIANCE_SHARE", importance::VARIANCE_SHARE),
         ("PORTAL_SLACK", portal::PORTAL_SLACK),
+        ("FILLED_WIDTH", portal::FILLED_WIDTH),
         ("LEAST_SHARE", portal::LEAST_SHARE),
         ("IN_PLANE", portal::IN_PLANE),
         ("COSINE_WIDTH_SQ", importance::COSINE_WIDTH_SQ),
@@ -643,7 +644,7 @@ mod tests {
     }
 
     const PORTAL_NAMES: &str = "light_portal_quad light_is_in_room light_portals_in_sight light_portal_share \
-        light_share_between light_portal_side LIGHT_PORTAL_SLACK LIGHT_LEAST_SHARE LIGHT_IN_PLANE";
+        light_share_between light_portal_side LIGHT_PORTAL_SLACK LIGHT_FILLED_WIDTH LIGHT_LEAST_SHARE LIGHT_IN_PLANE";
 
     const LEARNING_NAMES: &str = "light_learnt light_visibility_records light_row_counts light_side light_cell light_bin \
         light_child_bin light_learnt_share light_visible_share light_place_share light_toward_sample light_row_or_claim \

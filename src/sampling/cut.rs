@@ -71,9 +71,10 @@ pub(crate) trait InstanceTrees<'a> {
     }
 
     /// Multiplies the importance of each child of a node by the share of the flux below it that
-    /// reaches the shading point by its mask; 0 only if nothing does. `record` is the node.
+    /// reaches the shading point by its mask or through a portal; 0 only if nothing does. `record` is
+    /// the node.
     #[inline(always)]
-    fn weigh_masks(&self, _tree: &TreeView<'a>, _node: u32, _record: &Node, _importance: &mut Lanes) {}
+    fn weigh_masks(&self, _tree: &TreeView<'a>, _node: u32, _record: &Node, _children: &mut ChildImportances) {}
 }
 
 /// The importances of the children of a node, which is in `tree`. 0 where masks hide all lights.
@@ -87,7 +88,7 @@ pub(crate) fn seen_importances<'a>(
     instance_trees: &impl InstanceTrees<'a>,
 ) -> ChildImportances {
     let mut children = child_importances(record, &tree.local);
-    instance_trees.weigh_masks(tree, node, record, &mut children.importance);
+    instance_trees.weigh_masks(tree, node, record, &mut children);
     children
 }
 

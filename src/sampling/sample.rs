@@ -20,7 +20,7 @@ use crate::sampling::distribution::DistributionJob;
 use crate::sampling::emit::{Incident, MIN_INVERSE_PDF, MIN_PDF, sample_light};
 use crate::sampling::equiangular::Stretch;
 use crate::sampling::walk::{DrawJob, LeafPath, Outcome, PmfJob, PmfQuery, TopPath, TreeLight};
-use crate::shading::importance::LocalShadingPoint;
+use crate::shading::importance::{ChildImportances, LocalShadingPoint};
 use crate::shading::segment::LocalSegment;
 use crate::shading::shading_point::ShadingPoint;
 use crate::sky::SKY_DIST;
@@ -218,11 +218,11 @@ impl<'a> InstanceTrees<'a> for MaskedWorldTrees<'a, '_> {
     }
 
     #[inline(always)]
-    fn weigh_masks(&self, tree: &TreeView<'a>, node: u32, record: &Node, importance: &mut Lanes) {
+    fn weigh_masks(&self, tree: &TreeView<'a>, node: u32, record: &Node, children: &mut ChildImportances) {
         // Below the top level all lights have the mask of one instance.
         if !tree.is_top() {
             if let Some((_, portals)) = self.hidden.portals.as_ref().filter(|(sky, _)| *sky == tree.instance) {
-                portals.weigh(record, importance);
+                portals.weigh(record, children);
             }
             return;
         }
@@ -230,9 +230,9 @@ impl<'a> InstanceTrees<'a> for MaskedWorldTrees<'a, '_> {
         let unions = masks.get(node as usize).map_or([u32::MAX; WIDTH], |masks| masks.children);
         for slot in 0..WIDTH {
             if unions[slot] & mask == 0 {
-                importance[slot] = 0.0;
+                children.importance[slot] = 0.0;
             } else if let Some(ChildRef::Node(child)) = record.child(slot) {
-                importance[slot] *= masks.get(child as usize).map_or(1.0, |masks| masks.shares.seen(mask));
+                children.importance[slot] *= masks.get(child as usize).map_or(1.0, |masks| masks.shares.seen(mask));
             }
         }
     }

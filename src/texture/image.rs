@@ -21,7 +21,8 @@ const MAX_CELLS: f64 = 128.0;
 const MAX_HELD: usize = 1 << 25;
 
 /// The linear value of each byte that is sRGB-encoded.
-static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|byte| srgb_to_linear(byte as f32 / 255.0)));
+pub(crate) static LINEAR: LazyLock<[f32; 256]> =
+    LazyLock::new(|| std::array::from_fn(|byte| srgb_to_linear(byte as f32 / 255.0)));
 
 /// An image that surfaces emit: the texture of a sign, or a frame of a film on a screen.
 ///
@@ -68,7 +69,7 @@ struct Reduced {
 }
 
 /// The linear value of an sRGB-encoded one; both are from 0 to 1.
-pub(crate) fn srgb_to_linear(encoded: f32) -> f32 {
+fn srgb_to_linear(encoded: f32) -> f32 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 

@@ -9,9 +9,7 @@ mod split;
 mod surface;
 
 pub use cells::TextureWrap;
-#[cfg(feature = "gltf")]
-pub(crate) use image::MAX_SIZE;
 pub use image::Texture;
 #[cfg(feature = "gltf")]
-pub(crate) use image::srgb_to_linear;
+pub(crate) use image::{LINEAR, MAX_SIZE};
 pub use surface::TexturedSurface;

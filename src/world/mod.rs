@@ -57,7 +57,7 @@ pub use region_table::RegionView;
 pub use regions::RemovedRegion;
 pub use reports::{BackgroundReport, FrameReport, JobReport, RebuildState};
 pub(crate) use scene::{Instance, TreeEntry};
-pub use sources::LightSource;
+pub use sources::TreeSource;
 #[cfg(feature = "gpu-plan")]
 pub(crate) use sources::{SourceMeasure, TreeVersion};
 

@@ -63,7 +63,7 @@ pub(crate) struct TreeEntry {
     /// A policy changed since the last update, so that the tree may request a rebuild although no
     /// light changes.
     pub has_new_policy: bool,
-    /// Each light is an opening: see [`LightSource::GpuParticles`](super::LightSource).
+    /// Each light is an opening: see [`TreeSource::GpuParticles`](super::TreeSource).
     pub is_loose: bool,
     pub weight: TreeWeight,
     /// The lights of others that lie between those of each instance, for all instances together, in units

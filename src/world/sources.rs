@@ -13,7 +13,7 @@ use crate::tree::Attributes;
 /// Who writes the lights of a tree: see [`LightWorld::set_light_source`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
-pub enum LightSource {
+pub enum TreeSource {
     /// Edits of the world.
     #[default]
     Cpu,
@@ -36,7 +36,7 @@ pub(super) struct Sources {
 /// The source of one tree.
 #[derive(Clone, Copy, Debug)]
 struct Source {
-    by: LightSource,
+    by: TreeSource,
     number: u32,
     /// The count of the last measure, and all refusals so far.
     refused: (u32, u64),
@@ -63,7 +63,7 @@ pub(crate) struct SourceMeasure {
 
 impl Sources {
     /// The source of a tree, and its number.
-    pub fn of(&self, tree: TreeKey) -> Option<(LightSource, u32)> {
+    pub fn of(&self, tree: TreeKey) -> Option<(TreeSource, u32)> {
         self.get(tree).map(|source| (source.by, source.number))
     }
 
@@ -72,7 +72,7 @@ impl Sources {
     }
 
     /// Gives a tree a source, with the number that it has already or with the least that is free.
-    fn set(&mut self, tree: TreeKey, source: LightSource) {
+    fn set(&mut self, tree: TreeKey, source: TreeSource) {
         let number = self.of(tree).map(|(_, number)| number).or_else(|| self.free.pop_first());
         let number = number.unwrap_or(self.numbers.len() as u32);
         if self.numbers.len() <= number as usize {
@@ -105,36 +105,36 @@ impl LightWorld {
     /// a [`LightSampler`](crate::LightSampler) samples these, crowds are counted and stand-ins are made from
     /// them. So set them where the lights really are about, before or after this call.
     ///
-    /// | | [`LightSource::GpuMesh`] | [`LightSource::GpuParticles`] |
+    /// | | [`TreeSource::GpuMesh`] | [`TreeSource::GpuParticles`] |
     /// |---|---|---|
     /// | work in a frame | O(lights), the refit | O(lights), and the top level has a leaf for each light of each instance |
     /// | noise | grows as lights part from their neighbours, until a rebuild | as of a fresh build |
     /// | rebuilds | as policies request them: see `GpuLights::follow_sources` | none |
     ///
-    /// O(1) for [`LightSource::GpuMesh`], O(lights · log lights) for [`LightSource::GpuParticles`].
+    /// O(1) for [`TreeSource::GpuMesh`], O(lights · log lights) for [`TreeSource::GpuParticles`].
     ///
     /// # Errors
     /// [`WorldError::NoSuchTree`]; [`WorldError::ProfileOnGpu`] if a light of the tree has a profile. While a
     /// later edit gives it such a light, writes of the kernel do nothing.
-    pub fn set_light_source(&mut self, tree: TreeKey, source: LightSource) -> Result<(), WorldError> {
+    pub fn set_light_source(&mut self, tree: TreeKey, source: TreeSource) -> Result<(), WorldError> {
         let has_profiles = self.entry(tree)?.tree.effects().has(Effects::PROFILES);
-        let former = self.scene.sources.of(tree).map_or(LightSource::Cpu, |(source, _)| source);
+        let former = self.scene.sources.of(tree).map_or(TreeSource::Cpu, |(source, _)| source);
         if source == former {
             return Ok(());
         }
-        if has_profiles && source != LightSource::Cpu {
+        if has_profiles && source != TreeSource::Cpu {
             return Err(WorldError::ProfileOnGpu);
         }
-        if source == LightSource::Cpu {
+        if source == TreeSource::Cpu {
             self.scene.sources.remove(tree);
             self.effects.change(|counts| counts.remove(Effects::MOVING));
         } else {
             self.scene.sources.set(tree, source);
-            if former == LightSource::Cpu {
+            if former == TreeSource::Cpu {
                 self.effects.change(|counts| counts.add(Effects::MOVING));
             }
         }
-        self.scene.trees[tree].is_loose = source == LightSource::GpuParticles;
+        self.scene.trees[tree].is_loose = source == TreeSource::GpuParticles;
         self.whole_tree_changed(tree);
         let (crowds, mut edit) = self.crowds();
         edit.update(tree);
@@ -145,7 +145,7 @@ impl LightWorld {
 
     /// Who writes the lights of a tree, with the number by which kernels know its source; `None` for a stale
     /// key and for a tree whose lights the CPU writes. The number stays the same while the tree has a source.
-    pub fn light_source(&self, tree: TreeKey) -> Option<(LightSource, u32)> {
+    pub fn light_source(&self, tree: TreeKey) -> Option<(TreeSource, u32)> {
         self.scene.sources.of(tree)
     }
 
@@ -169,7 +169,7 @@ impl LightWorld {
         let (last, total) = source.refused;
         let more = measure.refused.checked_sub(last).unwrap_or(measure.refused);
         source.refused = (measure.refused, total + u64::from(more));
-        if source.by != LightSource::GpuMesh || self.version(tree) != Some(version) {
+        if source.by != TreeSource::GpuMesh || self.version(tree) != Some(version) {
             return false;
         }
         let entry = &mut self.scene.trees[tree];
@@ -192,8 +192,69 @@ impl LightWorld {
     }
 
     /// The tree whose source has a number.
-    pub(crate) fn source_at(&self, number: u32) -> Option<(TreeKey, LightSource)> {
+    pub(crate) fn source_at(&self, number: u32) -> Option<(TreeKey, TreeSource)> {
         let tree = (*self.scene.sources.numbers.get(number as usize)?)?;
         self.scene.sources.get(tree).map(|source| (tree, source.by))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{Quat, Vec3};
+
+    use super::*;
+    use crate::profile::tests::street_lamp;
+    use crate::{FrameBudget, Light, LightTree, Placement, Policy};
+
+    fn tree(count: usize) -> LightTree {
+        LightTree::new((0..count).map(|i| Light::point(Vec3::X * i as f32, Vec3::ONE)).collect()).expect("valid")
+    }
+
+    #[test]
+    fn numbers_stay_while_a_tree_has_a_source_and_are_used_again_after_it() {
+        let mut world = LightWorld::new();
+        let trees: Vec<_> = (0..4).map(|_| world.add_tree(tree(20))).collect();
+        for key in &trees[..3] {
+            world.set_light_source(*key, TreeSource::GpuMesh).expect("no profiles");
+        }
+        let number = |world: &LightWorld, key| world.light_source(key).map(|(_, number)| number);
+        assert_eq!([0, 1, 2, 3].map(|i| number(&world, trees[i])), [Some(0), Some(1), Some(2), None]);
+        assert_eq!(world.effect_counts().of(Effects::MOVING), 3);
+        world.set_light_source(trees[1], TreeSource::GpuParticles).expect("no profiles");
+        assert_eq!(world.light_source(trees[1]), Some((TreeSource::GpuParticles, 1)));
+        world.set_light_source(trees[0], TreeSource::Cpu).expect("always");
+        world.remove_tree(trees[1]).expect("no instances");
+        assert_eq!(world.effect_counts().of(Effects::MOVING), 1);
+        assert_eq!((world.light_source(trees[0]), world.light_source(trees[1])), (None, None));
+        world.set_light_source(trees[3], TreeSource::GpuMesh).expect("no profiles");
+        assert_eq!(number(&world, trees[3]), Some(0));
+        assert_eq!(world.set_light_source(trees[1], TreeSource::Cpu), Err(WorldError::NoSuchTree(trees[1])));
+    }
+
+    #[test]
+    fn each_particle_is_a_part_of_each_instance_whatever_happens_to_the_tree() {
+        let mut world = LightWorld::new();
+        let key = world.add_tree(tree(300));
+        for place in [0.0, 7.0] {
+            world.add_instance(key, Placement::at(glam::DVec3::Y * place), Policy::Budgeted).expect("valid");
+        }
+        world.set_light_source(key, TreeSource::GpuParticles).expect("no profiles");
+        let parts = |world: &mut LightWorld| world.update(FrameBudget::NONE).parts;
+        assert_eq!(parts(&mut world), 600);
+        world.rebuild_tree(key).expect("live");
+        assert_eq!(parts(&mut world), 600);
+        world.replace_lights(key, tree(50).lights().to_vec()).expect("valid");
+        assert_eq!(parts(&mut world), 100);
+        world.set_light_source(key, TreeSource::Cpu).expect("always");
+        assert!(parts(&mut world) < 100);
+    }
+
+    #[test]
+    fn lights_with_profiles_are_refused() {
+        let mut world = LightWorld::new();
+        let lamp = Light::profile(Vec3::ZERO, Quat::IDENTITY, street_lamp(3), Vec3::ONE);
+        let key = world.add_tree(LightTree::new(vec![lamp]).expect("valid"));
+        assert_eq!(world.set_light_source(key, TreeSource::GpuMesh), Err(WorldError::ProfileOnGpu));
+        assert_eq!((world.light_source(key), WorldError::ProfileOnGpu.code()), (None, 216));
     }
 }

@@ -1,7 +1,7 @@
 //! Trees whose lights a kernel of the engine writes on the GPU.
 
 use girandole::plan::{self, LightPlanner};
-use girandole::{LightSource, LightWorld, TreeKey, WorldError};
+use girandole::{LightWorld, TreeKey, TreeSource, WorldError};
 
 use crate::memory::{object, result, wanted};
 use crate::planner::GirandolePlanner;
@@ -25,10 +25,10 @@ pub const GIRANDOLE_SOURCE_GPU_MESH: GirandoleLightSource = 1;
 pub const GIRANDOLE_SOURCE_GPU_PARTICLES: GirandoleLightSource = 2;
 
 /// The sources with their numbers in this interface.
-const SOURCES: [(GirandoleLightSource, LightSource); 3] = [
-    (GIRANDOLE_SOURCE_CPU, LightSource::Cpu),
-    (GIRANDOLE_SOURCE_GPU_MESH, LightSource::GpuMesh),
-    (GIRANDOLE_SOURCE_GPU_PARTICLES, LightSource::GpuParticles),
+const SOURCES: [(GirandoleLightSource, TreeSource); 3] = [
+    (GIRANDOLE_SOURCE_CPU, TreeSource::Cpu),
+    (GIRANDOLE_SOURCE_GPU_MESH, TreeSource::GpuMesh),
+    (GIRANDOLE_SOURCE_GPU_PARTICLES, TreeSource::GpuParticles),
 ];
 
 fn check_tree(world: &LightWorld, tree: TreeKey) -> Result<(), Failure> {
@@ -76,7 +76,7 @@ pub unsafe extern "C" fn girandole_world_light_source(
         let (source, number) = unsafe { (wanted(source, "source")?, wanted(number, "number")?) };
         let tree = TreeKey::from(tree);
         check_tree(world, tree)?;
-        let (by, index) = world.light_source(tree).unwrap_or((LightSource::Cpu, GIRANDOLE_NO_INDEX));
+        let (by, index) = world.light_source(tree).unwrap_or((TreeSource::Cpu, GIRANDOLE_NO_INDEX));
         source.set(SOURCES.iter().find(|(_, known)| *known == by).map_or(u32::MAX, |(known, _)| *known));
         number.set(index);
         Ok(())

@@ -92,7 +92,22 @@ pub fn all() -> Vec<Subject> {
             wgsl: caller(&plan::wgsl(0, set), call),
         })
     });
-    own.chain(functions).chain(cuts()).collect()
+    own.chain([put()]).chain(functions).chain(cuts()).collect()
+}
+
+/// A kernel of an engine that writes triangles.
+fn put() -> Subject {
+    let call = "
+@group(1) @binding(0) var<storage, read> vertices: array<vec4<f32>>;
+@compute @workgroup_size(64)
+fn call(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x < light_source_count(0u) {
+        let at = 3u * id.x;
+        light_put_triangle(0u, id.x, vertices[at].xyz, vertices[at + 1u].xyz, vertices[at + 2u].xyz, vec3(1.0));
+    }
+}
+";
+    Subject { kernel: "light_put_triangle", effects: "", entry: "call", wgsl: plan::wgsl_of_sources(0) + call }
 }
 
 /// What marks, builds and shares cuts.

@@ -1,6 +1,7 @@
 //! The part of the command line that selects a scene, which other programs share.
 
 use super::scene::dusk::{self, Dusk};
+use super::scene::festival;
 use super::scene::gltf_scene;
 use super::scene::procedural::{self, CityOptions, Size};
 use super::scene::real_city::lamp_columns::LampColumns;
@@ -63,6 +64,9 @@ pub struct SceneOptions {
     /// Correction of the exposure in stops: 1 makes pictures twice as bright [from -20 to 20]
     #[arg(long, value_name = "EV", default_value_t = 0.0, value_parser = parse_exposure, allow_negative_numbers = true)]
     pub exposure: f32,
+    /// A fire and a dancer in the procedural city, which a GPU moves. Cars stay away, unless they are asked for.
+    #[arg(skip)]
+    pub fire: bool,
     /// The time after sunset, in place of the night.
     #[arg(skip)]
     pub dusk: Option<Dusk>,
@@ -74,7 +78,7 @@ const SCREEN: Vec3 = Vec3::new(0.0, 11.5, 84.0);
 impl SceneOptions {
     /// Loads the scene for pictures of this width and height.
     pub fn load(&self, (width, height): (u32, u32)) -> Result<Stage, SceneError> {
-        let Self { gltf, lamps, traffic, vtypes, net, buildings, seed, cars, world, lamps_columns, dusk, .. } =
+        let Self { gltf, lamps, traffic, vtypes, net, buildings, seed, cars, world, lamps_columns, fire, dusk, .. } =
             self.clone();
         let lamp_profile = dusk.as_ref().map(Dusk::profile).transpose()?;
         let mut stage = if let Some(path) = gltf {
@@ -94,8 +98,10 @@ impl SceneOptions {
             };
             real_city::stage(&files)?
         } else {
+            let cars = self.procedural_cars();
             let city = procedural::stage(&CityOptions { size: world, cars, seed, lamp_profile })?;
-            if dusk.is_some() { screen::hang(city, SCREEN)? } else { city }
+            let city = if dusk.is_some() { screen::hang(city, SCREEN)? } else { city };
+            if fire { festival::celebrate(city)? } else { city }
         };
         if dusk.is_some() {
             dusk::set(&mut stage)?;
@@ -109,7 +115,8 @@ impl SceneOptions {
 
     /// The number of cars, if it can be chosen: in the procedural city.
     pub fn procedural_cars(&self) -> Option<usize> {
-        self.files().next().is_none().then(|| self.cars.unwrap_or_else(|| self.world.default_cars()))
+        let usual = if self.fire { 0 } else { self.world.default_cars() };
+        self.files().next().is_none().then(|| self.cars.unwrap_or(usual))
     }
 
     /// The name of the scene for titles.

@@ -18,7 +18,10 @@ use crate::plan::sources::MeasureRecord;
 use crate::plan::{BufferId, Command, MeasureReadback, ShaderBuffers};
 use crate::scheduler::VirtualClock;
 use crate::tree::{LightTree, NO_LEAF, Node, WIDTH};
-use crate::{Effects, FrameBudget, Light, LightSource, LightWorld, Placement, Policy, ShadingPoint, TreeKey};
+use crate::{
+    Effects, FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint, Texture, TexturedSurface, TreeKey,
+    TreeSource,
+};
 
 /// What the kernel of the tests writes to a light. A kind of 99 makes it dark.
 #[repr(C)]
@@ -58,9 +61,45 @@ impl Put {
     }
 }
 
+/// A kernel that writes lights: the text that an engine adds, and the layout of its own group 0.
+fn source_pipeline(lights: &GpuLights, own: &wgpu::BindGroupLayout, text: &str) -> wgpu::ComputePipeline {
+    let (device, _) = gpu();
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl((lights.source_shader(1) + text).into()),
+    });
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        bind_group_layouts: &[Some(own), Some(lights.source_layout())],
+        ..Default::default()
+    });
+    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: None,
+        layout: Some(&layout),
+        module: &module,
+        entry_point: Some("engine"),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    })
+}
+
+/// Runs such a kernel for so many lights, then builds the top level.
+fn run_and_build(lights: &mut GpuLights, pipeline: &wgpu::ComputePipeline, group: &wgpu::BindGroup, count: u32) {
+    let (device, queue) = gpu();
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, group, &[]);
+        pass.set_bind_group(1, lights.source_group().expect("a tree with a source was sent"), &[]);
+        pass.dispatch_workgroups(count.div_ceil(64), 1, 1);
+    }
+    lights.build_top(&mut encoder);
+    queue.submit([encoder.finish()]);
+}
+
 /// Puts lights by the kernel, then builds the top level.
 fn put(lights: &mut GpuLights, puts: &[Put]) {
-    let (device, queue) = gpu();
+    let (device, _) = gpu();
     let buffer = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
         label: None,
         contents: bytemuck::cast_slice(puts),
@@ -68,33 +107,9 @@ fn put(lights: &mut GpuLights, puts: &[Put]) {
     });
     let own = device
         .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &[storage_entry(0, true)] });
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: None,
-        source: wgpu::ShaderSource::Wgsl((lights.source_shader(1) + ENGINE).into()),
-    });
-    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        bind_group_layouts: &[Some(&own), Some(lights.source_layout())],
-        ..Default::default()
-    });
-    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: None,
-        layout: Some(&layout),
-        module: &module,
-        entry_point: Some("engine"),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
-    });
-    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    {
-        let group = bind(&device, "test", &own, &[buffer.as_entire_binding()]);
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        pass.set_pipeline(&pipeline);
-        pass.set_bind_group(0, &group, &[]);
-        pass.set_bind_group(1, lights.source_group().expect("a tree with a source was sent"), &[]);
-        pass.dispatch_workgroups((puts.len() as u32).div_ceil(64), 1, 1);
-    }
-    lights.build_top(&mut encoder);
-    queue.submit([encoder.finish()]);
+    let pipeline = source_pipeline(lights, &own, ENGINE);
+    let group = bind(&device, "test", &own, &[buffer.as_entire_binding()]);
+    run_and_build(lights, &pipeline, &group, puts.len() as u32);
 }
 
 /// A light of a kind, at a place and of a brightness that follow `salt`.
@@ -222,7 +237,7 @@ fn a_refit_on_the_gpu_makes_the_nodes_of_a_refit_on_the_cpu() {
     };
     let (mut world, trees) = world_of(&sizes, placement);
     let (mut twin, twins) = world_of(&sizes, placement);
-    trees.iter().for_each(|tree| world.set_light_source(*tree, LightSource::GpuMesh).expect("no profiles"));
+    trees.iter().for_each(|tree| world.set_light_source(*tree, TreeSource::GpuMesh).expect("no profiles"));
     let mut lights = gpu_lights();
     lights.upload(&world).expect("room");
     let mut puts = Vec::new();
@@ -230,7 +245,7 @@ fn a_refit_on_the_gpu_makes_the_nodes_of_a_refit_on_the_cpu() {
         let mut moved = lights_of(size, 2);
         moved.iter_mut().skip(5).step_by(11).for_each(|light| light.emission = Vec3::ZERO);
         let (source, number) = world.light_source(*tree).expect("set");
-        assert_eq!(source, LightSource::GpuMesh);
+        assert_eq!(source, TreeSource::GpuMesh);
         puts.extend((0..).zip(&moved).map(|(index, light)| Put::of(number, index, light)));
         twin.set_light_range(*other, 0, &moved).expect("valid");
     }
@@ -262,7 +277,7 @@ fn a_refit_on_the_gpu_makes_the_nodes_of_a_refit_on_the_cpu() {
 #[test]
 fn values_that_the_cpu_would_refuse_make_a_light_dark_and_nothing_else() {
     let (mut world, trees) = world_of(&[300], |_| Placement::IDENTITY);
-    world.set_light_source(trees[0], LightSource::GpuMesh).expect("no profiles");
+    world.set_light_source(trees[0], TreeSource::GpuMesh).expect("no profiles");
     let mut lights = gpu_lights();
     lights.upload(&world).expect("room");
     let mut moved = lights_of(300, 2);
@@ -319,7 +334,7 @@ fn values_that_the_cpu_would_refuse_make_a_light_dark_and_nothing_else() {
 fn measures_are_the_attributes_of_a_refit_on_the_cpu() {
     let sizes = [1, 40, 2_000];
     let (mut world, trees) = world_of(&sizes, |index| Placement::at(DVec3::X * 200.0 * f64::from(index)));
-    trees.iter().for_each(|tree| world.set_light_source(*tree, LightSource::GpuMesh).expect("no profiles"));
+    trees.iter().for_each(|tree| world.set_light_source(*tree, TreeSource::GpuMesh).expect("no profiles"));
     let mut lights = gpu_lights();
     lights.upload(&world).expect("room");
     let mut puts = Vec::new();
@@ -391,7 +406,7 @@ fn mean_and_sum(lights: &mut GpuLights, world: &LightWorld, all: &LightWorld) ->
 
 #[test]
 fn samples_of_lights_that_kernels_write_have_the_mean_of_the_sum() {
-    for source in [LightSource::GpuMesh, LightSource::GpuParticles] {
+    for source in [TreeSource::GpuMesh, TreeSource::GpuParticles] {
         let sizes = [500, 90];
         let placement = |index: u32| Placement::at(DVec3::X * 30.0 * f64::from(index));
         let (mut world, trees) = world_of(&sizes, placement);
@@ -432,7 +447,7 @@ fn a_frame_in_which_nothing_changes_on_the_cpu_refits_and_sends_nothing() {
     let mut lights = gpu_lights();
     lights.upload(&world).expect("room");
     assert!(refits(&lights) == 0 && lights.source_group().is_none(), "no source yet");
-    trees.iter().for_each(|tree| world.set_light_source(*tree, LightSource::GpuMesh).expect("no profiles"));
+    trees.iter().for_each(|tree| world.set_light_source(*tree, TreeSource::GpuMesh).expect("no profiles"));
     assert!(lights.upload(&world).expect("room").bytes > 0);
     for _ in 0..3 {
         assert_eq!(lights.upload(&world).expect("room").bytes, 0);
@@ -440,7 +455,7 @@ fn a_frame_in_which_nothing_changes_on_the_cpu_refits_and_sends_nothing() {
         assert!((2..=8).contains(&refits(&lights)), "{} dispatches", refits(&lights));
     }
     // The CPU writes again.
-    trees.iter().for_each(|tree| world.set_light_source(*tree, LightSource::Cpu).expect("no profiles"));
+    trees.iter().for_each(|tree| world.set_light_source(*tree, TreeSource::Cpu).expect("no profiles"));
     lights.upload(&world).expect("room");
     assert_eq!(refits(&lights), 0);
 }
@@ -451,7 +466,7 @@ fn a_particle_that_is_born_where_another_died_is_another_light() {
     let mut world = LightWorld::new();
     let tree = world.add_tree(LightTree::new(lamps(1)).expect("valid"));
     world.add_instance(tree, Placement::IDENTITY, Policy::RefitOnly).expect("valid");
-    world.set_light_source(tree, LightSource::GpuParticles).expect("no profiles");
+    world.set_light_source(tree, TreeSource::GpuParticles).expect("no profiles");
     world.update(FrameBudget::NONE);
     assert_eq!(world.effects(), Effects::empty());
     let mut lights = gpu_lights();
@@ -472,6 +487,100 @@ fn a_particle_that_is_born_where_another_died_is_another_light() {
     let after = births(&lights);
     for i in 0..64 {
         assert_eq!(before[i] != after[i], i == 10 || i == 11, "{i}");
+    }
+}
+
+#[test]
+fn a_film_that_only_the_gpu_has_lights_the_parts_of_a_screen_as_on_the_cpu() {
+    let (width, height) = (64_u32, 32_u32);
+    let texel = |i: u32| Vec3::new(random(i, 60), random(i, 61), random(i, 62)).powf(4.0);
+    let texels: Vec<Vec3> = (0..width * height).map(texel).collect();
+    let mut texture = Texture::linear(width as usize, &texels).expect("sound texels");
+    let white = Vec3::new(900.0, 800.0, 700.0);
+    let screen = TexturedSurface::rectangle(Vec3::new(1.0, 3.0, 2.0), 4.0 * Vec3::X, 2.0 * Vec3::Y, white);
+    let parts = texture.split(&[screen], 0.5, 200);
+    let expected: Vec<Light> = parts.iter().map(|part| texture.light(part)).collect();
+    let mut world = LightWorld::new();
+    let dark = expected.iter().map(|light| light.with_emission(Vec3::ZERO)).collect();
+    let tree = world.add_tree(LightTree::new(dark).expect("valid"));
+    world.add_instance(tree, Placement::IDENTITY, Policy::RefitOnly).expect("valid");
+    world.set_light_source(tree, TreeSource::GpuMesh).expect("no profiles");
+    let mut lights = gpu_lights();
+    lights.upload(&world).expect("room");
+
+    // The document's kernel, with an entry point.
+    let (device, queue) = gpu();
+    let page = include_str!("../../../docs/gpu-lights.md");
+    let kernel = page.split("```wgsl\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a kernel");
+    let entry = "
+        @compute @workgroup_size(64) fn engine(@builtin(global_invocation_id) id: vec3<u32>) {
+            if id.x < light_source_count(0u) { screen_put(0u, id.x, vec3(900.0, 800.0, 700.0)); }
+        }";
+    let texture = device.create_texture_with_data(
+        &queue,
+        &wgpu::TextureDescriptor {
+            label: None,
+            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: wgpu::TextureFormat::Rgba32Float,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        },
+        wgpu::util::TextureDataOrder::LayerMajor,
+        bytemuck::cast_slice(&texels.iter().map(|t| t.extend(1.0).to_array()).collect::<Vec<_>>()),
+    );
+    // Each part as words: three vectors of four, then its corner and its size in texels. Rows of texels begin
+    // at the top.
+    let words: Vec<[u32; 16]> = expected
+        .iter()
+        .map(|light| {
+            let crate::light::Shape::Rectangle { center, half_u, half_v, .. } = light.shape else {
+                unreachable!("parts of a rectangle")
+            };
+            let size = [half_u.x / 4.0 * width as f32, half_v.y / 2.0 * height as f32];
+            let corner =
+                [(center.x - half_u.x + 3.0) / 8.0 * width as f32, (5.0 - center.y - half_v.y) / 4.0 * height as f32];
+            let [center, u, v] = [center, half_u, half_v].map(|v| v.extend(0.0).to_array().map(f32::to_bits));
+            let texels = [corner[0], corner[1], size[0], size[1]].map(|x| x.round() as u32);
+            let mut words = [0; 16];
+            words[..4].copy_from_slice(&center);
+            words[4..8].copy_from_slice(&u);
+            words[8..12].copy_from_slice(&v);
+            words[12..16].copy_from_slice(&texels);
+            words
+        })
+        .collect();
+    let buffer = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        label: None,
+        contents: bytemuck::cast_slice(&words),
+        usage: wgpu::BufferUsages::STORAGE,
+    });
+    let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: None,
+        entries: &[
+            wgpu::BindGroupLayoutEntry {
+                binding: 0,
+                visibility: wgpu::ShaderStages::COMPUTE,
+                ty: wgpu::BindingType::Texture {
+                    sample_type: wgpu::TextureSampleType::Float { filterable: false },
+                    view_dimension: wgpu::TextureViewDimension::D2,
+                    multisampled: false,
+                },
+                count: None,
+            },
+            storage_entry(1, true),
+        ],
+    });
+    let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+    let group = bind(&device, "film", &own, &[wgpu::BindingResource::TextureView(&view), buffer.as_entire_binding()]);
+    let pipeline = source_pipeline(&lights, &own, &(kernel.to_owned() + entry));
+    run_and_build(&mut lights, &pipeline, &group, parts.len() as u32);
+    let (_, _, records) = read_tree(&lights, tree);
+    for (record, light) in records.iter().zip(&expected) {
+        let difference = (Vec3::from(record.emission) - light.emission).abs().max_element();
+        assert!(difference <= 1.0e-4 * light.emission.max_element(), "{record:?} {light:?}");
     }
 }
 
@@ -511,7 +620,7 @@ fn a_tree_is_rebuilt_from_what_kernels_wrote_once_its_lights_have_parted() {
     let rest = world.add_tree(LightTree::new(whirl(count, 0.0)).expect("valid"));
     for key in [tree, rest] {
         world.add_instance(key, Placement::IDENTITY, Policy::Budgeted).expect("valid");
-        world.set_light_source(key, LightSource::GpuMesh).expect("no profiles");
+        world.set_light_source(key, TreeSource::GpuMesh).expect("no profiles");
     }
     assert!(world.active_effects().contains(Effects::MOVING));
     let mut lights = gpu_lights();
@@ -545,7 +654,7 @@ fn frames_that_are_dropped_and_trees_that_go_disturb_no_readback() {
     let add = |world: &mut LightWorld, policy| {
         let tree = world.add_tree(LightTree::new(whirl(90, 0.0)).expect("valid"));
         let instance = world.add_instance(tree, Placement::IDENTITY, policy).expect("valid");
-        world.set_light_source(tree, LightSource::GpuMesh).expect("no profiles");
+        world.set_light_source(tree, TreeSource::GpuMesh).expect("no profiles");
         (tree, instance)
     };
     let (first, instance) = add(&mut world, Policy::AlwaysRebuild);
@@ -565,11 +674,113 @@ fn frames_that_are_dropped_and_trees_that_go_disturb_no_readback() {
     world.remove_tree(first).expect("no instances");
     // The number is used again, by another tree.
     let (third, _) = add(&mut world, Policy::RefitOnly);
-    assert_eq!(world.light_source(third), Some((LightSource::GpuMesh, 0)));
+    assert_eq!(world.light_source(third), Some((TreeSource::GpuMesh, 0)));
     for time in 4..9 {
         let puts = puts_of(&world, second, &whirl(90, time as f32));
         frame(&mut lights, &mut world, &puts);
     }
     assert_eq!(world.tree(third).expect("live").lights(), whirl(90, 0.0), "it never asks for its lights");
     assert_ne!(world.tree(second).expect("live").lights(), whirl(90, 0.0));
+}
+
+#[test]
+fn the_records_of_openings_follow_the_lights() {
+    // Two trees between each other's lights, and a third one that is divided by side.
+    let (mut world, trees) = world_of(&[2_000, 100, 40], |_| Placement::IDENTITY);
+    trees.iter().for_each(|tree| world.set_light_source(*tree, TreeSource::GpuMesh).expect("no profiles"));
+    for _ in 0..3 {
+        world.update(FrameBudget::NONE);
+    }
+    let mut lights = gpu_lights();
+    lights.upload(&world).expect("room");
+    let mut puts = Vec::new();
+    for tree in &trees {
+        let count = world.tree(*tree).expect("live").lights().len() as u32;
+        puts.extend(puts_of(&world, *tree, &lights_of(count, 2)));
+    }
+    put(&mut lights, &puts);
+    let (mut of_lights, mut of_nodes) = (0, 0);
+    for tree in &trees {
+        let entry = world.tree_entry(*tree).expect("live");
+        let mut twin = entry.tree.clone();
+        let moved = lights_of(twin.lights().len() as u32, 2);
+        twin.set_lights(&(0..).zip(moved).collect::<Vec<_>>()).expect("valid");
+        twin.refit();
+        let (_, parts, _) = read_tree(&lights, *tree);
+        assert!(parts.len() == entry.openings.len() && parts.len() > 1, "{} parts", parts.len());
+        for (part, opening) in parts.iter().zip(&entry.openings) {
+            let (ours, all) = (part.cluster, twin.opening_cluster(opening));
+            assert_eq!((part.child_bits, part.place), (opening.child_bits, opening.place));
+            assert!(close(ours.flux, all.flux, 500.0 * all.flux), "{ours:?} {all:?}");
+            // Boxes of nodes are unpacked from the same bytes, and boxes of lights are exact.
+            assert_eq!((ours.box_min, ours.box_max), (all.aabb.min.to_array(), all.aabb.max.to_array()));
+            let size = all.aabb.extent().length();
+            assert!((Vec3::from(ours.mean) - all.mean).length() <= 0.02 * size + 1.0e-4, "{ours:?} {all:?}");
+            assert!((Vec3::from(ours.axis) - all.axis).length() < 0.02, "{ours:?} {all:?}");
+            assert!((ours.cos_half_angle - all.cos_half_angle).abs() < 0.02, "{ours:?} {all:?}");
+            assert_eq!(ours.range, all.range.min(UNLIMITED_RANGE));
+            match opening.light() {
+                Some(_) => of_lights += 1,
+                None => of_nodes += 1,
+            }
+        }
+    }
+    assert!(of_lights > 50 && of_nodes > 50, "{of_lights} {of_nodes}");
+}
+
+#[test]
+fn lights_are_written_in_the_layout_that_is_stored_now() {
+    let mut world = LightWorld::new();
+    let tree = world.add_tree(LightTree::new(whirl(200, 0.0)).expect("valid"));
+    world.add_instance(tree, Placement::IDENTITY, Policy::RefitOnly).expect("valid");
+    world.set_light_source(tree, TreeSource::GpuMesh).expect("no profiles");
+    world.update(FrameBudget::NONE);
+    let mut lights = gpu_lights();
+    for (time, has_more) in [(3.0, false), (5.0, true)] {
+        if has_more {
+            // Lights with cones and ranges make all records longer, and more trees make the buffers larger.
+            let more = world.add_tree(LightTree::new(lights_of(2_000, 1)).expect("valid"));
+            let place = Placement::at(DVec3::X * 500.0);
+            world.add_instance(more, place, Policy::RefitOnly).expect("valid");
+            world.update(FrameBudget::NONE);
+        }
+        lights.upload(&world).expect("room");
+        let moved = whirl(200, time);
+        put(&mut lights, &puts_of(&world, tree, &moved));
+        let (_, [range, _, _]) = lights.planner.tree_ranges(slot_of(tree));
+        let nodes = read_nodes(&lights, lights.planner.bindings().expect("sent")[2], range);
+        let mut twin = world.tree(tree).expect("live").clone();
+        twin.set_lights(&(0..).zip(moved.iter().copied()).collect::<Vec<_>>()).expect("valid");
+        twin.refit();
+        assert_same_nodes(&nodes, twin.nodes());
+        assert_bounds_hold(&nodes, &twin, &moved);
+    }
+}
+
+#[test]
+fn a_device_without_room_for_a_tree_takes_no_lights_of_it_until_there_is_room() {
+    let (mut world, trees) = world_of(&[3_000, 20], |index| Placement::at(DVec3::X * 300.0 * f64::from(index)));
+    trees.iter().for_each(|tree| world.set_light_source(*tree, TreeSource::GpuMesh).expect("no profiles"));
+    let mut lights = gpu_lights();
+    lights.set_tree_memory(Some(128 * 1024));
+    lights.upload(&world).expect("room for stand-ins");
+    assert!(lights.planner.source_lights(trees[0]).is_none(), "the large tree has stand-ins");
+    let puts: Vec<Put> = trees
+        .iter()
+        .flat_map(|tree| {
+            let count = world.tree(*tree).expect("live").lights().len() as u32;
+            puts_of(&world, *tree, &lights_of(count, 2))
+        })
+        .collect();
+    put(&mut lights, &puts);
+    lights.set_tree_memory(None);
+    for _ in 0..3 {
+        lights.upload(&world).expect("room");
+    }
+    put(&mut lights, &puts);
+    for tree in &trees {
+        let moved = lights_of(world.tree(*tree).expect("live").lights().len() as u32, 2);
+        let (nodes, _, _) = read_tree(&lights, *tree);
+        assert_bounds_hold(&nodes, world.tree(*tree).expect("live"), &moved);
+    }
 }

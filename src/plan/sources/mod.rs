@@ -34,7 +34,7 @@ use super::stored::{Missing, Stored};
 use super::tree_store::TreeStore;
 use crate::effects::Effects;
 use crate::keys::{TreeKey, slot_of};
-use crate::world::{LightSource, LightWorld, TreeVersion};
+use crate::world::{LightWorld, TreeSource, TreeVersion};
 
 /// Records that the first buffers have room for.
 const FIRST_RECORDS: u32 = 16;
@@ -126,7 +126,7 @@ impl SourceStore {
             // Shaders see an older version.
             return (present, false);
         }
-        let has_pieces = source == LightSource::GpuMesh;
+        let has_pieces = source == TreeSource::GpuMesh;
         let record = SourceRecord {
             light_base: state.lights.start,
             light_count: entry.tree.lights().len() as u32,

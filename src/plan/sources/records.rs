@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use super::super::layout::ClusterRecord;
 use crate::cluster::Linear;
 
-/// What kernels know of such a tree; `LightSource` in WGSL. 96 bytes. All counts are 0 while the GPU does
+/// What kernels know of such a tree; `LightSourceRecord` in WGSL. 96 bytes. All counts are 0 while the GPU does
 /// not hold the tree whole.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

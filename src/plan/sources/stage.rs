@@ -77,7 +77,7 @@ fn source_constants() -> String {
 }
 
 /// Returns the text for a kernel of the engine that writes the lights of trees with a
-/// [source](crate::LightSource). It has these functions:
+/// [source](crate::TreeSource). It has these functions:
 ///
 /// ```wgsl
 /// // How many lights a source has; 0 while the GPU does not hold its tree.

@@ -115,15 +115,15 @@ fn all_that_windows_show_has_a_probability_and_little_noise() {
     let without = noise(&world.sampler());
     world.set_portals(&portals(DVec3::ZERO)).expect("sound portals");
     let with = noise(&world.sampler());
-    // Noise of texels at random, and a sun that few points see: 0.34 was measured.
-    assert!(with < 0.4 * without, "{with} {without}");
+    // Noise of texels at random, and a sun that few points see: 0.25 was measured, and 0.16 with cells.
+    assert!(with < 0.3 * without, "{with} {without}");
     // Cells know them too.
     let mut cuts = CutTable::new(CutOptions::new(0.5, 512).expect("sound").with_min_marks(1));
     let marker = world.sampler().with_cuts(&cuts);
     points.iter().for_each(|(_, at)| marker.mark(at));
     cuts.builds(world.sampler()).for_each(CutBuild::run);
     let shared = noise(&world.sampler().with_cuts(&cuts));
-    assert!(shared < 0.4 * without, "{shared} {without}");
+    assert!(shared < 0.3 * without, "{shared} {without}");
 }
 
 /// Fixed seeds; the false-alarm rate of each mean is 0.01 %.
@@ -181,8 +181,9 @@ fn probabilities_sum_to_one_and_points_outside_see_all_of_the_sky() {
             }
         }
     }
-    // A node of the sky with the sun and the edge of a window leads to nothing where the sun is hidden.
-    assert!(drawn > 30 * 200 / 2, "{drawn}");
+    // A node of the sky with the sun and the edge of a window leads to nothing where the sun is hidden. 5,227 were
+    // counted, and 5,018 where boxes counted whole and such nodes were not split early.
+    assert!(drawn > 30 * 200 * 17 / 20, "{drawn}");
 }
 
 #[test]
@@ -231,11 +232,11 @@ fn bad_portals_are_refused_and_change_nothing() {
         assert!(matches!(error, SkyError::Portal { portal: 1 }) && error.code() == 1305);
         assert_eq!(world.portals().len(), 32);
     }
-    // A point of the pane sees all that is in front of it.
+    // A point of the pane sees all that is in front of it, on whichever side of the plane it is by rounding.
     world.set_portals(&[portal]).expect("a sound portal");
-    let pane = turn() * (WINDOWS[0][0] + 0.3 * WINDOWS[0][1]);
     let texels = texels(&world);
-    for normal in [turn() * Vec3::X, Vec3::ZERO] {
+    for (normal, outward) in [(turn() * Vec3::X, -1.0e-5), (turn() * Vec3::X, 1.0e-5), (Vec3::ZERO, 0.0)] {
+        let pane = turn() * (WINDOWS[0][0] + 0.3 * WINDOWS[0][1] + outward * Vec3::X);
         let at = ShadingPoint { normal, ..ShadingPoint::volume(pane) };
         for (direction, _, radiance) in &texels {
             if *radiance != Vec3::ZERO && (normal == Vec3::ZERO || normal.dot(*direction) > 1.0e-3) {

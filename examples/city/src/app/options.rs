@@ -57,6 +57,10 @@ pub struct Options {
     /// Let street lamps shine at dusk as this file says: IES, or EULUMDAT (.ldt)
     #[arg(long, value_name = "FILE", requires = "dusk")]
     pub ies: Option<PathBuf>,
+    /// A fire of 100,000 sparks, and a dancer in a suit of lamps, on a crossing of the procedural city. The GPU moves
+    /// their lights. Cars stay away, unless --cars lets them in
+    #[arg(long, conflicts_with_all = ["gltf", "lamps", "traffic", "net", "buildings", "sampler", "sum", "compare"])]
+    pub fire: bool,
     /// Time that rebuilds of light trees may take per frame, in milliseconds
     #[arg(long, value_name = "MS", default_value_t = 1.0, value_parser = parse_budget, allow_negative_numbers = true)]
     pub budget_ms: f64,
@@ -113,6 +117,10 @@ impl Options {
                 Err(SceneError("--compare renders on the CPU and cannot be used with --backend gpu; see --help".into()))
             }
             Ok(mut options) => {
+                if options.fire && options.backend == BackendChoice::Auto {
+                    options.backend = BackendChoice::Gpu;
+                }
+                options.scene.fire = options.fire;
                 options.scene.dusk = options.dusk.then(|| Dusk { ies: options.ies.clone() });
                 Ok(Parsed::Run(Box::new(options)))
             }
@@ -235,6 +243,11 @@ mod tests {
             "--gltf a.glb --cars 5",
             "--gltf a.glb --dusk",
             "--dusk --sum",
+            "--gltf a.glb --fire",
+            "--lamps a.csv --fire",
+            "--fire --sampler flux",
+            "--fire --compare",
+            "--fire --sum",
             "--ies lamp.ies",
             "--traffic a.xml --world S",
             "--net a.net.xml --world S",
@@ -266,7 +279,11 @@ mod tests {
         assert_eq!(options.scene.camera, Some((Vec3::new(-8.0, 2.0, 6.0), Vec3::new(2.0, 3.5, -14.0))));
         assert_eq!(options.scene.world, Size::M);
         assert_eq!([parse("--exposure -20").unwrap().scene.exposure, parse("").unwrap().scene.exposure], [-20.0, 0.0]);
-        assert_eq!(parse("").unwrap().backend, BackendChoice::Auto);
+        let backend = |args| parse(args).unwrap().backend;
+        assert_eq!([backend(""), backend("--fire --dusk")], [BackendChoice::Auto, BackendChoice::Gpu]);
+        assert_eq!(backend("--fire --backend cpu"), BackendChoice::Cpu, "which a run refuses");
+        let cars = |args| parse(args).unwrap().scene.procedural_cars();
+        assert_eq!(["", "--fire", "--fire --cars 7"].map(cars), [Some(Size::S.default_cars()), Some(0), Some(7)]);
         let folder = |args| parse(args).unwrap().folder().map(|folder| folder.display().to_string());
         assert_eq!(folder("").as_deref(), Some("out"));
         assert_eq!(folder("--out a --video b.mp4").as_deref(), Some("a"));

@@ -130,6 +130,9 @@ impl Session {
         stage.world.set_glossy_sampling(true);
         let geometry = Geometry::new(&stage.scene)?;
         let renderer = match chosen.backend {
+            Backend::Cpu if stage.scene.festival.is_some() => {
+                return Err(SceneError("the lights of --fire are moved by a GPU, which --backend cpu lacks".into()));
+            }
             Backend::Cpu => Renderer::Cpu,
             Backend::Gpu(gpu) => {
                 let effects = stage.world.effects();
@@ -259,7 +262,7 @@ impl Session {
     pub fn advance(&mut self) -> Result<Advance, SceneError> {
         let mut laps = Laps::start();
         let mut times = StageTimes::default();
-        let Self { stage: Stage { scene, world, animation }, geometry, settings, pace, .. } = self;
+        let Self { stage: Stage { scene, world, animation }, geometry, renderer, settings, pace, .. } = self;
         let number = self.next;
         self.next += 1;
         // A still animation is advanced once, and the geometry is compared with the scene once.
@@ -269,6 +272,9 @@ impl Session {
             self.clock += 1;
         }
         times.animation = laps.lap();
+        if let Renderer::Gpu(renderer) = renderer {
+            renderer.follow(world);
+        }
         world.set_viewpoint(scene.camera.eye.as_dvec3())?;
         let report = world.update(pace.budget);
         let is_changed = !world.changes_since(self.seen).is_empty();
@@ -280,10 +286,10 @@ impl Session {
         let change = if moves { geometry.update(scene)? } else { GeometryChange::default() };
         meter(scene, geometry, world, (settings.width, settings.height));
         times.geometry = laps.lap();
-        let update = match &mut self.renderer {
+        let update = match renderer {
             Renderer::Cpu => GpuUpdate::default(),
             Renderer::Gpu(_) if number > 0 && change.is_empty() && !is_changed => GpuUpdate::default(),
-            Renderer::Gpu(renderer) => renderer.update(geometry, &change, world)?,
+            Renderer::Gpu(renderer) => renderer.update(scene, geometry, &change, world)?,
         };
         // An upload waits for the top level if it measures it.
         times.top_build = update.top_build;

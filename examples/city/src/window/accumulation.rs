@@ -250,6 +250,7 @@ mod tests {
             textures: Vec::new(),
             meshes: vec![Mesh { triangles: vec![Triangle { vertices: corners, material: 0 }], ..Mesh::default() }],
             objects: vec![Object { mesh: 0, transform: Affine3A::IDENTITY, emission_scale: 1.0, visible: true }],
+            festival: None,
             camera: Camera { eye: Vec3::new(0.0, 0.0, 10.0), target: Vec3::ZERO, vertical_fov: 0.8, up: Vec3::Y },
             sky: Sky::default(),
             lamp_clearance: 0.1,

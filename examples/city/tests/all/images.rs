@@ -114,6 +114,26 @@ fn both_backends_render_the_same_picture_at_dusk() {
     assert_same_pictures("dusk", stage, 1);
 }
 
+#[test]
+fn a_fire_and_a_dancer_that_the_gpu_moves_light_the_street() {
+    let mean = |arguments: &str| {
+        let given = "city --camera -2.6,2.1,116.5,0.5,4.3,100 --backend gpu".split(' ').chain(arguments.split(' '));
+        let Ok(Parsed::Run(options)) = Options::read(given) else { panic!("valid options") };
+        let stage = options.scene.load((48, 27)).expect("a valid scene");
+        let mut session = session(stage, settings(48, 27, 4, 5), BackendChoice::Gpu);
+        let frames = [frame(&mut session), frame(&mut session)];
+        for tree in session.scene().festival.iter().flat_map(|festival| [festival.sparks, festival.suit]) {
+            assert_eq!(session.world().refused_writes(tree), 0);
+        }
+        assert!(!options.fire || frames[0].stats.lights > 100_000, "{} lights", frames[0].stats.lights);
+        frames.map(|frame| frame.image.pixels.iter().sum::<Vec3>() / (48.0 * 27.0))
+    };
+    let [first, second] = mean("--fire");
+    let [night, _] = mean("--cars 0");
+    assert!(first.is_finite() && second.is_finite() && first != second);
+    assert!(first.x > 1.3 * night.x && first.x - night.x > 2.0 * (first.z - night.z), "{first} {night}");
+}
+
 /// Which points a cell keeps depends on all bits of their positions, and so on how rays are rounded. The
 /// samples of a cell whose points are others differ by their noise.
 #[test]

@@ -66,6 +66,7 @@ fn invalid_options_are_refused() {
     assert_refused("formless", &["--video", "film"], "extension");
     assert_refused("exposure", &["--exposure", "20.5"], "exposure");
     assert_refused("exposure-nan", &["--exposure", "nan"], "exposure");
+    assert_refused("fire", &["--fire", "--backend", "cpu"], "--backend cpu");
     assert_refused("unknown", &["--colour", "red"], "--colour");
 }
 

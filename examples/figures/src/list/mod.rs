@@ -30,6 +30,8 @@ pub const FIGURES: &[Figure] = &[
     noise::LEARNING,
     noise::SKY,
     noise::SIGNS,
+    noise::KERNEL_NOISE,
+    noise::KERNEL_COST,
     world::DEFORM,
     world::BUDGET_PLOT,
     world::BUDGET,

@@ -329,3 +329,38 @@ pub const SIGNS: Figure = table(
         ..VIEW
     }],
 );
+
+pub const KERNEL_NOISE: Figure = table(
+    "kernel-noise",
+    "docs/gpu-lights.md",
+    &[View {
+        from: &["kernel-noise/noise.csv"],
+        keys: &[("scene", "lights"), ("policy", "followed by")],
+        cells: &[
+            cell("rebuilds of a tree in 100 frames", "rebuilds", Digits(2)),
+            cell("σ", "sigma_mean", Digits(3)),
+            cell("over fresh", "over_fresh", Digits(3)),
+            cell("at most", "most_over_fresh", Digits(3)),
+        ],
+        ..VIEW
+    }],
+);
+
+pub const KERNEL_COST: Figure = table(
+    "kernel-cost",
+    "docs/gpu-lights.md",
+    &[View {
+        from: &["kernel-cost/cost.csv"],
+        keys: &[("scene", "lights")],
+        cells: &[
+            cell("trees", "trees", Fixed(0)),
+            cell("triangles", "lights", Fixed(0)),
+            cell("dispatches", "dispatches", Fixed(0)),
+            cell("bytes, by those of a copy", "bytes_per_copy", Digits(3)),
+            cell("refit, ms", "refit_ms", Digits(3)),
+            cell("copy, ms", "copy_ms", Digits(2)),
+            cell("a frame on the CPU, µs", "cpu_us", Digits(2)),
+        ],
+        ..VIEW
+    }],
+);

@@ -96,6 +96,24 @@ pub const RUNS: &[Run] = &[
         ..RUN
     },
     Run {
+        name: "kernel-noise",
+        program: "kernel_lights",
+        quick: Some("--quick"),
+        out: Some("noise.csv"),
+        seconds: 180,
+        ..RUN
+    },
+    Run {
+        name: "kernel-cost",
+        program: "kernel_lights",
+        arguments: "--cost",
+        quick: Some("--cost --quick"),
+        out: Some("cost.csv"),
+        is_timed: true,
+        seconds: 60,
+        ..RUN
+    },
+    Run {
         name: "signs",
         program: "variance",
         arguments: "--signs",

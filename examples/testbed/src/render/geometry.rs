@@ -436,6 +436,7 @@ mod tests {
             textures: Vec::new(),
             meshes: vec![mesh],
             objects: scales.map(object).to_vec(),
+            festival: None,
             camera: Camera { eye: Vec3::Z, target: Vec3::ZERO, vertical_fov: 1.0, up: Vec3::Y },
             sky: Sky::default(),
             lamp_clearance: 0.1,

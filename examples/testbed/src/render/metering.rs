@@ -133,6 +133,7 @@ mod tests {
             textures: Vec::new(),
             meshes: vec![Mesh { triangles, ..Mesh::default() }],
             objects: vec![Object { mesh: 0, transform: Affine3A::IDENTITY, emission_scale: 1.0, visible: true }],
+            festival: None,
             camera: Camera {
                 eye: Vec3::Z * 1000.0,
                 target: Vec3::ZERO,

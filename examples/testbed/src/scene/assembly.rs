@@ -51,6 +51,7 @@ impl Assembly {
             textures: Vec::new(),
             meshes: Vec::new(),
             objects: Vec::new(),
+            festival: None,
             camera,
             sky,
             lamp_clearance: 0.1,

@@ -13,7 +13,7 @@
 //! 2. `palette`, `part` and `assembly`: materials, and meshes that are built together with their
 //!    lights (`rng` is in `examples/testbed/src/common/pcg.rs`);
 //! 3. `designs`: buildings, street furniture, signs and vehicles;
-//! 4. `rooms`: a house for measurements;
+//! 4. `dusk`, `screen` and `festival`: what is added to a city, and `rooms`: a house for measurements;
 //! 5. the loaders, in any order; each folder's `mod.rs` states the order of its files;
 //! 6. `size_argument`: the sizes of the procedural city on a command line.
 
@@ -26,6 +26,7 @@ pub mod assembly;
 
 pub mod designs;
 pub mod dusk;
+pub mod festival;
 #[cfg(feature = "native")]
 pub mod screen;
 

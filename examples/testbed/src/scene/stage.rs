@@ -3,6 +3,7 @@
 use girandole::LightWorld;
 use girandole::glam::{Affine3A, Vec3, Vec4};
 
+use super::festival::Festival;
 use super::texture::Texture;
 
 /// Whether light passes through a surface, as glTF states it. A surface that covers a share of what
@@ -158,6 +159,8 @@ pub struct Scene {
     /// Placed meshes. Their number and their meshes do not change after loading: objects that
     /// appear and disappear change their visibility.
     pub objects: Vec<Object>,
+    /// Lights that kernels on a GPU move, if there are any.
+    pub festival: Option<Festival>,
     /// The camera.
     pub camera: Camera,
     /// The sky.

@@ -31,6 +31,7 @@ fn build(is_still: bool) -> Result<Stage, Box<dyn std::error::Error>> {
         textures: Vec::new(),
         meshes: Vec::new(),
         objects: Vec::new(),
+        festival: None,
         camera: Camera {
             eye: Vec3::new(-9.0, 4.5, 11.0),
             target: Vec3::new(0.5, 1.2, -1.0),

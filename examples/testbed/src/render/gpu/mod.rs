@@ -9,7 +9,8 @@
 //! 1. `records`, `texels`, `scene_buffers` and `buffers`: what is on the device, and in which layout;
 //! 2. `pipeline`, `sequence.wgsl`, `texels.wgsl`, `textures.wgsl`, `surface.wgsl`, `render.wgsl` and
 //!    `mark.wgsl`: the shaders;
-//! 3. `shared_cuts` and `renderer`: the frames.
+//! 3. `festival`, with `sparks.wgsl`, `suit.wgsl` and `splats.wgsl`: kernels that write lights, and draw sparks;
+//! 4. `shared_cuts` and `renderer`: the frames.
 
 #[cfg(feature = "native")]
 use super::{backend, settings};
@@ -21,6 +22,8 @@ pub mod scene_buffers;
 #[cfg(feature = "native")]
 mod buffers;
 pub mod pipeline;
+#[cfg(feature = "native")]
+mod festival;
 #[cfg(feature = "native")]
 mod shared_cuts;
 #[cfg(feature = "native")]

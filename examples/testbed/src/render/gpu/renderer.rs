@@ -13,6 +13,7 @@ use girandole::{Effects, LightWorld};
 use std::time::Duration;
 
 use super::buffers::{Buffers, PIXEL_BYTES, TIMESTAMP_BYTES};
+use super::festival::FestivalKernels;
 use super::pipeline::{LIGHT_GROUP, Needs, TARGET, TARGET_ARGUMENT, WORKGROUP, Work, pipeline};
 use super::records::{FrameUniform, PictureOptions};
 use super::shared_cuts::SharedPipelines;
@@ -47,6 +48,8 @@ pub struct GpuRenderer {
     pipeline: wgpu::ComputePipeline,
     /// The pipelines for [`LightChoice::SharedCuts`], once a frame has asked for them.
     shared: Option<SharedPipelines>,
+    /// If the scene has a festival.
+    festival: Option<FestivalKernels>,
     /// Rows of a band.
     band_rows: u32,
 }
@@ -77,7 +80,9 @@ impl GpuRenderer {
         let shader = lights.shader(LIGHT_GROUP, effects).with_target(target);
         let needs = Needs::new(scene, geometry);
         let pipeline = pipeline(device, &layout, &shader, needs, Work::Render);
-        Ok(Self { gpu, lights, buffers, layout, bind_group, shader, needs, pipeline, shared: None, band_rows })
+        let festival = scene.festival.as_ref().map(|festival| FestivalKernels::new(device, &lights, festival));
+        let shared = None;
+        Ok(Self { gpu, lights, buffers, layout, bind_group, shader, needs, pipeline, shared, festival, band_rows })
     }
 
     /// Destroys the device, as a driver that crashed would.
@@ -95,9 +100,15 @@ impl GpuRenderer {
         Ok(())
     }
 
-    /// Uploads what changed and builds the top level of the light trees.
+    /// Tells the world what the GPU has found out about lights that kernels move: before it is updated.
+    pub fn follow(&mut self, world: &mut LightWorld) {
+        self.lights.follow_sources(world);
+    }
+
+    /// Uploads what changed, has kernels move their lights, and builds the top level of the light trees.
     pub fn update(
         &mut self,
+        scene: &Scene,
         geometry: &Geometry,
         change: &GeometryChange,
         world: &LightWorld,
@@ -112,7 +123,7 @@ impl GpuRenderer {
             self.shader = self.shader.with_effects(effects);
             self.pipeline = pipeline(&self.gpu.device, &self.layout, &self.shader, self.needs, Work::Render);
         }
-        Ok(GpuUpdate { light_bytes, geometry_bytes, top_build: self.build_top()? })
+        Ok(GpuUpdate { light_bytes, geometry_bytes, top_build: self.build_top(scene, world)? })
     }
 
     /// Renders a frame. `progress` receives the finished share, from 0 to 1.
@@ -151,6 +162,9 @@ impl GpuRenderer {
                 let rows = f64::from(frame.row_begin) + band_share * f64::from(frame.row_end - frame.row_begin);
                 progress(rows / f64::from(settings.height));
             }
+            if let (Some(kernels), Some(festival)) = (&self.festival, &scene.festival) {
+                kernels.draw(&self.gpu.device, &self.gpu.queue, &self.buffers.image, &frame, festival);
+            }
             let bytes = self.read(&self.buffers.image, &self.buffers.image_readback, u64::from(band) * PIXEL_BYTES)?;
             let (colors, counts) = bytemuck::cast_slice::<_, Vec4>(&bytes).split_at(band as usize);
             sums.extend_from_slice(colors);
@@ -161,9 +175,13 @@ impl GpuRenderer {
         Ok((Image::from_sums(settings.width, settings.height, settings.spp, sums.into_iter()), rays))
     }
 
-    /// Builds the top level of the light trees and returns the time that it took on the device.
-    fn build_top(&mut self) -> Result<Option<Duration>, SceneError> {
+    /// Has kernels move their lights, then builds the top level of the light trees. Returns the time that the
+    /// build took on the device.
+    fn build_top(&mut self, scene: &Scene, world: &LightWorld) -> Result<Option<Duration>, SceneError> {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        if let (Some(kernels), Some(festival)) = (&mut self.festival, &scene.festival) {
+            kernels.record(&self.gpu.queue, &mut encoder, &mut self.lights, world, festival);
+        }
         let timer = self.buffers.timer.as_ref();
         if let Some(timer) = timer {
             encoder.write_timestamp(&timer.queries, 0);

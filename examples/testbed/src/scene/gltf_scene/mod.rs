@@ -111,6 +111,7 @@ pub fn stage_in_frame(path: &Path, camera: Option<Camera>, aspect: f32) -> Resul
         textures: placed.textures,
         meshes: placed.meshes,
         objects: placed.objects,
+        festival: None,
         camera: Camera { eye: Vec3::ZERO, target: Vec3::NEG_Z, vertical_fov: viewpoint::FIELD_OF_VIEW, up: Vec3::Y },
         sky: SKY,
         lamp_clearance: LAMP_CLEARANCE,

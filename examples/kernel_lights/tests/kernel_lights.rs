@@ -1,0 +1,39 @@
+//! The program as its users call it.
+
+use std::process::Command;
+
+fn call(arguments: &[&str], name: &str) -> (bool, String, String) {
+    let out = std::env::temp_dir().join(format!("girandole_kernel_lights_{name}_{}.csv", std::process::id()));
+    let output = Command::new(env!("CARGO_BIN_EXE_kernel_lights"))
+        .args(["--out", &out.display().to_string()])
+        .args(arguments)
+        .output()
+        .expect("the program runs");
+    let csv = std::fs::read_to_string(&out).unwrap_or_default();
+    let _ = std::fs::remove_file(&out);
+    (output.status.success(), csv, String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+#[test]
+fn the_tables_have_a_row_for_each_scene_and_no_noise_is_far_from_that_of_fresh_builds() {
+    let (is_fine, csv, errors) = call(&["--quick"], "noise");
+    assert!(is_fine, "{errors}");
+    let rows: Vec<Vec<&str>> = csv.lines().skip(1).map(|line| line.split(',').collect()).collect();
+    let names: Vec<&str> = rows.iter().map(|row| row[0]).collect();
+    assert_eq!(names, ["dancers", "dancers", "swirls", "swirls", "sparks", "sparks"]);
+    for row in rows {
+        let ratio: f64 = row[4].parse().expect("a number");
+        assert!((0.7..1.6).contains(&ratio), "{row:?}");
+    }
+}
+
+#[test]
+fn a_refit_takes_few_dispatches_and_bytes() {
+    let (is_fine, csv, errors) = call(&["--cost", "--quick"], "cost");
+    assert!(is_fine, "{errors}");
+    let row = csv.lines().nth(1).expect("a row").split(',').skip(1);
+    let row: Vec<f64> = row.map(|number| number.parse().expect("a number")).collect();
+    assert!(row[0] == 8.0 && row[2] <= 8.0 && row[3] < 3.0, "{row:?}");
+    let (is_fine, _, errors) = call(&["--adapter", "no such adapter"], "refused");
+    assert!(!is_fine && errors.lines().count() == 1, "{errors}");
+}
