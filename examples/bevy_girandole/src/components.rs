@@ -3,7 +3,7 @@
 use bevy::camera::Hdr;
 use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass, MotionVectorPrepass};
 use bevy::prelude::*;
-use girandole::{Light, LightSource};
+use girandole::{Light, TreeSource};
 
 /// Hands the light of an entity to Girandole.
 ///
@@ -41,8 +41,8 @@ pub struct NoGirandole;
 pub struct GirandoleSource {
     /// The lights until the pass has written them.
     pub lights: Vec<Light>,
-    /// How the tree follows: [`LightSource::GpuMesh`] or [`LightSource::GpuParticles`].
-    pub source: LightSource,
+    /// How the tree follows: [`TreeSource::GpuMesh`] or [`TreeSource::GpuParticles`].
+    pub source: TreeSource,
 }
 
 /// Makes an image the sky, which lights the scene from all around. Any entity may have it, such as the camera;

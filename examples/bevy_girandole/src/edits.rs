@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use bevy::ecs::entity::Entity;
 use bevy::math::{Mat4, Quat, Vec3};
-use girandole::{DirectionalLight, Light, LightSource, Placement, Sky};
+use girandole::{DirectionalLight, Light, TreeSource, Placement, Sky};
 
 use crate::kinds::KindRecord;
 use crate::skins::Triangle;
@@ -79,7 +79,7 @@ pub enum Written {
     /// The plugin, by the pose of a skeleton.
     Skin(Arc<[Triangle]>),
     /// A pass of the application, for an entity.
-    Pass(Entity, LightSource),
+    Pass(Entity, TreeSource),
 }
 
 /// Everything about a light except its number.

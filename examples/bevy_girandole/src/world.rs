@@ -9,7 +9,7 @@ use bevy::ecs::resource::Resource;
 use bevy::log::warn_once;
 use bevy::math::{Mat3, Mat4, Quat, Vec3};
 use girandole::{
-    DirectionalKey, DirectionalLight, FrameBudget, FrameReport, InstanceKey, LightSource, LightTree, LightWorld,
+    DirectionalKey, DirectionalLight, FrameBudget, FrameReport, InstanceKey, TreeSource, LightTree, LightWorld,
     Placement, Policy, Sky, TreeKey, WorldError,
 };
 
@@ -225,14 +225,14 @@ impl Lights {
         self.has_new_skins |= pose.is_some();
         self.passes.retain(|_, of_entity| *of_entity != kind);
         match written {
-            None => self.world.set_light_source(tree, LightSource::Cpu),
+            None => self.world.set_light_source(tree, TreeSource::Cpu),
             Some(Written::Pass(entity, source)) => {
                 self.world.set_light_source(tree, source)?;
                 self.passes.insert(entity, kind);
                 Ok(())
             }
             Some(Written::Skin(triangles)) => {
-                self.world.set_light_source(tree, LightSource::GpuMesh)?;
+                self.world.set_light_source(tree, TreeSource::GpuMesh)?;
                 self.has_new_skins = true;
                 self.skins.insert(kind, Skin { triangles, pose: pose.unwrap_or_default() });
                 Ok(())

@@ -14,7 +14,7 @@ use bevy::render::{RenderApp, RenderStartup};
 use bevy_girandole::{
     Estimate, GirandoleCamera, GirandoleGpu, GirandoleLight, GirandoleSource, GirandoleSystems, sources_layout,
 };
-use girandole::{Light, LightSource};
+use girandole::{Light, TreeSource};
 
 use crate::harness::{Setup, add_scene, app, brightness, pictures, report, set_camera, settle, single_frames};
 use crate::unbiased::{FRAMES, check, means};
@@ -200,7 +200,7 @@ fn a_pass_of_the_application_writes_lights() {
     let kernel = Kernel(app.world_mut().resource_mut::<Assets<Shader>>().add(shader));
     let offset = Vec3::new(0.3, 0.5, 0.0);
     let lights = vec![Light::point(Vec3::ZERO, Vec3::ZERO); LAMPS as usize];
-    let source = GirandoleSource { lights, source: LightSource::GpuParticles };
+    let source = GirandoleSource { lights, source: TreeSource::GpuParticles };
     let entity = app.world_mut().spawn((source.clone(), Transform::from_translation(offset))).id();
     let render_app = app.get_sub_app_mut(RenderApp).expect("it draws");
     render_app
