@@ -3,6 +3,7 @@
 use bevy::camera::Hdr;
 use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass, MotionVectorPrepass};
 use bevy::prelude::*;
+use girandole::{Light, TreeSource};
 
 /// Hands the light of an entity to Girandole.
 ///
@@ -26,6 +27,23 @@ pub struct GirandoleLight;
 /// beside it takes precedence.
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct NoGirandole;
+
+/// Lights that a compute pass of the application writes on the GPU, in each frame: particles, or the parts of a film.
+///
+/// The entity has as many lights as the pass may write, of the kinds, ranges, sides and opening angles that they keep;
+/// see [`LightWorld::set_light_source`](girandole::LightWorld::set_light_source). They are in the space of the entity,
+/// whose transform places them, in candela and nits, and fall off at their range as the library says. `docs/bevy.md`
+/// shows the pass, which finds its lights by [`GirandoleGpu::source_number`](crate::GirandoleGpu::source_number).
+///
+/// The entity has no [`GirandoleLight`]. A change of the component sends the lights again.
+#[derive(Component, Clone, Debug)]
+#[require(Transform, Visibility)]
+pub struct GirandoleSource {
+    /// The lights until the pass has written them.
+    pub lights: Vec<Light>,
+    /// How the tree follows: [`TreeSource::GpuMesh`] or [`TreeSource::GpuParticles`].
+    pub source: TreeSource,
+}
 
 /// Makes an image the sky, which lights the scene from all around. Any entity may have it, such as the camera;
 /// its transform and its visibility count for nothing.

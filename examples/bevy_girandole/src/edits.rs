@@ -1,11 +1,14 @@
 //! What the main world sends to the render world: the changes of one frame.
 
+use std::sync::Arc;
 use std::time::Duration;
 
-use bevy::math::{Quat, Vec3};
-use girandole::{DirectionalLight, Light, Placement, Sky};
+use bevy::ecs::entity::Entity;
+use bevy::math::{Mat4, Quat, Vec3};
+use girandole::{DirectionalLight, Light, TreeSource, Placement, Sky};
 
 use crate::kinds::KindRecord;
+use crate::skins::Triangle;
 
 /// One change. Numbers name lights and kinds; the main world gives them out.
 #[derive(Clone, Debug)]
@@ -13,14 +16,12 @@ pub enum Edit {
     /// A kind of light, which is one tree.
     AddKind {
         kind: u32,
-        lights: Vec<Light>,
-        record: KindRecord,
+        tree: Tree,
     },
     /// A mesh that has changed.
     ReplaceKind {
         kind: u32,
-        lights: Vec<Light>,
-        record: KindRecord,
+        tree: Tree,
     },
     /// The last light of a kind is gone.
     RemoveKind {
@@ -62,6 +63,25 @@ pub enum Edit {
     RemoveSky,
 }
 
+/// The tree of a kind.
+#[derive(Clone, Debug, Default)]
+pub struct Tree {
+    pub lights: Vec<Light>,
+    /// What the shader knows of them.
+    pub record: KindRecord,
+    /// Who writes the lights on the GPU; `None` for most.
+    pub written: Option<Written>,
+}
+
+/// What writes the lights of a tree on the GPU.
+#[derive(Clone, Debug)]
+pub enum Written {
+    /// The plugin, by the pose of a skeleton.
+    Skin(Arc<[Triangle]>),
+    /// A pass of the application, for an entity.
+    Pass(Entity, TreeSource),
+}
+
 /// Everything about a light except its number.
 #[derive(Clone, Copy, Debug)]
 pub struct State {
@@ -72,11 +92,13 @@ pub struct State {
     pub shown: bool,
 }
 
-/// The changes of one frame: first the edits in order, then the moves.
+/// The changes of one frame: first the edits in order, then the moves and the poses.
 #[derive(Debug, Default)]
 pub struct Edits {
     pub edits: Vec<Edit>,
     pub moves: Vec<(u32, Placement)>,
+    /// The kinds of skinned meshes, and the matrices of their joints.
+    pub poses: Vec<(u32, Vec<Mat4>)>,
     /// The time that it took to find them.
     pub gather: Duration,
 }

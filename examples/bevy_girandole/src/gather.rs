@@ -7,14 +7,16 @@ use std::time::Instant;
 use bevy::camera::visibility::{ViewVisibility, VisibilitySystems};
 use bevy::ecs::system::SystemParam;
 use bevy::light::{DirectionalLight, PointLight, SpotLight};
+use bevy::mesh::skinning::SkinnedMesh;
 use bevy::prelude::*;
 
-use crate::components::{GirandoleLight, NoGirandole};
+use crate::components::{GirandoleLight, GirandoleSource, NoGirandole};
 use crate::edits::Edit;
 use crate::gathered::{Changes, Found, Gathered, Shape};
-use crate::kinds::Sources;
+use crate::kinds::{KindKey, Sources};
 use crate::settings::GirandoleSettings;
-use crate::{sky, units};
+use crate::units::Emitted;
+use crate::{skins, sky, triangles, units};
 
 type AnyLightComponent = Or<(With<PointLight>, With<SpotLight>, With<DirectionalLight>)>;
 /// Entities with a light component and no mesh. Only these can be hidden from Bevy.
@@ -25,7 +27,16 @@ pub fn add_systems(app: &mut App) {
         PostUpdate,
         (
             (mark_all, take_over, give_back).chain().before(VisibilitySystems::CheckVisibility),
-            (forget, gather_lights, gather_meshes, gather_visibility, gather_moves, sky::gather)
+            (
+                forget,
+                gather_lights,
+                gather_meshes,
+                gather_sources,
+                gather_visibility,
+                gather_moves,
+                skins::gather,
+                sky::gather,
+            )
                 .chain()
                 .after(TransformSystems::Propagate)
                 .after(VisibilitySystems::VisibilityPropagate)
@@ -84,15 +95,17 @@ fn forget(
     mut meshes: RemovedComponents<Mesh3d>,
     mut materials: RemovedComponents<MeshMaterial3d<StandardMaterial>>,
     both: Query<Entity, (With<Gathered>, With<Mesh3d>, AnyLightComponent)>,
-    entities: Query<(&Gathered, Has<PointLight>, Has<SpotLight>, Has<DirectionalLight>, EmissiveParts)>,
+    mut sources: RemovedComponents<GirandoleSource>,
+    entities: Query<(&Gathered, Has<PointLight>, Has<SpotLight>, Has<DirectionalLight>, OtherParts)>,
 ) {
-    for entity in removed.read().into_iter().chain(meshes.read()).chain(materials.read()) {
-        let Ok((gathered, point, spot, directional, (mesh, material))) = entities.get(entity) else { continue };
+    for entity in removed.read().into_iter().chain(meshes.read()).chain(materials.read()).chain(sources.read()) {
+        let Ok((gathered, point, spot, directional, (mesh, material, source))) = entities.get(entity) else { continue };
         let remains = match gathered.shape {
             Shape::Point => point,
             Shape::Spot => spot,
             Shape::Directional => directional,
-            Shape::Mesh => mesh && material,
+            Shape::Mesh | Shape::Skinned => mesh && material,
+            Shape::Source => source,
         };
         if !remains {
             commands.entity(entity).remove::<Gathered>();
@@ -103,7 +116,7 @@ fn forget(
     }
 }
 
-type EmissiveParts = (Has<Mesh3d>, Has<MeshMaterial3d<StandardMaterial>>);
+type OtherParts = (Has<Mesh3d>, Has<MeshMaterial3d<StandardMaterial>>, Has<GirandoleSource>);
 
 /// Entities that have lost a light component since the last frame.
 #[derive(SystemParam)]
@@ -190,8 +203,9 @@ struct AssetChanges<'w, 's> {
     events_of_meshes: MessageReader<'w, 's, AssetEvent<Mesh>>,
     events_of_materials: MessageReader<'w, 's, AssetEvent<StandardMaterial>>,
     events_of_images: MessageReader<'w, 's, AssetEvent<Image>>,
-    sources: Sources<'w>,
+    sources: Sources<'w, 's>,
     materials: Res<'w, Assets<StandardMaterial>>,
+    unskinned: RemovedComponents<'w, 's, SkinnedMesh>,
     seen: Local<'s, Seen>,
 }
 
@@ -210,10 +224,12 @@ type MeshQuery = (
     Ref<'static, MeshMaterial3d<StandardMaterial>>,
     &'static GlobalTransform,
     &'static InheritedVisibility,
+    Option<&'static SkinnedMesh>,
     Option<&'static mut Gathered>,
 );
 type EmissiveMesh = (With<GirandoleLight>, Without<PointLight>, Without<SpotLight>, Without<DirectionalLight>);
-type ChangedMesh = Or<(Changed<Mesh3d>, Changed<MeshMaterial3d<StandardMaterial>>, Added<GirandoleLight>)>;
+type ChangedMesh =
+    Or<(Changed<Mesh3d>, Changed<MeshMaterial3d<StandardMaterial>>, Added<GirandoleLight>, Added<SkinnedMesh>)>;
 
 /// Emissive meshes that are new, or of which the mesh, the material or its textures were changed, and
 /// those that have lost a light component. After an event of an asset that marked meshes use, it looks
@@ -231,7 +247,8 @@ fn gather_meshes(
     let changed_meshes: HashSet<_> = assets.events_of_meshes.read().filter_map(changed).collect();
     let changed_materials: HashSet<_> = assets.events_of_materials.read().filter_map(changed).collect();
     let changed_images: HashSet<_> = assets.events_of_images.read().filter_map(changed).collect();
-    let without_light: HashSet<_> = removed.read().into_iter().filter(|&entity| lights.contains(entity)).collect();
+    let lost = removed.read().into_iter().chain(assets.unskinned.read());
+    let without_light: HashSet<_> = lost.filter(|&entity| lights.contains(entity)).collect();
     let all = assets.seen.ev100 != Some(settings.exposure.ev100);
     let uses_none = changed_meshes.is_disjoint(&assets.seen.meshes)
         && changed_materials.is_disjoint(&assets.seen.materials)
@@ -241,24 +258,52 @@ fn gather_meshes(
     }
     *assets.seen = Seen { ev100: Some(settings.exposure.ev100), ..default() };
     changes.replace(&changed_meshes, &changed_images, &assets.sources);
-    for (entity, marker, mesh, material, transform, visibility, gathered) in &mut lights {
+    for (entity, marker, mesh, material, transform, visibility, skin, gathered) in &mut lights {
         assets.seen.meshes.insert(mesh.id());
         assets.seen.materials.insert(material.id());
         let material_of_mesh = assets.materials.get(&material.0);
-        let emitted = material_of_mesh.and_then(|of| units::emissive(mesh.id(), of, settings.exposure));
+        let has_joints = || assets.sources.meshes.get(mesh.id()).is_some_and(triangles::has_joints);
+        let skin = skin.filter(|_| has_joints()).map(|_| entity);
+        let emitted = material_of_mesh.and_then(|of| units::emissive((mesh.id(), skin), of, settings.exposure));
         let images = || emitted.into_iter().flat_map(|emitted| emitted.key.images());
         assets.seen.images.extend(images());
         let is_new = all || marker.is_added() || mesh.is_changed() || material.is_changed();
         let is_new = is_new || without_light.contains(&entity);
+        let is_new = is_new || gathered.as_ref().is_some_and(|of| (of.shape == Shape::Skinned) != skin.is_some());
         let is_loaded = changed_meshes.contains(&mesh.id()) || images().any(|image| changed_images.contains(&image));
         let is_new = is_new || (gathered.is_none() && is_loaded);
         if !(is_new || changed_materials.contains(&material.id())) {
             continue;
         }
         let next = emitted.and_then(|emitted| {
-            let found = Found { shape: Shape::Mesh, emitted, transform, shown: visibility.get() };
+            let shape = if skin.is_some() { Shape::Skinned } else { Shape::Mesh };
+            let found = Found { shape, emitted, transform, shown: visibility.get() };
             changes.put(gathered.as_deref(), &found, &assets.sources)
         });
+        store(&mut commands, entity, gathered, next);
+    }
+    changes.took(started);
+}
+
+type SourceQuery = (Entity, &'static GlobalTransform, &'static InheritedVisibility, Option<&'static mut Gathered>);
+type ChangedSource = (Changed<GirandoleSource>, Without<GirandoleLight>);
+
+/// Lights that passes of the application write, if they are new or were changed.
+fn gather_sources(
+    mut commands: Commands,
+    mut changes: ResMut<Changes>,
+    sources: Sources,
+    mut lights: Query<SourceQuery, ChangedSource>,
+) {
+    let started = Instant::now();
+    for (entity, transform, visibility, gathered) in &mut lights {
+        if let Some(gathered) = gathered.as_deref().filter(|gathered| gathered.shape == Shape::Source) {
+            changes.replace_source(gathered, entity, &sources);
+            continue;
+        }
+        let emitted = Emitted { key: KindKey::Source(entity), factor: Vec3::ONE };
+        let found = Found { shape: Shape::Source, emitted, transform, shown: visibility.get() };
+        let next = changes.put(gathered.as_deref(), &found, &sources);
         store(&mut commands, entity, gathered, next);
     }
     changes.took(started);
@@ -293,6 +338,8 @@ fn gather_moves(mut changes: ResMut<Changes>, lights: Query<PlacedLight, Changed
                 let (shown, value) = (visibility.get(), units::directional(of, transform));
                 edits.edits.push(Edit::Directional { light, shown, value });
             }
+            // Its joints move it.
+            (Shape::Skinned, _) => {}
             (shape, _) => edits.moves.push((light, shape.placement(transform))),
         }
     }

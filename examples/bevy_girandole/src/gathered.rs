@@ -10,6 +10,7 @@ use girandole::{Placement, Sky};
 
 use crate::edits::{Edit, Edits, State};
 use crate::kinds::{KindKey, Kinds, Sources};
+use crate::skins::SkinCache;
 use crate::units::{self, Emitted};
 
 /// What the plugin knows of an entity. When this component is removed, for whatever reason, the
@@ -33,6 +34,10 @@ pub enum Shape {
     Spot,
     Directional,
     Mesh,
+    /// A mesh that joints move, whose lights are in the world.
+    Skinned,
+    /// Lights that a pass of the application writes.
+    Source,
 }
 
 impl Shape {
@@ -40,7 +45,8 @@ impl Shape {
         match self {
             Self::Point | Self::Directional => units::point_placement(transform),
             Self::Spot => units::spot_placement(transform),
-            Self::Mesh => units::mesh_placement(transform),
+            Self::Mesh | Self::Source => units::mesh_placement(transform),
+            Self::Skinned => Placement::IDENTITY,
         }
     }
 }
@@ -65,6 +71,7 @@ pub struct Found<'a> {
 pub struct Changes {
     pub edits: Edits,
     pub kinds: Kinds,
+    skins: SkinCache,
     /// Entities whose lights the plugin has taken over from Bevy since the last extraction.
     pub taken: Vec<Entity>,
     /// The number of the sky's kind; `None` while there is no sky.
@@ -94,10 +101,10 @@ impl Changes {
 
     /// The number of a kind, with one more user; `None` if the kind has no lights.
     fn acquire(&mut self, key: KindKey, sources: &Sources) -> Option<u32> {
-        let tree = if self.kinds.contains(key) { None } else { Some(key.tree(sources)?) };
+        let tree = if self.kinds.contains(key) { None } else { Some(key.tree(sources, &mut self.skins)?) };
         let (kind, _) = self.kinds.acquire(key);
-        if let Some((lights, record)) = tree {
-            self.edits.edits.push(Edit::AddKind { kind, lights, record });
+        if let Some(tree) = tree {
+            self.edits.edits.push(Edit::AddKind { kind, tree });
         }
         Some(kind)
     }
@@ -151,10 +158,17 @@ impl Changes {
 
     /// Sends the triangles of meshes and of textured meshes again, or none if there no longer are any.
     pub fn replace(&mut self, meshes: &HashSet<AssetId<Mesh>>, images: &HashSet<AssetId<Image>>, sources: &Sources) {
+        self.skins.forget(meshes, images);
         for (kind, key) in self.kinds.made_of(meshes, images) {
-            let (lights, record) = key.tree(sources).unwrap_or_default();
-            self.edits.edits.push(Edit::ReplaceKind { kind, lights, record });
+            let tree = key.tree(sources, &mut self.skins).unwrap_or_default();
+            self.edits.edits.push(Edit::ReplaceKind { kind, tree });
         }
+    }
+
+    /// Sends the lights of an entity again, which a pass of the application writes.
+    pub fn replace_source(&mut self, gathered: &Gathered, entity: Entity, sources: &Sources) {
+        let tree = KindKey::Source(entity).tree(sources, &mut self.skins).unwrap_or_default();
+        self.edits.edits.push(Edit::ReplaceKind { kind: gathered.kind, tree });
     }
 
     /// Makes a map the sky, or removes the sky.

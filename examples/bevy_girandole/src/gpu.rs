@@ -1,5 +1,6 @@
 //! The lights on Bevy's device: upload, the build of the top level, and the bind groups of passes.
 
+use std::collections::HashMap;
 use std::time::Instant;
 
 use bevy::log::error_once;
@@ -41,6 +42,8 @@ pub struct GirandoleGpu {
     lights: GpuLights,
     kinds: Option<Buffer>,
     bind_group: Option<BindGroup>,
+    source_group: Option<BindGroup>,
+    source_numbers: HashMap<Entity, u32>,
     /// The settings of the table of shared cuts that was made last, or refused.
     asked: Option<CutOptions>,
     /// Whether there is a table of shared cuts.
@@ -58,6 +61,19 @@ impl GirandoleGpu {
     /// It has the layout of [`lights_layout`].
     pub fn bind_group(&self) -> Option<&BindGroup> {
         self.bind_group.as_ref()
+    }
+
+    /// What compute passes bind to write lights, at the group [`SOURCES_GROUP`](crate::SOURCES_GROUP) of the module
+    /// `girandole::sources`. It has the layout of [`sources_layout`]. `None` before the first upload of a
+    /// [`GirandoleSource`](crate::GirandoleSource) or of a skinned light, and while there is no memory for lights.
+    pub fn source_group(&self) -> Option<&BindGroup> {
+        self.source_group.as_ref()
+    }
+
+    /// The number by which a pass finds the lights of an entity of the main world with a
+    /// [`GirandoleSource`](crate::GirandoleSource). It stays the same while the entity has the component.
+    pub fn source_number(&self, entity: Entity) -> Option<u32> {
+        self.source_numbers.get(&entity).copied()
     }
 
     /// The buffer with one record for each kind of light, which the module binds as
@@ -106,6 +122,15 @@ pub fn lights_layout() -> BindGroupLayoutDescriptor {
     layout("girandole lights", &[BufferBindingType::Uniform, READ, READ, READ, READ])
 }
 
+/// The layout of [`GirandoleGpu::source_group`], for compute pipelines.
+pub fn sources_layout() -> BindGroupLayoutDescriptor {
+    let entry = |binding| BindGroupLayoutEntry {
+        visibility: ShaderStages::COMPUTE,
+        ..buffer_entry(binding, BufferBindingType::Storage { read_only: false })
+    };
+    BindGroupLayoutDescriptor::new("girandole sources", &[entry(0), entry(1)])
+}
+
 /// The layout of shaders that choose from shared cuts.
 pub(crate) fn cuts_layout() -> BindGroupLayoutDescriptor {
     layout("girandole lights and cuts", &[BufferBindingType::Uniform, READ, READ, READ, READ, READ])
@@ -116,9 +141,9 @@ pub(crate) fn marks_layout() -> BindGroupLayoutDescriptor {
     layout("girandole marks", &[BufferBindingType::Storage { read_only: false }])
 }
 
-const READ: BufferBindingType = BufferBindingType::Storage { read_only: true };
+pub(crate) const READ: BufferBindingType = BufferBindingType::Storage { read_only: true };
 
-fn layout(label: &'static str, types: &[BufferBindingType]) -> BindGroupLayoutDescriptor {
+pub(crate) fn layout(label: &'static str, types: &[BufferBindingType]) -> BindGroupLayoutDescriptor {
     let entries: Vec<_> = types.iter().zip(0..).map(|(ty, binding)| buffer_entry(binding, *ty)).collect();
     BindGroupLayoutDescriptor::new(label, &entries)
 }
@@ -140,6 +165,8 @@ pub fn start(mut commands: Commands, device: Res<RenderDevice>, queue: Res<Rende
             lights,
             kinds: None,
             bind_group: None,
+            source_group: None,
+            source_numbers: HashMap::new(),
             asked: None,
             shares_cuts: false,
             frames: 0,
@@ -163,6 +190,7 @@ pub fn prepare(
     let lights = &mut *lights;
     lights.apply();
     let start = Instant::now();
+    gpu.lights.follow_sources(&mut lights.world);
     let frame = lights.update(settings.budget);
     let update = start.elapsed();
     let start = Instant::now();
@@ -179,6 +207,8 @@ pub fn prepare(
     if !effects().contains(gpu.lights.effects()) && gpu.frames > 0 {
         error_once!("girandole: the lights need effects that the shader lacks: {:?}", gpu.lights.effects());
     }
+    gpu.source_group = gpu.lights.source_group().map(|group| group.clone().into());
+    gpu.source_numbers.clone_from(&lights.source_numbers());
     gpu.bind_group = Some(gpu.lights.bind_group().clone().into());
     gpu.frames += 1;
     let counts = lights.take_counts();
@@ -195,6 +225,7 @@ pub fn prepare(
         instances,
         trees: lights.world.tree_count(),
         lights: lights.world.instance_count(),
+        written: lights.written_trees(),
         gather: counts.gather,
         apply: counts.apply,
         update,

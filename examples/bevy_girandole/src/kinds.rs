@@ -6,7 +6,8 @@ use std::hash::Hash;
 
 use bevy::asset::{AssetId, Assets};
 use bevy::camera::Exposure;
-use bevy::ecs::system::{Res, SystemParam};
+use bevy::ecs::entity::Entity;
+use bevy::ecs::system::{Query, Res, SystemParam};
 use bevy::image::Image;
 use bevy::log::warn_once;
 use bevy::math::Vec3;
@@ -14,6 +15,9 @@ use bevy::mesh::Mesh;
 use bytemuck::{Pod, Zeroable};
 use girandole::Light;
 
+use crate::components::GirandoleSource;
+use crate::edits::{Tree, Written};
+use crate::skins::{self, Skeletons, SkinCache};
 use crate::textures::{DefaultWrap, TextureKey};
 use crate::triangles;
 use crate::units::{self, UNIT};
@@ -38,21 +42,50 @@ pub struct KindRecord {
 /// The parameters in which kinds differ. Floats are compared by their bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum KindKey {
-    Point { range: u32, radius: u32 },
-    Spot { range: u32, radius: u32, inner: u32, outer: u32 },
-    Mesh { mesh: AssetId<Mesh>, texture: Option<TextureKey>, two_sided: bool, weight: u32, ev100: u32 },
+    Point {
+        range: u32,
+        radius: u32,
+    },
+    Spot {
+        range: u32,
+        radius: u32,
+        inner: u32,
+        outer: u32,
+    },
+    Mesh {
+        mesh: AssetId<Mesh>,
+        texture: Option<TextureKey>,
+        two_sided: bool,
+        weight: u32,
+        ev100: u32,
+        /// The entity whose skeleton moves the triangles, which shares its tree with no other.
+        skin: Option<Entity>,
+    },
+    /// The lights of an entity, which a pass of the application writes.
+    Source(Entity),
     Sky,
 }
 
 /// The assets that kinds are made of.
 #[derive(SystemParam)]
-pub struct Sources<'w> {
+pub struct Sources<'w, 's> {
     pub meshes: Res<'w, Assets<Mesh>>,
     pub images: Res<'w, Assets<Image>>,
     pub default_wrap: Res<'w, DefaultWrap>,
+    pub skeletons: Skeletons<'w, 's>,
+    written: Query<'w, 's, &'static GirandoleSource>,
 }
 
+/// A range that dims nothing: the squared distance by its square is 0.
+const NO_RANGE: f32 = 1.0e15;
+
 impl KindRecord {
+    /// What the shader knows of lights that a pass of the application writes: they are in candela and nits, whatever
+    /// the exposure.
+    fn written(lights: usize) -> Self {
+        Self { range: NO_RANGE, weight: 1.0, nits: 1.0, lights: lights as u32, ..Self::default() }
+    }
+
     /// What the shader knows of a sky of so many patches: its radiance is in nits, whatever the exposure.
     pub fn sky(patches: usize) -> Self {
         Self { weight: 1.0, nits: 1.0, lights: patches as u32, ..Self::default() }
@@ -61,9 +94,19 @@ impl KindRecord {
 
 impl KindKey {
     /// Whether the kind is made of one of these meshes or images.
-    fn is_made_of(&self, meshes: &HashSet<AssetId<Mesh>>, images: &HashSet<AssetId<Image>>) -> bool {
+    pub fn is_made_of(&self, meshes: &HashSet<AssetId<Mesh>>, images: &HashSet<AssetId<Image>>) -> bool {
         let has_mesh = matches!(self, Self::Mesh { mesh, .. } if meshes.contains(mesh));
         has_mesh || self.images().any(|image| images.contains(&image))
+    }
+
+    /// The same kind for all entities with the mesh.
+    fn without_skin(self) -> Self {
+        match self {
+            Self::Mesh { mesh, texture, two_sided, weight, ev100, .. } => {
+                Self::Mesh { mesh, texture, two_sided, weight, ev100, skin: None }
+            }
+            other => other,
+        }
     }
 
     /// The images that the kind is made of.
@@ -74,34 +117,62 @@ impl KindKey {
 
     /// The lights of the tree, and what the shader knows of them; `None` for a mesh without triangles
     /// or with a texture that the main world cannot read, and for the sky, whose tree the light world makes.
-    pub fn tree(self, sources: &Sources) -> Option<(Vec<Light>, KindRecord)> {
+    pub fn tree(self, sources: &Sources, skins: &mut SkinCache) -> Option<Tree> {
         let punctual = |range, radius| KindRecord { range, radius, lights: 1, ..KindRecord::default() };
         match self {
             Self::Point { range, radius } => {
                 let record = punctual(f32::from_bits(range), f32::from_bits(radius));
                 let light = Light::point(Vec3::ZERO, Vec3::splat(UNIT)).with_range(record.range);
-                Some((vec![light], record))
+                Some(Tree { lights: vec![light], record, written: None })
             }
             Self::Spot { range, radius, inner, outer } => {
                 let record = punctual(f32::from_bits(range), f32::from_bits(radius));
                 let [inner, outer] = [inner, outer].map(f32::from_bits);
                 let light = Light::spot(Vec3::ZERO, Vec3::NEG_Z, inner, outer, Vec3::splat(UNIT));
-                Some((vec![light.with_range(record.range)], record))
+                Some(Tree { lights: vec![light.with_range(record.range)], record, written: None })
             }
-            Self::Mesh { mesh, texture, two_sided, weight, ev100 } => {
-                let lights = mesh_lights(sources.meshes.get(mesh)?, texture, two_sided, sources)?;
+            Self::Mesh { mesh, texture, two_sided, weight, ev100, skin } => {
+                let mesh = sources.meshes.get(mesh)?;
+                let (lights, written) = match skin.and_then(|entity| sources.skeletons.pose(entity)) {
+                    Some(pose) => {
+                        let make = || skinned_triangles(mesh, texture, sources);
+                        let triangles = skins.get(self.without_skin(), make)?;
+                        let side = |light: Light| if two_sided { light.two_sided() } else { light };
+                        let lights = triangles.iter().map(|of| side(skins::light(of, &pose))).collect();
+                        (lights, Some(Written::Skin(triangles)))
+                    }
+                    None => (mesh_lights(mesh, texture, (two_sided, true), sources)?, None),
+                };
                 let weight = f32::from_bits(weight);
                 let nits = units::nits(Exposure { ev100: f32::from_bits(ev100) }, weight);
                 let record = KindRecord { weight, nits, lights: lights.len() as u32, ..KindRecord::default() };
-                Some((lights, record))
+                Some(Tree { lights, record, written })
+            }
+            Self::Source(entity) => {
+                let GirandoleSource { lights, source } = sources.written.get(entity).ok()?.clone();
+                let record = KindRecord::written(lights.len());
+                Some(Tree { lights, record, written: Some(Written::Pass(entity, source)) })
             }
             Self::Sky => None,
         }
     }
 }
 
-/// The triangles of a mesh, or the parts into which its texture cuts them.
-fn mesh_lights(mesh: &Mesh, texture: Option<TextureKey>, two_sided: bool, sources: &Sources) -> Option<Vec<Light>> {
+/// The triangles of a skinned mesh, each of which emits the average of its texels.
+fn skinned_triangles(mesh: &Mesh, texture: Option<TextureKey>, sources: &Sources) -> Option<Vec<skins::Triangle>> {
+    let lights = mesh_lights(mesh, texture, (false, false), sources)?;
+    let (corners, influences) = (triangles::corners(mesh)?, triangles::influences(mesh)?);
+    let parts = corners.into_iter().zip(influences).zip(&lights);
+    Some(parts.map(|((corners, influences), light)| skins::triangle(corners, influences, light)).collect())
+}
+
+/// The triangles of a mesh or, with `is_cut`, the parts into which its texture cuts them.
+fn mesh_lights(
+    mesh: &Mesh,
+    texture: Option<TextureKey>,
+    (two_sided, is_cut): (bool, bool),
+    sources: &Sources,
+) -> Option<Vec<Light>> {
     let Some(corners) = triangles::corners(mesh) else {
         warn_once!("girandole: a mesh without readable triangles is not sampled as a light");
         return None;
@@ -111,7 +182,7 @@ fn mesh_lights(mesh: &Mesh, texture: Option<TextureKey>, two_sided: bool, source
         if two_sided { light.two_sided() } else { light }
     };
     let lights: Vec<Light> = match texture.filter(|texture| texture.is_shown_on(mesh)) {
-        Some(texture) => texture.lights(mesh, &corners, two_sided, sources)?,
+        Some(texture) => texture.lights(mesh, &corners, (two_sided, is_cut), sources)?,
         None => corners.into_iter().map(light).collect(),
     };
     (!lights.is_empty()).then_some(lights)

@@ -7,9 +7,9 @@
 //!
 //! Data passes through the modules in this order: `components` and `settings` come from the
 //! application; `gather` finds what changed, `gathered` and `kinds` assign numbers to it, `triangles`,
-//! `texels`, `textures` and `sky` read meshes and images, and `extract` moves the `edits` to the render
-//! world; `world` applies the edits, `gpu` uploads the result, and `pass` draws with the texts of
-//! `shader` and the textures of `history`.
+//! `texels`, `textures`, `skins` and `sky` read meshes and images, and `extract` moves the `edits` to the render
+//! world; `world` applies the edits, `gpu` uploads the result, and `skinning` poses what joints move, and
+//! `pass` draws with the texts of `shader` and the textures of `history`.
 
 mod components;
 mod edits;
@@ -25,6 +25,8 @@ mod pass;
 mod plugin;
 mod settings;
 mod shader;
+mod skinning;
+mod skins;
 mod sky;
 mod texels;
 mod textures;
@@ -34,11 +36,11 @@ mod units;
 mod wesl;
 mod world;
 
-pub use components::{Estimate, GirandoleCamera, GirandoleLight, GirandoleSky, NoGirandole};
-pub use gpu::{GirandoleGpu, buffer_entry, effects, lights_layout};
+pub use components::{Estimate, GirandoleCamera, GirandoleLight, GirandoleSky, GirandoleSource, NoGirandole};
+pub use gpu::{GirandoleGpu, buffer_entry, effects, lights_layout, sources_layout};
 pub use plugin::{GirandolePlugin, GirandoleSystems};
 pub use settings::{GirandoleReport, GirandoleSettings, GirandoleStats};
-pub use shader::LIGHTS_GROUP;
+pub use shader::{LIGHTS_GROUP, SOURCES_GROUP};
 
 /// The program in the documents compiles.
 #[cfg(doctest)]

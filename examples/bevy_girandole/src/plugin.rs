@@ -12,9 +12,10 @@ use bevy::shader::Shader;
 
 use crate::pass::{PassPipelines, PassShaders};
 use crate::settings::{GirandoleSettings, GirandoleStats};
+use crate::skinning::SkinShader;
 use crate::textures::DefaultWrap;
 use crate::world::Lights;
-use crate::{extract, gather, gpu, history, pass, shader};
+use crate::{extract, gather, gpu, history, pass, shader, skinning};
 
 /// Adds Girandole to an application, after Bevy's own plugins.
 #[derive(Clone, Copy, Debug, Default)]
@@ -30,6 +31,8 @@ pub struct GirandolePlugin {
 pub enum GirandoleSystems {
     /// In [`Render`]: the light world is updated and uploaded.
     Upload,
+    /// In [`RenderGraph`]: lights are written on the GPU, by the plugin and by passes of the application.
+    WriteLights,
     /// In [`RenderGraph`]: the build of the top level is recorded. Passes that sample come later.
     BuildTop,
     /// In [`Core3d`]: the light is added to the picture of a camera.
@@ -39,7 +42,7 @@ pub enum GirandoleSystems {
 /// Keeps the modules alive, so that they can be imported.
 #[derive(Resource)]
 struct Modules {
-    _handles: [Handle<Shader>; 2],
+    _handles: [Handle<Shader>; 3],
 }
 
 impl Plugin for GirandolePlugin {
@@ -59,6 +62,7 @@ impl Plugin for GirandolePlugin {
                 sharing: Some([shader::marking(), shader::joined(true)].map(|text| shaders.add(text))),
             },
         };
+        let skin_shader = SkinShader(shaders.add(shader::skinning()));
         let modules = Modules { _handles: shader::modules().map(|module| shaders.add(module)) };
         app.insert_resource(modules);
         let stats = app.world().resource::<GirandoleStats>().clone();
@@ -66,23 +70,35 @@ impl Plugin for GirandolePlugin {
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         render_app
             .insert_resource(pass_shaders)
+            .insert_resource(skin_shader)
             .insert_resource(stats)
             .insert_resource(settings)
             .init_resource::<Lights>()
             .init_gpu_resource::<SpecializedRenderPipelines<PassPipelines>>()
-            .add_systems(RenderStartup, (gpu::start, history::forget, pass::start.after(MeshPipelineSystems)))
+            .add_systems(
+                RenderStartup,
+                (gpu::start, history::forget, skinning::start, pass::start.after(MeshPipelineSystems)),
+            )
             .add_systems(ExtractSchedule, (extract::edits, extract::cameras))
             .add_systems(
                 Render,
                 (
                     gpu::prepare.in_set(GirandoleSystems::Upload).in_set(RenderSystems::PrepareResources),
+                    skinning::prepare.in_set(RenderSystems::PrepareResources).after(gpu::prepare),
                     history::prepare.in_set(RenderSystems::PrepareResources),
                     pass::specialize.in_set(RenderSystems::Prepare).after(gpu::prepare),
                 ),
             )
+            .configure_sets(
+                RenderGraph,
+                (GirandoleSystems::WriteLights, GirandoleSystems::BuildTop).chain().in_set(RenderGraphSystems::Begin),
+            )
             .add_systems(
                 RenderGraph,
-                gpu::build_top.in_set(GirandoleSystems::BuildTop).in_set(RenderGraphSystems::Begin),
+                (
+                    skinning::record.in_set(GirandoleSystems::WriteLights),
+                    gpu::build_top.in_set(GirandoleSystems::BuildTop),
+                ),
             )
             .add_systems(
                 Core3d,

@@ -63,6 +63,8 @@ pub struct GirandoleReport {
     pub trees: usize,
     /// Instances that the world has: all lights except directional ones, and the sky.
     pub lights: usize,
+    /// Trees whose lights are written on the GPU, by the plugin for skinned meshes or by passes of the application.
+    pub written: usize,
     /// Time in the main world: the search for changes.
     pub gather: Duration,
     /// Time in the render world: the edits of the light world.

@@ -11,6 +11,10 @@ use crate::gpu::effects;
 /// The bind group of [`GirandoleGpu::bind_group`](crate::GirandoleGpu::bind_group) in the modules.
 pub const LIGHTS_GROUP: u32 = 3;
 
+/// The bind group of [`GirandoleGpu::source_group`](crate::GirandoleGpu::source_group) in the module
+/// `girandole::sources`.
+pub const SOURCES_GROUP: u32 = 1;
+
 #[cfg(not(feature = "wesl"))]
 use crate::naga_oil::{GIRANDOLE_IMPORTS, LIGHT_IMPORTS, PASS_IMPORTS, SHADING_IMPORTS, module};
 #[cfg(feature = "wesl")]
@@ -57,10 +61,15 @@ pub fn importing() -> Shader {
     module("girandole::pass", imports + include_str!("pixel.wgsl") + include_str!("pass.wgsl"))
 }
 
+/// The pass that poses skinned meshes.
+pub fn skinning() -> Shader {
+    module("girandole::skins", plan::wgsl_of_sources(SOURCES_GROUP) + include_str!("skin.wgsl"))
+}
+
 /// The modules for applications: `girandole`, with the functions that the documentation of
-/// [`LightShader`](girandole::gpu::LightShader) lists, and `girandole::shading`, Bevy's lighting by one
-/// light.
-pub fn modules() -> [Shader; 2] {
+/// [`LightShader`](girandole::gpu::LightShader) lists; `girandole::shading`, Bevy's lighting by one
+/// light; and `girandole::sources`, with those of [`plan::wgsl_of_sources`].
+pub fn modules() -> [Shader; 3] {
     let shading = [
         SHADING_IMPORTS,
         LIGHT_IMPORTS,
@@ -68,5 +77,9 @@ pub fn modules() -> [Shader; 2] {
         include_str!("shade.wgsl"),
         include_str!("module.wgsl"),
     ];
-    [module("girandole", plan::wgsl(LIGHTS_GROUP, effects())), module("girandole::shading", shading.concat())]
+    [
+        module("girandole", plan::wgsl(LIGHTS_GROUP, effects())),
+        module("girandole::shading", shading.concat()),
+        module("girandole::sources", plan::wgsl_of_sources(SOURCES_GROUP)),
+    ]
 }

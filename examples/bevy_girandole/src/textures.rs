@@ -88,9 +88,15 @@ impl TextureKey {
         has_tex_coords(mesh, self.is_second)
     }
 
-    /// The parts of a mesh as lights, for a material whose emissive colour is [`UNIT`]. `None` while an image is not
-    /// loaded, and for what cannot be read.
-    pub fn lights(self, mesh: &Mesh, corners: &[[Vec3; 3]], two_sided: bool, sources: &Sources) -> Option<Vec<Light>> {
+    /// The parts of a mesh as lights, for a material whose emissive colour is [`UNIT`]; with `is_cut` false, its
+    /// triangles. `None` while an image is not loaded, and for what cannot be read.
+    pub fn lights(
+        self,
+        mesh: &Mesh,
+        corners: &[[Vec3; 3]],
+        (two_sided, is_cut): (bool, bool),
+        sources: &Sources,
+    ) -> Option<Vec<Light>> {
         let Some(coords) = tex_coords(mesh, self.is_second) else {
             warn_once!("girandole: a mesh whose texture coordinates are not floats is not sampled as a light");
             return None;
@@ -117,7 +123,8 @@ impl TextureKey {
                 ImageSampler::Descriptor(sampler) => wrap(sampler),
             };
             let mut texture = emission.texture()?.with_wrap(wrap);
-            let parts = texture.split(&surfaces, NOISE, surfaces.len() + MAX_ADDED_PARTS);
+            let added = if is_cut { MAX_ADDED_PARTS } else { 0 };
+            let parts = texture.split(&surfaces, NOISE, surfaces.len() + added);
             Ok(parts.iter().map(|part| texture.light(part)).collect())
         };
         match lights() {

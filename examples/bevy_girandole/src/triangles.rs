@@ -51,6 +51,30 @@ pub fn tex_coords(mesh: &Mesh, is_second: bool) -> Option<Vec<[Vec2; 3]>> {
     Some(vertices(mesh)?.into_iter().map(|triangle| triangle.map(corner)).collect())
 }
 
+/// Four joints of a vertex, and their weights.
+pub type Influences = ([u16; 4], [f32; 4]);
+
+/// The joints of the vertices, and their weights.
+fn joints(mesh: &Mesh) -> Option<(&[[u16; 4]], &[[f32; 4]])> {
+    let of = |attribute| mesh.try_attribute_option(attribute).ok().flatten();
+    let Some(VertexAttributeValues::Uint16x4(joints)) = of(Mesh::ATTRIBUTE_JOINT_INDEX) else { return None };
+    let Some(VertexAttributeValues::Float32x4(weights)) = of(Mesh::ATTRIBUTE_JOINT_WEIGHT) else { return None };
+    Some((joints, weights))
+}
+
+/// Whether vertices of a mesh have joints.
+pub fn has_joints(mesh: &Mesh) -> bool {
+    joints(mesh).is_some()
+}
+
+/// The joints of the corners of each triangle, in the order of [`corners`]; `None` for a mesh without joints.
+pub fn influences(mesh: &Mesh) -> Option<Vec<[Influences; 3]>> {
+    let (joints, weights) = joints(mesh)?;
+    let corner = |vertex: usize| Some((*joints.get(vertex)?, *weights.get(vertex)?));
+    let corner = |vertex| corner(vertex).unwrap_or_default();
+    Some(vertices(mesh)?.into_iter().map(|triangle| triangle.map(corner)).collect())
+}
+
 #[cfg(test)]
 mod tests {
     use bevy::asset::RenderAssetUsages;

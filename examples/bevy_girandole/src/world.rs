@@ -1,17 +1,21 @@
 //! The light world of the render world, and the edits that are applied to it.
 
+use std::collections::HashMap;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use bevy::ecs::entity::Entity;
 use bevy::ecs::resource::Resource;
 use bevy::log::warn_once;
-use bevy::math::{Mat3, Quat, Vec3};
+use bevy::math::{Mat3, Mat4, Quat, Vec3};
 use girandole::{
-    DirectionalKey, DirectionalLight, FrameBudget, FrameReport, InstanceKey, Light, LightTree, LightWorld, Placement,
-    Policy, Sky, TreeKey, WorldError,
+    DirectionalKey, DirectionalLight, FrameBudget, FrameReport, InstanceKey, TreeSource, LightTree, LightWorld,
+    Placement, Policy, Sky, TreeKey, WorldError,
 };
 
-use crate::edits::{Edit, Edits, State};
+use crate::edits::{Edit, Edits, State, Tree, Written};
 use crate::kinds::KindRecord;
+use crate::skins::Triangle;
 
 /// What the number of a light refers to.
 #[derive(Clone, Copy, Debug, Default)]
@@ -23,6 +27,14 @@ enum Slot {
     Directional(Option<DirectionalKey>),
     /// A light that the world refused. It is tried again when it moves or changes.
     Refused(State),
+}
+
+/// A skinned mesh.
+#[derive(Clone, Debug)]
+pub struct Skin {
+    pub triangles: Arc<[Triangle]>,
+    /// The matrices of the joints, from the space of the mesh to the world.
+    pub pose: Vec<Mat4>,
 }
 
 /// The lights of the render world.
@@ -37,6 +49,12 @@ pub struct Lights {
     pub records: Vec<KindRecord>,
     /// Whether `records` have changed since the last upload.
     pub has_new_records: bool,
+    /// Skinned meshes, by kind.
+    pub skins: HashMap<u32, Skin>,
+    /// Whether `skins` have changed since the last upload.
+    pub has_new_skins: bool,
+    /// The kinds that passes of the application write, by entity.
+    passes: HashMap<Entity, u32>,
     moves: Vec<(InstanceKey, Placement)>,
     /// The edits of this frame, which were extracted and not yet applied.
     pub edits: Edits,
@@ -76,6 +94,9 @@ impl Default for Lights {
             slot_count: 0,
             records: vec![KindRecord::default()],
             has_new_records: true,
+            skins: HashMap::new(),
+            has_new_skins: false,
+            passes: HashMap::new(),
             moves: Vec::new(),
             edits: Edits::default(),
             counts: Counts::default(),
@@ -98,6 +119,7 @@ impl Lights {
             }
         }
         self.follow(&edits.moves);
+        self.pose(edits.poses);
         self.counts.apply += started.elapsed();
     }
 
@@ -114,21 +136,25 @@ impl Lights {
 
     fn edit(&mut self, edit: Edit) -> Result<(), WorldError> {
         match edit {
-            Edit::AddKind { kind, lights, record } => self.add_kind(kind, lights, record),
-            Edit::ReplaceKind { kind, lights, record } => {
+            Edit::AddKind { kind, tree } => self.add_kind(kind, tree),
+            Edit::ReplaceKind { kind, tree: Tree { lights, record, written } } => {
                 self.counts.changed += 1;
                 let Some(tree) = self.trees.get(kind as usize).copied().flatten() else { return Ok(()) };
                 if let Err(error) = self.world.replace_lights(tree, lights) {
                     // The former triangles are no longer those of the mesh.
                     self.record(kind, KindRecord { lights: 0, ..record });
                     self.world.replace_lights(tree, Vec::new())?;
+                    self.write(kind, tree, None)?;
                     return Err(error);
                 }
                 self.record(kind, record);
-                Ok(())
+                self.write(kind, tree, written)
             }
             Edit::RemoveKind { kind } => match self.trees.get_mut(kind as usize).and_then(Option::take) {
-                Some(tree) => self.world.remove_tree(tree),
+                Some(tree) => {
+                    self.write(kind, tree, None)?;
+                    self.world.remove_tree(tree)
+                }
                 None => Ok(()),
             },
             Edit::Add { light, state } => {
@@ -182,14 +208,63 @@ impl Lights {
         self.records[kind] = record;
     }
 
-    fn add_kind(&mut self, kind: u32, lights: Vec<Light>, record: KindRecord) -> Result<(), WorldError> {
+    fn add_kind(&mut self, kind: u32, Tree { lights, record, written }: Tree) -> Result<(), WorldError> {
         self.record(kind, record);
         if self.trees.len() <= kind as usize {
             self.trees.resize(kind as usize + 1, None);
         }
         self.trees[kind as usize] = None;
-        self.trees[kind as usize] = Some(self.world.add_tree(LightTree::new(lights)?));
-        Ok(())
+        let tree = self.world.add_tree(LightTree::new(lights)?);
+        self.trees[kind as usize] = Some(tree);
+        self.write(kind, tree, written)
+    }
+
+    /// Sets what writes the lights of a kind on the GPU.
+    fn write(&mut self, kind: u32, tree: TreeKey, written: Option<Written>) -> Result<(), WorldError> {
+        let pose = self.skins.remove(&kind).map(|skin| skin.pose);
+        self.has_new_skins |= pose.is_some();
+        self.passes.retain(|_, of_entity| *of_entity != kind);
+        match written {
+            None => self.world.set_light_source(tree, TreeSource::Cpu),
+            Some(Written::Pass(entity, source)) => {
+                self.world.set_light_source(tree, source)?;
+                self.passes.insert(entity, kind);
+                Ok(())
+            }
+            Some(Written::Skin(triangles)) => {
+                self.world.set_light_source(tree, TreeSource::GpuMesh)?;
+                self.has_new_skins = true;
+                self.skins.insert(kind, Skin { triangles, pose: pose.unwrap_or_default() });
+                Ok(())
+            }
+        }
+    }
+
+    /// The number by which kernels know the tree of a kind.
+    pub fn source_number(&self, kind: u32) -> Option<u32> {
+        let tree = self.trees.get(kind as usize).copied().flatten()?;
+        self.world.light_source(tree).map(|(_, number)| number)
+    }
+
+    /// The numbers of the sources that passes of the application write, by entity.
+    pub fn source_numbers(&self) -> HashMap<Entity, u32> {
+        self.passes.iter().filter_map(|(entity, kind)| Some((*entity, self.source_number(*kind)?))).collect()
+    }
+
+    /// Trees whose lights are written on the GPU.
+    pub fn written_trees(&self) -> usize {
+        self.skins.len() + self.passes.len()
+    }
+
+    /// Moves the joints of skinned lights.
+    fn pose(&mut self, poses: Vec<(u32, Vec<Mat4>)>) {
+        self.counts.moved += poses.len();
+        for (kind, pose) in poses {
+            if let Some(skin) = self.skins.get_mut(&kind) {
+                skin.pose = pose;
+                self.has_new_skins = true;
+            }
+        }
     }
 
     fn slot(&self, light: u32) -> Slot {

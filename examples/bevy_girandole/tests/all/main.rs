@@ -9,3 +9,4 @@ mod refusals;
 mod sky;
 mod textures;
 mod unbiased;
+mod written;

@@ -11,7 +11,7 @@ use bevy_girandole::{Estimate, GirandoleCamera, GirandoleLight, GirandolePlugin,
 use crate::harness::{HEIGHT, Picture, Setup, WIDTH, add_scene, app, pictures, set_camera, single_frames};
 
 /// Independent frames of which a mean is taken.
-const FRAMES: usize = 96;
+pub const FRAMES: usize = 96;
 
 /// Edge of a cell in pixels.
 const CELL: u32 = 4;
@@ -28,13 +28,13 @@ const ROUNDING: f64 = 1.0 / 1024.0;
 const SHIFT: usize = 12;
 const COMPARED: usize = 3;
 
-struct Means {
+pub struct Means {
     mean: Vec<[f64; 3]>,
     error_sq: Vec<[f64; 3]>,
 }
 
 /// The mean brightness of each cell, and the square of its standard error.
-fn means(frames: &[Picture]) -> Means {
+pub fn means(frames: &[Picture]) -> Means {
     let cells = (WIDTH / CELL * (HEIGHT / CELL)) as usize;
     let mut sums = vec![[0.0; 3]; cells];
     let mut squares = vec![[0.0; 3]; cells];
@@ -63,7 +63,7 @@ fn means(frames: &[Picture]) -> Means {
     Means { mean, error_sq }
 }
 
-fn check(name: &str, sampled: &Means, exhaustive: &Means) {
+pub fn check(name: &str, sampled: &Means, exhaustive: &Means) {
     let brightest = exhaustive.mean.iter().flatten().fold(0.0, |most: f64, &value| most.max(value));
     assert!(brightest > 0.0);
     let mut lit = 0;
