@@ -14,8 +14,8 @@ pub(super) const MEASURED_PER_FRAME: u32 = 256;
 /// The bytes of lights that are read back in one frame, unless the first tree has more.
 pub(super) const LIGHT_BYTES_PER_FRAME: u64 = 4 << 20;
 
-/// The most trees that were read back, or are being read, and have not been rebuilt yet: those that wait for
-/// longer would be built of old lights.
+/// The most trees whose lights are being read back or wait for their rebuild. A longer queue would make rebuilds
+/// use older lights.
 pub(super) const MAX_READ: usize = 16;
 
 /// The most frames that wait for the GPU. Later ones read nothing back.
