@@ -237,6 +237,7 @@ impl LightTree {
     }
 
     /// The number of builds of the whole tree so far.
+    #[cfg(feature = "gpu-plan")]
     pub(crate) fn builds(&self) -> u32 {
         self.builds
     }

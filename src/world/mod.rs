@@ -10,6 +10,8 @@ mod crowds;
 mod edit;
 mod key_set;
 mod log;
+#[cfg(feature = "gpu-plan")]
+mod measures;
 mod memory;
 mod moves;
 mod long_build;
@@ -51,6 +53,8 @@ pub(crate) use births::{BIRTH_BITS, of_instance as birth_of_instance};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use change_log::TreeChanges;
 pub use log::{Changes, Revision};
+#[cfg(feature = "gpu-plan")]
+pub(crate) use measures::{SourceMeasure, TreeVersion};
 pub use memory::WorldMemory;
 pub use origin::OriginMode;
 pub use region::{RefusedRegion, Region, RegionInstance, RegionTree};
@@ -59,8 +63,6 @@ pub use regions::RemovedRegion;
 pub use reports::{BackgroundReport, FrameReport, JobReport, RebuildState};
 pub(crate) use scene::{Instance, TreeEntry};
 pub use source_table::TreeSource;
-#[cfg(feature = "gpu-plan")]
-pub(crate) use sources::{SourceMeasure, TreeVersion};
 
 use crate::cluster::Cluster;
 use crate::effects::{EffectCounts, Effects, HeldEffects};

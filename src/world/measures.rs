@@ -1,0 +1,71 @@
+//! What refits on the GPU measure of the trees that kernels write.
+
+use super::LightWorld;
+use super::source_table::TreeSource;
+use crate::keys::TreeKey;
+use crate::policy::RebuildRequest;
+use crate::scheduler::TreeFeatures;
+use crate::tree::Attributes;
+
+/// The version of a tree that the GPU holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct TreeVersion {
+    pub tree: TreeKey,
+    /// The exchange and the build that made it.
+    made_by: (u32, u32),
+}
+
+/// What a refit on the GPU found out about a tree.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SourceMeasure {
+    pub attributes: Attributes,
+    /// The squared diagonal of the box by the variance of position.
+    pub spread: f32,
+    pub axis_length: f32,
+    /// Writes that were refused since the record of the source was written.
+    pub refused: u32,
+}
+
+impl LightWorld {
+    /// The present version of a tree.
+    pub(crate) fn version(&self, tree: TreeKey) -> Option<TreeVersion> {
+        let entry = self.scene.trees.get(tree)?;
+        Some(TreeVersion { tree, made_by: (entry.replaced, entry.tree.builds()) })
+    }
+
+    /// Takes what a refit on the GPU found out about a version of a tree. Returns whether the tree's policies
+    /// request a rebuild, for which the present lights are needed. O(1).
+    pub(crate) fn measure(&mut self, version: TreeVersion, measure: &SourceMeasure) -> bool {
+        let tree = version.tree;
+        let Some(source) = self.scene.sources.trees.get_mut(&tree) else { return false };
+        let (last, total) = source.refused;
+        let more = measure.refused.checked_sub(last).unwrap_or(measure.refused);
+        source.refused = (measure.refused, total + u64::from(more));
+        if source.by != TreeSource::GpuMesh || self.version(tree) != Some(version) {
+            return false;
+        }
+        let entry = &mut self.scene.trees[tree];
+        if !entry.policies.may_rebuild() {
+            return false;
+        }
+        entry.history.observe(&measure.attributes);
+        let SourceMeasure { attributes, spread, axis_length, .. } = *measure;
+        let features = TreeFeatures::new(&attributes, spread, axis_length, entry.tree.light_count());
+        let scheduler = &mut self.rebuilds.scheduler;
+        scheduler.has_changed(tree, &features);
+        // A tree that waits was read already.
+        !scheduler.waits(tree)
+            && entry.rebuild_request_at(&attributes, scheduler.excess(tree)) > RebuildRequest::Doubtful
+    }
+
+    /// The number of numbers of sources, in use or not.
+    pub(crate) fn source_numbers(&self) -> u32 {
+        self.scene.sources.numbers.len() as u32
+    }
+
+    /// The tree whose source has a number.
+    pub(crate) fn source_at(&self, number: u32) -> Option<(TreeKey, TreeSource)> {
+        let tree = (*self.scene.sources.numbers.get(number as usize)?)?;
+        self.scene.sources.get(tree).map(|source| (tree, source.by))
+    }
+}
