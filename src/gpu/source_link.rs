@@ -9,7 +9,7 @@ use crate::plan::{BufferId, LightReadback, MeasureReadback};
 use crate::world::LightWorld;
 
 /// The trees that are measured in one frame.
-pub(super) const MEASURED_PER_FRAME: u32 = 256;
+pub(super) const MEASURED_PER_FRAME: u32 = 32;
 
 /// The bytes of lights that are read back in one frame, unless the first tree has more.
 pub(super) const LIGHT_BYTES_PER_FRAME: u64 = 4 << 20;

@@ -51,7 +51,7 @@ impl GpuLights {
     /// policies and the scheduler know of them. Call it once a frame before [`LightWorld::update`];
     /// [`GpuLights::sync`] does.
     ///
-    /// Each build of the top level refits these trees, measures 256 of them, and copies 32 bytes for each into a
+    /// Each build of the top level refits these trees, measures 32 of them, and copies 32 bytes for each into a
     /// buffer that is read some frames later; nothing waits for the GPU. Trees whose policies request a rebuild
     /// have their lights copied too, at most 4 MiB a frame or one tree. The world then holds these
     /// lights, and rebuilds the tree within its budget. O(trees that were measured, lights that were copied).

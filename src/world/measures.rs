@@ -64,8 +64,13 @@ impl LightWorld {
     }
 
     /// The tree whose source has a number.
+    pub(crate) fn source_tree(&self, number: u32) -> Option<TreeKey> {
+        *self.scene.sources.numbers.get(number as usize)?
+    }
+
+    /// The same, with who writes its lights.
     pub(crate) fn source_at(&self, number: u32) -> Option<(TreeKey, TreeSource)> {
-        let tree = (*self.scene.sources.numbers.get(number as usize)?)?;
+        let tree = self.source_tree(number)?;
         self.scene.sources.get(tree).map(|source| (tree, source.by))
     }
 }

@@ -51,8 +51,9 @@ pub(super) struct SourceStore {
     /// By the number of the source.
     states: Vec<SourceState>,
     list: Range<u32>,
-    /// The passes of the last plan.
+    /// The passes of the last plan, and the strides that they are for.
     passes: Vec<RefitPass>,
+    strides: Strides,
 }
 
 /// The state of the tree in a slot after the frame.
@@ -84,6 +85,8 @@ pub(super) struct NewSources {
     table: Range<u32>,
     measures: Range<u32>,
     list: Range<u32>,
+    /// How many passes there will be; 0 if nothing changes.
+    passes: u32,
 }
 
 impl SourceStore {
@@ -101,7 +104,29 @@ impl SourceStore {
             states: Vec::new(),
             list: 0..0,
             passes: Vec::new(),
+            strides: Strides::default(),
         }
+    }
+
+    /// The numbers of the sources whose states depend on what has changed. O(1) if nothing has.
+    fn affected(
+        &self,
+        (world, changes): (&LightWorld, &FrameChanges),
+        placed: &BTreeMap<u32, TreeState>,
+        strides: Strides,
+    ) -> Vec<u32> {
+        let is_all = strides != self.strides;
+        let is_none = !is_all && changes.trees.as_slice().is_empty() && placed.is_empty();
+        let count = if is_none { 0 } else { world.source_numbers().max(self.states.len() as u32) };
+        let is_settled = |key: TreeKey| {
+            let slot = slot_of(key);
+            changes.trees.as_slice().binary_search(&slot).is_err() && !placed.contains_key(&slot)
+        };
+        let is_affected = |index: &u32| {
+            let of = self.states.get(*index as usize).and_then(|state| state.key);
+            is_all || of.is_none() || world.source_tree(*index) != of || !of.is_some_and(is_settled)
+        };
+        (0..count).filter(is_affected).collect()
     }
 
     /// The state that a source should have after the frame, and whether its pieces have to be made anew.
@@ -169,7 +194,7 @@ impl SourceStore {
         let more = count - self.states.len() as u32;
         new.table = self.table.alloc(more, growth)?;
         new.measures = self.measures.alloc(more, growth)?;
-        for index in 0..count {
+        for index in self.affected((world, changes), placed, strides) {
             let (mut state, has_new_pieces) = self.due(index, world, changes, (trees, placed, strides));
             let present = self.states.get(index as usize);
             let is_same =
@@ -192,9 +217,10 @@ impl SourceStore {
             }
             new.changed.insert(index, (state, written));
         }
-        let (words, _) = self.sizes(new);
         if !new.changed.is_empty() {
+            let (words, passes) = self.sizes(new);
             new.list = self.lists.alloc(words, growth)?;
+            new.passes = passes;
         }
         Ok(())
     }
@@ -231,9 +257,8 @@ impl SourceStore {
             self.lists.end(ids),
         ];
         buffers.extend(pools.into_iter().flatten());
-        let (_, passes) = self.sizes(new);
-        if self.uniform.is_none_or(|(_, room)| room < passes) {
-            let room = passes.next_power_of_two().max(8);
+        if self.uniform.is_none_or(|(_, room)| room < new.passes) {
+            let room = new.passes.next_power_of_two().max(8);
             let uniform = ids.uniform("refit passes", u64::from(room * UNIFORM_ALIGNMENT));
             self.new_uniform = Some((uniform.id, room));
             buffers.push(uniform);
@@ -298,6 +323,9 @@ impl SourceStore {
             let former = std::mem::replace(&mut self.list, new.list);
             self.lists.free(former);
         }
+        if !is_changed && !has_new_uniform && strides == self.strides {
+            return;
+        }
         let (list, passes) = self.list_of_passes(strides);
         if is_changed {
             self.lists.write(commands, &mut Scattered::default(), self.list.clone(), list.into_iter());
@@ -307,7 +335,7 @@ impl SourceStore {
         {
             commands.write(uniform, 0, &pass_bytes(&passes, UNIFORM_ALIGNMENT));
         }
-        self.passes = passes;
+        (self.passes, self.strides) = (passes, strides);
     }
 
     /// The words of the lists, and the passes that read them. The last pass writes the records of parts.
