@@ -49,10 +49,10 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
     };
     if options.cost {
         let effort = if options.quick { cost::Effort::QUICK } else { cost::Effort::FULL };
-        for effort in [effort, effort.with_small_trees()] {
+        for (scene, effort) in [("dancers", effort), ("small dancers", effort.with_small_trees())] {
             let cost::Row { trees, lights, dispatches, bytes_per_copy, refit_ms, copy_ms, cpu_us } =
                 cost::measure(&device, &queue, effort)?;
-            let counts = ["dancers".into(), trees.to_string(), lights.to_string(), dispatches.to_string()];
+            let counts = [scene.into(), trees.to_string(), lights.to_string(), dispatches.to_string()];
             let numbers = [bytes_per_copy, refit_ms, copy_ms, cpu_us].map(|number| format!("{number:.3}"));
             add(counts.into_iter().chain(numbers).collect())?;
         }
