@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use bevy::ecs::entity::Entity;
 use bevy::math::{Mat4, Quat, Vec3};
-use girandole::{DirectionalLight, Light, TreeSource, Placement, Sky};
+use girandole::{DirectionalLight, Light, Placement, Sky, TreeSource};
 
 use crate::kinds::KindRecord;
 use crate::skins::Triangle;

@@ -16,7 +16,7 @@ use crate::gathered::{Changes, Found, Gathered, Shape};
 use crate::kinds::{KindKey, Sources};
 use crate::settings::GirandoleSettings;
 use crate::units::Emitted;
-use crate::{skins, sky, triangles, units};
+use crate::{shadows, skins, sky, triangles, units};
 
 type AnyLightComponent = Or<(With<PointLight>, With<SpotLight>, With<DirectionalLight>)>;
 /// Entities with a light component and no mesh. Only these can be hidden from Bevy.
@@ -42,6 +42,17 @@ pub fn add_systems(app: &mut App) {
                 .after(VisibilitySystems::VisibilityPropagate)
                 .after(give_back),
         ),
+    );
+}
+
+/// Finds what casts shadows.
+pub fn add_shadow_systems(app: &mut App) {
+    app.add_systems(
+        PostUpdate,
+        (shadows::gather, shadows::gather_moves)
+            .chain()
+            .after(TransformSystems::Propagate)
+            .after(VisibilitySystems::VisibilityPropagate),
     );
 }
 

@@ -11,11 +11,12 @@ use bevy::render::render_resource::{
 };
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue};
 use girandole::gpu::GpuLights;
-use girandole::{CutOptions, Effects};
+use girandole::{CutOptions, Effects, VisibilityOptions};
 
 use crate::kinds::KindRecord;
 use crate::pass::PassShaders;
 use crate::settings::{GirandoleReport, GirandoleSettings, GirandoleStats};
+use crate::shadows::GirandoleShadows;
 use crate::world::Lights;
 
 /// What the lights of this plugin may call for: everything but segments, masks, origins on a grid,
@@ -32,9 +33,9 @@ pub fn effects() -> Effects {
         | Effects::SKY
 }
 
-/// The storage buffers that a stage binds at most, when it chooses from shared cuts: those of Bevy's view and six
-/// of this plugin.
-const STORAGE_BUFFERS: u32 = 16;
+/// The storage buffers that a stage binds at most, when it chooses from shared cuts, and traces shadow rays and learns
+/// from them: those of Bevy's view and ten of this plugin.
+const STORAGE_BUFFERS: u32 = 20;
 
 /// The lights on the GPU, in the render world.
 #[derive(Resource)]
@@ -48,6 +49,8 @@ pub struct GirandoleGpu {
     asked: Option<CutOptions>,
     /// Whether there is a table of shared cuts.
     shares_cuts: bool,
+    /// The settings of the table of learnt visibility that was made last, or refused.
+    asked_to_learn: Option<VisibilityOptions>,
     /// Frames since the device was made.
     pub(crate) frames: u64,
     /// Whether any light changed in this frame.
@@ -82,14 +85,26 @@ impl GirandoleGpu {
         self.kinds.as_ref()
     }
 
+    /// Replaces the table of learnt visibility, if the settings ask for another one.
+    fn learn(&mut self, wanted: Option<VisibilityOptions>) {
+        let wanted = wanted.filter(|_| self.shares_cuts);
+        if wanted != self.asked_to_learn {
+            self.asked_to_learn = wanted;
+            if let Err(error) = self.lights.learn_visibility(wanted) {
+                error_once!("girandole: {error}");
+            }
+        }
+    }
+
     /// Whether there is a table of shared cuts.
     pub(crate) fn shares_cuts(&self) -> bool {
         self.shares_cuts
     }
 
     /// What shaders bind that mark cells, and that choose from their cuts.
-    pub(crate) fn cut_bind_groups(&self) -> [BindGroup; 2] {
-        [self.lights.mark_bind_group(), self.lights.cut_bind_group()].map(|group| group.clone().into())
+    pub(crate) fn cut_bind_groups(&self, learns: bool) -> [BindGroup; 2] {
+        let cuts = if learns { self.lights.learning_cut_bind_group() } else { self.lights.cut_bind_group() };
+        [self.lights.mark_bind_group(), cuts].map(|group| group.clone().into())
     }
 
     /// Makes cells follow the pixels of a camera: its position, and the size of a pixel at a distance of a metre.
@@ -131,9 +146,11 @@ pub fn sources_layout() -> BindGroupLayoutDescriptor {
     BindGroupLayoutDescriptor::new("girandole sources", &[entry(0), entry(1)])
 }
 
-/// The layout of shaders that choose from shared cuts.
-pub(crate) fn cuts_layout() -> BindGroupLayoutDescriptor {
-    layout("girandole lights and cuts", &[BufferBindingType::Uniform, READ, READ, READ, READ, READ])
+/// The layout of shaders that choose from shared cuts, and may learn.
+pub(crate) fn cuts_layout(learns: bool) -> BindGroupLayoutDescriptor {
+    let written = BufferBindingType::Storage { read_only: false };
+    let all = [BufferBindingType::Uniform, READ, READ, READ, READ, READ, READ, written];
+    layout("girandole lights and cuts", &all[..if learns { 8 } else { 6 }])
 }
 
 /// The layout of shaders that mark cells.
@@ -169,6 +186,7 @@ pub fn start(mut commands: Commands, device: Res<RenderDevice>, queue: Res<Rende
             source_numbers: HashMap::new(),
             asked: None,
             shares_cuts: false,
+            asked_to_learn: None,
             frames: 0,
             has_changed: false,
             counts: [0; 2],
@@ -184,6 +202,7 @@ pub fn prepare(
     settings: Res<GirandoleSettings>,
     device: Res<RenderDevice>,
     shaders: Res<PassShaders>,
+    shadows: Option<Res<GirandoleShadows>>,
     stats: Res<GirandoleStats>,
 ) {
     let Some(mut gpu) = gpu else { return };
@@ -196,6 +215,7 @@ pub fn prepare(
     let start = Instant::now();
     let (mut bytes, mut instances) = (0, 0);
     gpu.share_cuts(settings.cuts.filter(|_| shaders.sharing.is_some()), &device);
+    gpu.learn(settings.visibility.filter(|_| shaders.shadows));
     match gpu.lights.upload(&lights.world) {
         Ok(report) => (bytes, instances) = (report.bytes, report.instances),
         Err(error) => error_once!("girandole: {error}"),
@@ -211,6 +231,9 @@ pub fn prepare(
     gpu.source_numbers.clone_from(&lights.source_numbers());
     gpu.bind_group = Some(gpu.lights.bind_group().clone().into());
     gpu.frames += 1;
+    let (shadow_bytes, [casters, waiting_meshes]) =
+        shadows.map_or((0, [0; 2]), |shadows| (shadows.bytes, shadows.counts()));
+    bytes += shadow_bytes;
     let counts = lights.take_counts();
     gpu.has_changed = counts.any() || frame.rebuilt_trees > 0 || frame.refit_trees > 0;
     gpu.counts = [lights.slot_count, lights.world.directional_count() as u32];
@@ -226,6 +249,8 @@ pub fn prepare(
         trees: lights.world.tree_count(),
         lights: lights.world.instance_count(),
         written: lights.written_trees(),
+        casters,
+        waiting_meshes,
         gather: counts.gather,
         apply: counts.apply,
         update,
@@ -248,5 +273,12 @@ fn upload_kinds(gpu: &mut GirandoleGpu, device: &RenderDevice, records: &[KindRe
 pub fn build_top(gpu: Option<ResMut<GirandoleGpu>>, mut context: RenderContext) {
     if let Some(mut gpu) = gpu {
         gpu.lights.build_top(context.command_encoder());
+    }
+}
+
+/// Records the end of a frame of learnt visibility, after the passes of all cameras.
+pub fn fold_visibility(gpu: Option<ResMut<GirandoleGpu>>, mut context: RenderContext) {
+    if let Some(mut gpu) = gpu {
+        gpu.lights.fold_visibility(context.command_encoder());
     }
 }

@@ -7,7 +7,7 @@
 //!
 //! Data passes through the modules in this order: `components` and `settings` come from the
 //! application; `gather` finds what changed, `gathered` and `kinds` assign numbers to it, `triangles`,
-//! `texels`, `textures`, `skins` and `sky` read meshes and images, and `extract` moves the `edits` to the render
+//! `texels`, `textures`, `skins`, `sky` and `shadows` read meshes and images, and `extract` moves the `edits` to the render
 //! world; `world` applies the edits, `gpu` uploads the result, and `skinning` poses what joints move, and
 //! `pass` draws with the texts of `shader` and the textures of `history`.
 
@@ -25,6 +25,7 @@ mod pass;
 mod plugin;
 mod settings;
 mod shader;
+mod shadows;
 mod skinning;
 mod skins;
 mod sky;
@@ -41,6 +42,7 @@ pub use gpu::{GirandoleGpu, buffer_entry, effects, lights_layout, sources_layout
 pub use plugin::{GirandolePlugin, GirandoleSystems};
 pub use settings::{GirandoleReport, GirandoleSettings, GirandoleStats};
 pub use shader::{LIGHTS_GROUP, SOURCES_GROUP};
+pub use shadows::GirandoleShadows;
 
 /// The program in the documents compiles.
 #[cfg(doctest)]

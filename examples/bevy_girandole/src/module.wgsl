@@ -1,6 +1,6 @@
 
 // One sample of all light that a surface reflects, kept among several candidates. Without shadows:
-// trace a ray along `kept.chosen.direction` to `kept.chosen.dist` here.
+// pass `kept.chosen.direction` and `kept.chosen.dist` to `girandole_sees` here.
 fn girandole_sample(surface: LightingInput, candidates: u32, seed: u32) -> vec3<f32> {
     let numbers = girandole_numbers(seed);
     let at = girandole_shading_point(surface);

@@ -5,8 +5,8 @@ use bevy::pbr::{MeshPipeline, MeshPipelineKey, MeshViewBindGroup, ViewKeyCache};
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::render_resource::{
-    BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType, BlendComponent,
-    BlendFactor, BlendOperation, BlendState, BufferBindingType, BufferInitDescriptor, BufferUsages,
+    BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingResource, BindingType,
+    BlendComponent, BlendFactor, BlendOperation, BlendState, BufferBindingType, BufferInitDescriptor, BufferUsages,
     CachedRenderPipelineId, ColorTargetState, ColorWrites, FragmentState, LoadOp, Operations, PipelineCache,
     RenderPassColorAttachment, RenderPassDescriptor, RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline,
     SpecializedRenderPipelines, StoreOp, TextureSampleType, TextureViewDimension,
@@ -17,9 +17,10 @@ use bevy::shader::{Shader, ShaderDefVal};
 use bytemuck::{Pod, Zeroable};
 
 use crate::components::{Estimate, GirandoleCamera};
-use crate::gpu::{GirandoleGpu, buffer_entry, cuts_layout, lights_layout, marks_layout};
+use crate::gpu::{GirandoleGpu, READ, buffer_entry, cuts_layout, lights_layout, marks_layout};
 use crate::history::{DIST_FORMAT, FrameKey, History, MEAN_FORMAT};
 use crate::settings::GirandoleStats;
+use crate::shadows::GirandoleShadows;
 
 /// Numbers for the pass of one camera. Twin of `GirandoleView` in pass.wgsl.
 #[repr(C)]
@@ -55,6 +56,8 @@ pub struct PassShaders {
     /// The shaders for a camera whose pixels share cuts: one marks cells, the other chooses from their cuts. `None` if
     /// no camera may.
     pub sharing: Option<[Handle<Shader>; 2]>,
+    /// Whether they trace shadow rays.
+    pub shadows: bool,
 }
 
 /// The pipelines of one camera.
@@ -91,11 +94,15 @@ pub fn start(
     };
     let kinds = buffer_entry(0, BufferBindingType::Storage { read_only: true });
     let view = buffer_entry(1, BufferBindingType::Uniform);
+    let mut entries = vec![kinds, view, texture(2), texture(3)];
+    if shaders.shadows {
+        entries.extend([4, 5].map(|binding| buffer_entry(binding, READ)));
+    }
     commands.insert_resource(PassPipelines {
         mesh_pipeline: mesh_pipeline.clone(),
         fullscreen: fullscreen.clone(),
         shaders: shaders.clone(),
-        layout: BindGroupLayoutDescriptor::new("girandole pass", &[kinds, view, texture(2), texture(3)]),
+        layout: BindGroupLayoutDescriptor::new("girandole pass", &entries),
     });
 }
 
@@ -120,7 +127,9 @@ impl SpecializedRenderPipeline for PassPipelines {
         let no_picture = ColorTargetState { format: DIST_FORMAT, blend: None, write_mask: ColorWrites::empty() };
         let (shader, lights, targets) = match (kind, &self.shaders.sharing) {
             (PassKind::Mark, Some([mark, _])) => (mark, marks_layout(), vec![Some(no_picture)]),
-            (PassKind::DrawFromCuts, Some([_, draw])) => (draw, cuts_layout(), targets.map(target).to_vec()),
+            (PassKind::DrawFromCuts, Some([_, draw])) => {
+                (draw, cuts_layout(self.shaders.shadows), targets.map(target).to_vec())
+            }
             _ => (&self.shaders.alone, lights_layout(), targets.map(target).to_vec()),
         };
         RenderPipelineDescriptor {
@@ -213,6 +222,7 @@ pub fn draw(
     cache: Res<PipelineCache>,
     pipelines: Res<PassPipelines>,
     gpu: Option<ResMut<GirandoleGpu>>,
+    shadows: Option<Res<GirandoleShadows>>,
     stats: Res<GirandoleStats>,
     mut context: RenderContext,
 ) {
@@ -221,6 +231,11 @@ pub fn draw(
     let Some(lit) = cache.get_render_pipeline(pipeline.draw) else { return };
     let Some(mark) = pipeline.mark.map_or(Some(None), |mark| cache.get_render_pipeline(mark).map(Some)) else { return };
     let (Some(kinds), Some(mut lights)) = (gpu.kinds().cloned(), gpu.bind_group().cloned()) else { return };
+    let casters = shadows.as_ref().filter(|_| pipelines.shaders.shadows).and_then(|shadows| shadows.buffers());
+    if pipelines.shaders.shadows && casters.is_none() {
+        return;
+    }
+    let has_new_shadows = shadows.as_ref().is_some_and(|shadows| shadows.has_changed);
     let frame = history.next_frame(FrameKey {
         frame: gpu.frames,
         setting: settings.history,
@@ -238,7 +253,7 @@ pub fn draw(
         slots: gpu.counts[0],
         directionals: gpu.counts[1],
         has_history: u32::from(frame.has_past),
-        lights_moved: u32::from(gpu.has_changed || frame.has_new_exposure),
+        lights_moved: u32::from(gpu.has_changed || frame.has_new_exposure || has_new_shadows),
         padding: 0,
     };
     let device: &RenderDevice = context.render_device();
@@ -247,12 +262,15 @@ pub fn draw(
         contents: bytemuck::bytes_of(&uniform),
         usage: BufferUsages::UNIFORM,
     });
-    let entries = BindGroupEntries::sequential((
+    let mut resources = vec![
         kinds.as_entire_binding(),
         uniform.as_entire_binding(),
-        &frame.past.mean,
-        &frame.past.dist,
-    ));
+        BindingResource::TextureView(&frame.past.mean),
+        BindingResource::TextureView(&frame.past.dist),
+    ];
+    resources.extend(casters.into_iter().flatten().map(|buffer| buffer.as_entire_binding()));
+    let entries: Vec<_> =
+        (0..).zip(resources).map(|(binding, resource)| BindGroupEntry { binding, resource }).collect();
     let own = device.create_bind_group("girandole pass", &cache.get_bind_group_layout(&pipelines.layout), &entries);
     let write = |view| {
         let ops = Operations { load: LoadOp::Clear(default()), store: StoreOp::Store };
@@ -278,7 +296,7 @@ pub fn draw(
         pass.draw(0..3, 0..1);
     };
     if let Some(mark) = mark {
-        let [marks, cuts] = gpu.cut_bind_groups();
+        let [marks, cuts] = gpu.cut_bind_groups(pipelines.shaders.shadows);
         gpu.set_cut_view(extracted.world_from_view.translation(), pixel_size(extracted, camera));
         draw(&mut context, "girandole marks", &[write(&frame.present.dist)], mark, &marks);
         gpu.build_cuts(&mut context);

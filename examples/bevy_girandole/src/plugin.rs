@@ -12,18 +12,28 @@ use bevy::shader::Shader;
 
 use crate::pass::{PassPipelines, PassShaders};
 use crate::settings::{GirandoleSettings, GirandoleStats};
+use crate::shadows::{self, GirandoleShadows};
 use crate::skinning::SkinShader;
 use crate::textures::DefaultWrap;
 use crate::world::Lights;
 use crate::{extract, gather, gpu, history, pass, shader, skinning};
 
 /// Adds Girandole to an application, after Bevy's own plugins.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct GirandolePlugin {
+    /// Whether entities with a mesh cast shadows from the plugin's lights. It takes memory for trees over all
+    /// triangles, and a shadow ray for each sample.
+    pub shadows: bool,
     /// Whether the pass imports the same modules as applications do. Otherwise it is one text, in which
-    /// candidates are weighted by Bevy's BRDF and pixels share cuts. Importing is noisier, and is meant
-    /// for tests of the modules.
+    /// candidates are weighted by Bevy's BRDF and pixels share cuts. Importing is noisier and without
+    /// shadows, and is meant for tests of the modules.
     pub importing: bool,
+}
+
+impl Default for GirandolePlugin {
+    fn default() -> Self {
+        Self { shadows: true, importing: false }
+    }
 }
 
 /// The steps in the render world, to order systems by.
@@ -42,7 +52,7 @@ pub enum GirandoleSystems {
 /// Keeps the modules alive, so that they can be imported.
 #[derive(Resource)]
 struct Modules {
-    _handles: [Handle<Shader>; 3],
+    _handles: [Handle<Shader>; 4],
 }
 
 impl Plugin for GirandolePlugin {
@@ -54,12 +64,18 @@ impl Plugin for GirandolePlugin {
         }
         app.insert_resource(DefaultWrap::of(app));
         gather::add_systems(app);
+        if self.shadows {
+            app.init_resource::<shadows::Casters>();
+            gather::add_shadow_systems(app);
+        }
         let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
+        let shadows = self.shadows && !self.importing;
         let pass_shaders = match self.importing {
-            true => PassShaders { alone: shaders.add(shader::importing()), sharing: None },
+            true => PassShaders { alone: shaders.add(shader::importing()), sharing: None, shadows },
             false => PassShaders {
-                alone: shaders.add(shader::joined(false)),
-                sharing: Some([shader::marking(), shader::joined(true)].map(|text| shaders.add(text))),
+                alone: shaders.add(shader::joined(false, shadows)),
+                sharing: Some([shader::marking(), shader::joined(true, shadows)].map(|text| shaders.add(text))),
+                shadows,
             },
         };
         let skin_shader = SkinShader(shaders.add(shader::skinning()));
@@ -98,6 +114,7 @@ impl Plugin for GirandolePlugin {
                 (
                     skinning::record.in_set(GirandoleSystems::WriteLights),
                     gpu::build_top.in_set(GirandoleSystems::BuildTop),
+                    gpu::fold_visibility.after(RenderGraphSystems::Render).before(RenderGraphSystems::Submit),
                 ),
             )
             .add_systems(
@@ -108,5 +125,12 @@ impl Plugin for GirandolePlugin {
                     .after(deferred_lighting)
                     .before(main_opaque_pass_3d),
             );
+        if self.shadows {
+            render_app
+                .init_resource::<GirandoleShadows>()
+                .add_systems(RenderStartup, shadows::start)
+                .add_systems(ExtractSchedule, shadows::extract)
+                .add_systems(Render, shadows::prepare.in_set(RenderSystems::PrepareResources).before(gpu::prepare));
+        }
     }
 }

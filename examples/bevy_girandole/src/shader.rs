@@ -20,12 +20,20 @@ use crate::naga_oil::{GIRANDOLE_IMPORTS, LIGHT_IMPORTS, PASS_IMPORTS, SHADING_IM
 #[cfg(feature = "wesl")]
 use crate::wesl::{GIRANDOLE_IMPORTS, LIGHT_IMPORTS, PASS_IMPORTS, SHADING_IMPORTS, module};
 
+/// Whether the light of a sample arrives, with and without shadows.
+const SHADOWS: &str = concat!(include_str!("shadow.wgsl"), include_str!("seen.wgsl"));
+const UNSHADOWED: &str = include_str!("unshadowed.wgsl");
+
 /// The pass in one text. Candidates are kept in proportion to the light that Bevy's BRDF reflects
-/// of them. With `shares_cuts`, they come from the cuts of cells.
-pub fn joined(shares_cuts: bool) -> Shader {
+/// of them. With `shares_cuts`, they come from the cuts of cells; with `shadows`, a ray looks whether the kept one is
+/// seen, and with both, what it finds is learnt.
+pub fn joined(shares_cuts: bool, shadows: bool) -> Shader {
     let hook = TargetHook::new("girandole_target", "LightingInput").expect("both are names");
     let parts = ShaderParts::default().with_target(hook);
     let parts = if shares_cuts { parts.with_cuts(CutFallback::Walk) } else { parts };
+    // What is learnt is read when cuts are built.
+    let learns = shares_cuts && shadows;
+    let parts = if learns { parts.with_learning() } else { parts };
     let library = plan::wgsl_with(LIGHTS_GROUP, effects(), &parts);
     let parts = [
         SHADING_IMPORTS,
@@ -33,6 +41,8 @@ pub fn joined(shares_cuts: bool) -> Shader {
         &library,
         include_str!("surface.wgsl"),
         include_str!("shade.wgsl"),
+        if shadows { SHADOWS } else { UNSHADOWED },
+        if learns { include_str!("learn.wgsl") } else { include_str!("unlearnt.wgsl") },
         include_str!("joined.wgsl"),
         include_str!("pixel.wgsl"),
         include_str!("pass.wgsl"),
@@ -55,10 +65,10 @@ pub fn marking() -> Shader {
 }
 
 /// The same pass, which imports the modules. Candidates are kept by Girandole's own estimate of what
-/// the surface reflects, since a module cannot call functions of the text that imports it.
+/// the surface reflects, since a module cannot call functions of the text that imports it. It has no shadows.
 pub fn importing() -> Shader {
     let imports = [SHADING_IMPORTS, PASS_IMPORTS, LIGHT_IMPORTS, GIRANDOLE_IMPORTS].concat();
-    module("girandole::pass", imports + include_str!("pixel.wgsl") + include_str!("pass.wgsl"))
+    module("girandole::pass", imports + UNSHADOWED + include_str!("pixel.wgsl") + include_str!("pass.wgsl"))
 }
 
 /// The pass that poses skinned meshes.
@@ -68,8 +78,9 @@ pub fn skinning() -> Shader {
 
 /// The modules for applications: `girandole`, with the functions that the documentation of
 /// [`LightShader`](girandole::gpu::LightShader) lists; `girandole::shading`, Bevy's lighting by one
-/// light; and `girandole::sources`, with those of [`plan::wgsl_of_sources`].
-pub fn modules() -> [Shader; 3] {
+/// light; `girandole::shadows`, which traces shadow rays; and `girandole::sources`, with those of
+/// [`plan::wgsl_of_sources`].
+pub fn modules() -> [Shader; 4] {
     let shading = [
         SHADING_IMPORTS,
         LIGHT_IMPORTS,
@@ -80,6 +91,7 @@ pub fn modules() -> [Shader; 3] {
     [
         module("girandole", plan::wgsl(LIGHTS_GROUP, effects())),
         module("girandole::shading", shading.concat()),
+        module("girandole::shadows", include_str!("shadow.wgsl").into()),
         module("girandole::sources", plan::wgsl_of_sources(SOURCES_GROUP)),
     ]
 }

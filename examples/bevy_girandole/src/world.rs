@@ -9,8 +9,8 @@ use bevy::ecs::resource::Resource;
 use bevy::log::warn_once;
 use bevy::math::{Mat3, Mat4, Quat, Vec3};
 use girandole::{
-    DirectionalKey, DirectionalLight, FrameBudget, FrameReport, InstanceKey, TreeSource, LightTree, LightWorld,
-    Placement, Policy, Sky, TreeKey, WorldError,
+    DirectionalKey, DirectionalLight, FrameBudget, FrameReport, InstanceKey, LightTree, LightWorld, Placement, Policy,
+    Sky, TreeKey, TreeSource, WorldError,
 };
 
 use crate::edits::{Edit, Edits, State, Tree, Written};

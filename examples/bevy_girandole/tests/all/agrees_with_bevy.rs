@@ -1,7 +1,7 @@
 //! One light, drawn by Girandole and by Bevy's own renderer: the pictures agree.
 
 use bevy::prelude::*;
-use bevy_girandole::GirandoleLight;
+use bevy_girandole::{GirandoleLight, GirandolePlugin};
 
 use crate::harness::{PIXELS, Picture, Setup, add_scene, app, pictures};
 
@@ -14,7 +14,9 @@ const TOLERANCE: f32 = 4.0 / 2048.0;
 const BLACK: f32 = 1.0e-4;
 
 fn draw(light: impl Bundle, is_girandole: bool) -> Picture {
-    let mut app = app(Setup::default());
+    // Bevy's lights cast no shadows unless they are told to.
+    let plugin = GirandolePlugin { shadows: false, ..default() };
+    let mut app = app(Setup { plugin, ..default() });
     add_scene(&mut app);
     let mut entity = app.world_mut().spawn(light);
     if is_girandole {

@@ -111,10 +111,10 @@ pub fn frame(app: &mut App) {
     app.world().resource::<RenderDevice>().poll(PollType::wait_indefinitely()).expect("the device must answer");
 }
 
-/// Runs until the pass is drawn.
+/// Runs until the pass is drawn, with the shadows of all meshes.
 pub fn start(app: &mut App) {
     for _ in 0..MAX_START_FRAMES {
-        if report(app).passes > 0 {
+        if report(app).passes > 0 && report(app).waiting_meshes == 0 {
             return;
         }
         frame(app);

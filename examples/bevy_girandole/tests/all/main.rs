@@ -6,6 +6,7 @@ mod changes;
 mod harness;
 mod lifecycle;
 mod refusals;
+mod shadows;
 mod sky;
 mod textures;
 mod unbiased;

@@ -6,7 +6,7 @@ use bevy::prelude::*;
 use bevy::render::render_resource::{
     Extent3d, TextureDimension, TextureFormat, TextureViewDescriptor, TextureViewDimension,
 };
-use bevy_girandole::{GirandoleCamera, GirandoleSky};
+use bevy_girandole::{GirandoleCamera, GirandolePlugin, GirandoleSky};
 
 use crate::harness::{PIXELS, Setup, add_scene, app, brightness, pictures, report, settle, single_frames};
 
@@ -26,7 +26,9 @@ fn white_face(white: usize) -> Image {
 }
 
 fn scene() -> App {
-    let mut app = app(Setup { camera: GirandoleCamera { samples: 4, ..single_frames() }, ..default() });
+    // Bevy's environment maps cast no shadows.
+    let plugin = GirandolePlugin { shadows: false, ..default() };
+    let mut app = app(Setup { plugin, camera: GirandoleCamera { samples: 4, ..single_frames() }, ..default() });
     add_scene(&mut app);
     app
 }

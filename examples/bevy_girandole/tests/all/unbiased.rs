@@ -135,15 +135,15 @@ fn the_mean_of_many_frames_is_the_sum_over_all_lights() {
         check(&format!("{candidates} candidates"), &means(&pictures(&mut app, FRAMES)), &exhaustive);
     }
 
-    // Pixels that split for themselves have the same mean. Here they have less noise, since the lights are few and
-    // the cells large for so small a picture.
+    // Pixels that split for themselves have the same mean. Their noise is much the same here: the lights are few and the
+    // cells large for so small a picture, but shared cuts know which lights are hidden.
     let single = means(&pictures(&mut app, FRAMES));
     app.world_mut().resource_mut::<GirandoleSettings>().cuts = None;
     let alone = means(&pictures(&mut app, FRAMES));
     check("without cuts", &alone, &exhaustive);
     let [shared_sq, alone_sq] = [&single, &alone].map(|means| means.error_sq.iter().flatten().sum::<f64>());
     let ratio = (shared_sq / alone_sq).sqrt();
-    assert!((1.0..1.4).contains(&ratio), "{ratio}");
+    assert!((0.8..1.1).contains(&ratio), "{ratio}");
     app.world_mut().resource_mut::<GirandoleSettings>().cuts = GirandoleSettings::default().cuts;
 
     // The history takes the same mean: of as many frames as have been drawn, it is as near.
@@ -184,7 +184,7 @@ fn importing_the_modules_gives_the_numbers_of_the_joined_text() {
     // With one candidate, nothing is weighed: both draw the same light by the same numbers.
     let camera = GirandoleCamera { candidates: 1, samples: 2, seed: 9, ..single_frames() };
     let [joined, importing] = [false, true].map(|importing| {
-        let mut app = scene(GirandolePlugin { importing }, camera);
+        let mut app = scene(GirandolePlugin { importing, shadows: false }, camera);
         app.world_mut().resource_mut::<GirandoleSettings>().cuts = None;
         pictures(&mut app, 2 * SHIFT + COMPARED)
     });
@@ -194,7 +194,8 @@ fn importing_the_modules_gives_the_numbers_of_the_joined_text() {
     let is_equal = importing.windows(COMPARED).any(|frames| frames == middle);
     assert!(is_equal, "the same frames must be the same pictures");
 
-    let mut app = scene(GirandolePlugin { importing: true }, GirandoleCamera { samples: 4, ..single_frames() });
+    let mut app =
+        scene(GirandolePlugin { importing: true, ..default() }, GirandoleCamera { samples: 4, ..single_frames() });
     let sampled = means(&pictures(&mut app, FRAMES));
     set_camera(&mut app, |camera| camera.estimate = Estimate::Exhaustive);
     check("modules", &sampled, &means(&pictures(&mut app, FRAMES)));

@@ -3,6 +3,8 @@
 use bevy::prelude::*;
 
 use crate::lamps::random;
+use crate::options::Options;
+use crate::rooms;
 
 /// Metres from the middle to where the field ends.
 const RADIUS: f32 = 115.0;
@@ -10,7 +12,12 @@ const RADIUS: f32 = 115.0;
 const SPACING: f32 = 5.0;
 
 pub fn add_systems(app: &mut App) {
-    app.add_systems(Startup, build);
+    let has_rooms = app.world().resource::<Options>().rooms;
+    if has_rooms {
+        app.add_systems(Startup, rooms::build);
+    } else {
+        app.add_systems(Startup, build);
+    }
 }
 
 fn material(color: [f32; 3], metallic: f32, rough: f32, clearcoat: f32) -> StandardMaterial {

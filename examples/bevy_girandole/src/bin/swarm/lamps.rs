@@ -10,6 +10,7 @@ use bevy::prelude::*;
 use bevy_girandole::GirandoleLight;
 
 use crate::options::Options;
+use crate::rooms;
 
 /// The seconds by which a frame advances the swarm, however long the frame takes.
 const STEP: f32 = 1.0 / 60.0;
@@ -46,6 +47,7 @@ pub fn random(number: u32) -> [f32; 5] {
 /// oscillation.
 #[derive(Component, Clone, Copy)]
 struct Lamp {
+    middle: Vec3,
     radius: f32,
     angle: f32,
     speed: f32,
@@ -67,6 +69,7 @@ impl Lamp {
         let mix = (arm / (ARMS - 1) as f32 + 0.5 * (d - 0.5)).clamp(0.0, 1.0);
         let color = if mix < 0.5 { warm.lerp(rose, 2.0 * mix) } else { rose.lerp(cold, 2.0 * mix - 1.0) };
         Self {
+            middle: Vec3::ZERO,
             radius,
             angle: TAU * arm / ARMS as f32 + spread + 9.0 / (1.0 + 0.03 * radius),
             speed: 6.0 / (4.0 + radius),
@@ -76,10 +79,27 @@ impl Lamp {
         }
     }
 
+    /// A lamp that circles in a room.
+    fn in_room(number: u32) -> Self {
+        let [a, b, c, d, e] = random(number);
+        let room = number % (rooms::SIDE * rooms::SIDE);
+        let [hue, ..] = random(9000 + room);
+        let color = Color::hsl(360.0 * hue, 0.6, 0.7).to_linear();
+        Self {
+            middle: rooms::middle(room),
+            radius: 1.0 + 1.4 * a,
+            angle: TAU * b,
+            speed: 0.4 + c,
+            height: 0.3 + 1.2 * d,
+            phase: TAU * e,
+            color: Vec3::new(color.red, color.green, color.blue),
+        }
+    }
+
     fn at(&self, seconds: f32) -> Vec3 {
         let (sin, cos) = (self.angle + self.speed * seconds).sin_cos();
         let height = self.height * (1.0 + 0.3 * (self.phase + 2.0 * seconds).sin());
-        Vec3::new(self.radius * cos, height, self.radius * sin)
+        self.middle + Vec3::new(self.radius * cos, height, self.radius * sin)
     }
 }
 
@@ -90,10 +110,11 @@ fn spawn(
     mut materials: ResMut<Assets<StandardMaterial>>,
 ) {
     let lights = (0..options.lamps).map(|number| {
-        let lamp = Lamp::new(number);
+        let lamp = if options.rooms { Lamp::in_room(number) } else { Lamp::new(number) };
         // Equal but for their colour, so all of them share one tree.
         let color = Color::linear_rgb(lamp.color.x, lamp.color.y, lamp.color.z);
-        let light = PointLight { color, intensity: 160.0, range: 7.0, ..default() };
+        let intensity = if options.rooms { 2500.0 } else { 160.0 };
+        let light = PointLight { color, intensity, range: 7.0, ..default() };
         (lamp, light, Transform::from_translation(lamp.at(0.0)))
     });
     let lights: Vec<_> = lights.collect();

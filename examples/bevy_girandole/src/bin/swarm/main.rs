@@ -1,4 +1,4 @@
-//! A swarm of 100,000 moving lamps over a field of metal and plastic columns.
+//! A swarm of 100,000 moving lamps over a field of metal and plastic columns, or 1,000 lamps in a hundred rooms.
 //!
 //! ```sh
 //! cargo run --release --bin swarm                                   # in a window
@@ -6,7 +6,7 @@
 //! ```
 //!
 //! The first `--settle` frames move all lamps, each of which is a `PointLight`; the frames after them
-//! stand still, so that the picture converges. `--bevy-lights` leaves the lamps to Bevy. The program
+//! stand still, so that the picture converges. `--rooms` draws the rooms. `--bevy-lights` leaves the lamps to Bevy. The program
 //! ends with a report of what each frame took. In the window, the arrow keys turn and zoom, and the
 //! space bar stops the lamps.
 
@@ -15,6 +15,7 @@ mod headless;
 mod lamps;
 mod options;
 mod report;
+mod rooms;
 mod window;
 
 use bevy::camera::Exposure;
@@ -40,7 +41,7 @@ fn main() -> AppExit {
     } else {
         window::add_plugins(&mut app, &options);
     }
-    app.add_plugins(GirandolePlugin::default());
+    app.add_plugins(GirandolePlugin { shadows: !options.no_shadows, ..default() });
     if options.no_cuts {
         app.world_mut().resource_mut::<GirandoleSettings>().cuts = None;
     }
@@ -58,7 +59,7 @@ fn main() -> AppExit {
 fn camera(options: &Options) -> impl Bundle {
     let samples = if options.bevy_lights { 0 } else { options.samples };
     let view = GirandoleCamera { candidates: options.candidates, samples, ..default() };
-    (Camera3d::default(), view, Msaa::Off, Tonemapping::AcesFitted, Bloom::NATURAL, EXPOSURE, place(0.0, 1.0))
+    (Camera3d::default(), view, Msaa::Off, Tonemapping::AcesFitted, Bloom::NATURAL, EXPOSURE, place(options, 0.0, 1.0))
 }
 
 /// For lamps of some hundred lumens at night.
@@ -66,7 +67,9 @@ const EXPOSURE: Exposure = Exposure { ev100: 5.5 };
 
 /// The camera's transform, by the angle around the field in radians and a factor of its default
 /// distance.
-fn place(angle: f32, zoom: f32) -> Transform {
+fn place(options: &Options, angle: f32, zoom: f32) -> Transform {
     let (sin, cos) = angle.sin_cos();
-    Transform::from_xyz(70.0 * zoom * sin, 17.0 * zoom, 70.0 * zoom * cos).looking_at(Vec3::new(0.0, 1.0, 0.0), Vec3::Y)
+    let (dist, height) = if options.rooms { (17.0, 21.0) } else { (70.0, 17.0) };
+    Transform::from_xyz(dist * zoom * sin, height * zoom, dist * zoom * cos)
+        .looking_at(Vec3::new(0.0, 1.0, 0.0), Vec3::Y)
 }

@@ -4,9 +4,11 @@ use bevy::prelude::Resource;
 
 pub const USAGE: &str = "Options:
   --lamps N        number of lamps (100000)
+  --rooms          a hundred rooms with 1000 lamps in place of the field; --lamps may follow
   --candidates N   candidates for each sample (8)
   --samples N      samples for each pixel and frame (1)
   --size WxH       size of the picture (960x540)
+  --no-shadows     nothing casts shadows
   --no-cuts        pixels share no cuts
   --bevy-lights    leaves the lamps to Bevy
   --headless       draws without a window
@@ -17,6 +19,8 @@ pub const USAGE: &str = "Options:
 #[derive(Resource, Clone, Debug, PartialEq)]
 pub struct Options {
     pub lamps: u32,
+    pub rooms: bool,
+    pub no_shadows: bool,
     pub candidates: u32,
     pub samples: u32,
     pub size: [u32; 2],
@@ -32,6 +36,8 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             lamps: 100_000,
+            rooms: false,
+            no_shadows: false,
             candidates: 8,
             samples: 1,
             size: [960, 540],
@@ -59,6 +65,8 @@ impl Options {
                 "--settle" => options.settle = number(&value()?)?,
                 "--size" => options.size = size(&value()?)?,
                 "--out" => options.out = Some(value()?),
+                "--rooms" => (options.rooms, options.lamps) = (true, 1000),
+                "--no-shadows" => options.no_shadows = true,
                 "--no-cuts" => options.no_cuts = true,
                 "--bevy-lights" => options.bevy_lights = true,
                 "--headless" => options.headless = true,
@@ -94,6 +102,8 @@ mod tests {
     fn options_are_read_or_refused() {
         let options = parse("--headless --size 64x48 --frames 3 --out a.png").unwrap();
         assert_eq!((options.size, options.frames, options.out.as_deref()), ([64, 48], 3, Some("a.png")));
+        let [few, many] = ["--rooms", "--rooms --lamps 7"].map(|line| parse(line).unwrap());
+        assert_eq!((few.lamps, many.lamps, few.rooms), (1000, 7, true));
         for line in ["--size 64", "--size 0x3", "--frames", "--frames many", "--nothing"] {
             assert!(parse(line).is_err_and(|message| message.contains(USAGE)), "{line}");
         }

@@ -20,6 +20,7 @@ pub fn add_plugins(app: &mut App, options: &Options) {
 fn steer(
     keys: Res<ButtonInput<KeyCode>>,
     time: Res<Time>,
+    options: Res<Options>,
     mut clock: ResMut<Clock>,
     mut place: Local<Option<[f32; 2]>>,
     mut camera: Single<&mut Transform, With<Camera3d>>,
@@ -36,7 +37,7 @@ fn steer(
     let [angle, zoom] = place.get_or_insert([0.0, 1.0]);
     *angle += 0.5 * turn * time.delta_secs();
     *zoom = (*zoom * (1.0 + away * time.delta_secs())).clamp(0.1, 3.0);
-    **camera = crate::place(*angle, *zoom);
+    **camera = crate::place(&options, *angle, *zoom);
 }
 
 fn name(stats: Res<GirandoleStats>, time: Res<Time>, mut window: Single<&mut Window, With<PrimaryWindow>>) {

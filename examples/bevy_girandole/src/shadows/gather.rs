@@ -1,0 +1,254 @@
+//! Finds the entities that cast shadows in the main world, by change detection.
+
+use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
+
+use bevy::ecs::lifecycle::HookContext;
+use bevy::ecs::system::SystemParam;
+use bevy::ecs::world::DeferredWorld;
+use bevy::light::NotShadowCaster;
+use bevy::math::Affine3A;
+use bevy::mesh::skinning::SkinnedMesh;
+use bevy::prelude::*;
+use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
+
+use super::mesh::CasterMesh;
+use crate::gather::changed;
+use crate::triangles;
+
+/// What an entity that casts shadows is known by. When this component is removed, for whatever reason, the entity
+/// casts none.
+#[derive(Component, Clone, Copy, Debug)]
+#[component(on_remove = forget)]
+pub struct Caster {
+    number: u32,
+    mesh: AssetId<Mesh>,
+}
+
+fn forget(mut world: DeferredWorld, context: HookContext) {
+    let Some(&caster) = world.get::<Caster>(context.entity) else { return };
+    if let Some(mut casters) = world.get_resource_mut::<Casters>() {
+        casters.remove(caster);
+    }
+}
+
+/// One change. Numbers name entities and meshes; the main world gives them out.
+#[derive(Clone, Debug)]
+pub enum CasterEdit {
+    /// A mesh was built, or built again.
+    Mesh { mesh: u32, built: Arc<CasterMesh> },
+    /// No entity has the mesh any more.
+    RemoveMesh { mesh: u32 },
+    /// An entity casts shadows, with this mesh.
+    Put { caster: u32, mesh: u32, transform: Affine3A },
+    /// The entity has moved.
+    Move { caster: u32, transform: Affine3A },
+    /// The entity casts no shadows any more.
+    Remove { caster: u32 },
+}
+
+/// Numbers that are given out.
+#[derive(Debug, Default)]
+struct Numbers {
+    free: Vec<u32>,
+    count: u32,
+}
+
+impl Numbers {
+    fn take(&mut self) -> u32 {
+        self.free.pop().unwrap_or_else(|| {
+            self.count += 1;
+            self.count - 1
+        })
+    }
+}
+
+/// A mesh that entities cast shadows with.
+#[derive(Debug)]
+struct MeshUse {
+    number: u32,
+    users: u32,
+    /// The build that is under way.
+    build: Option<Task<CasterMesh>>,
+}
+
+/// The changes since the last extraction, and what is known of meshes and materials.
+#[derive(Resource, Debug, Default)]
+pub struct Casters {
+    pub edits: Vec<CasterEdit>,
+    entities: Numbers,
+    mesh_numbers: Numbers,
+    meshes: HashMap<AssetId<Mesh>, MeshUse>,
+    /// Meshes whose build is under way.
+    building: HashSet<AssetId<Mesh>>,
+    /// Whether surfaces with a material stop light.
+    materials: HashMap<AssetId<StandardMaterial>, bool>,
+}
+
+impl Casters {
+    /// The number of meshes that are being built, and cast no shadows yet.
+    pub fn waiting(&self) -> usize {
+        self.building.len()
+    }
+
+    fn put(
+        &mut self,
+        present: Option<&Caster>,
+        id: AssetId<Mesh>,
+        transform: Affine3A,
+        meshes: &Assets<Mesh>,
+    ) -> Caster {
+        let number = present.map_or_else(|| self.entities.take(), |caster| caster.number);
+        let mesh_numbers = &mut self.mesh_numbers;
+        let used =
+            self.meshes.entry(id).or_insert_with(|| MeshUse { number: mesh_numbers.take(), users: 0, build: None });
+        used.users += 1;
+        let (mesh, is_new) = (used.number, used.users == 1);
+        self.edits.push(CasterEdit::Put { caster: number, mesh, transform });
+        if is_new {
+            self.build(id, meshes);
+        }
+        if let Some(present) = present {
+            self.release(present.mesh);
+        }
+        Caster { number, mesh: id }
+    }
+
+    fn remove(&mut self, caster: Caster) {
+        self.edits.push(CasterEdit::Remove { caster: caster.number });
+        self.entities.free.push(caster.number);
+        self.release(caster.mesh);
+    }
+
+    fn release(&mut self, id: AssetId<Mesh>) {
+        let Some(used) = self.meshes.get_mut(&id) else { return };
+        used.users -= 1;
+        if used.users == 0 {
+            self.edits.push(CasterEdit::RemoveMesh { mesh: used.number });
+            self.mesh_numbers.free.push(used.number);
+            self.meshes.remove(&id);
+            self.building.remove(&id);
+        }
+    }
+
+    /// Starts the build of a mesh, if it is used and the main world can read it.
+    fn build(&mut self, id: AssetId<Mesh>, meshes: &Assets<Mesh>) {
+        let Some(used) = self.meshes.get_mut(&id) else { return };
+        let Some(triangles) = meshes.get(id).and_then(triangles::corners) else { return };
+        used.build = Some(AsyncComputeTaskPool::get().spawn(async move { CasterMesh::new(triangles) }));
+        self.building.insert(id);
+    }
+
+    /// Takes the builds that have ended.
+    fn take_built(&mut self) {
+        let Self { edits, meshes, building, .. } = self;
+        building.retain(|id| {
+            let Some(used) = meshes.get_mut(id) else { return false };
+            let Some(built) = used.build.as_mut().and_then(check_ready) else { return used.build.is_some() };
+            used.build = None;
+            edits.push(CasterEdit::Mesh { mesh: used.number, built: Arc::new(built) });
+            false
+        });
+    }
+}
+
+/// Assets, and what has happened to them since the last frame.
+#[derive(SystemParam)]
+pub struct CasterAssets<'w, 's> {
+    meshes: Res<'w, Assets<Mesh>>,
+    materials: Res<'w, Assets<StandardMaterial>>,
+    events_of_meshes: MessageReader<'w, 's, AssetEvent<Mesh>>,
+    events_of_materials: MessageReader<'w, 's, AssetEvent<StandardMaterial>>,
+}
+
+/// Entities that have lost a component since the last frame.
+#[derive(SystemParam)]
+pub struct Lost<'w, 's> {
+    markers: RemovedComponents<'w, 's, NotShadowCaster>,
+    meshes: RemovedComponents<'w, 's, Mesh3d>,
+    materials: RemovedComponents<'w, 's, MeshMaterial3d<StandardMaterial>>,
+    skins: RemovedComponents<'w, 's, SkinnedMesh>,
+}
+
+/// Whether surfaces with a material stop light.
+fn is_solid(material: &StandardMaterial) -> bool {
+    matches!(material.alpha_mode, AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage)
+}
+
+type CasterQuery = (
+    Entity,
+    Option<&'static Mesh3d>,
+    Option<&'static MeshMaterial3d<StandardMaterial>>,
+    &'static GlobalTransform,
+    &'static InheritedVisibility,
+    Option<&'static Caster>,
+    (Has<NotShadowCaster>, Has<SkinnedMesh>),
+);
+
+type ChangedCaster = Or<(
+    Changed<Mesh3d>,
+    Changed<MeshMaterial3d<StandardMaterial>>,
+    (With<Mesh3d>, Changed<InheritedVisibility>),
+    Added<NotShadowCaster>,
+    Added<SkinnedMesh>,
+)>;
+
+/// Finds entities that begin or cease to cast shadows, or have another mesh.
+pub fn gather(
+    mut commands: Commands,
+    mut casters: ResMut<Casters>,
+    mut assets: CasterAssets,
+    mut lost: Lost,
+    new: Query<Entity, ChangedCaster>,
+    with_material: Query<(Entity, &MeshMaterial3d<StandardMaterial>), With<Mesh3d>>,
+    entities: Query<CasterQuery>,
+) {
+    let casters = casters.bypass_change_detection();
+    for id in assets.events_of_meshes.read().filter_map(changed).collect::<HashSet<_>>() {
+        casters.build(id, &assets.meshes);
+    }
+    let mut due: HashSet<Entity> = new.iter().collect();
+    due.extend(lost.markers.read().chain(lost.meshes.read()).chain(lost.materials.read()).chain(lost.skins.read()));
+    let mut turned = HashSet::new();
+    for id in assets.events_of_materials.read().filter_map(changed) {
+        // Animated materials change in each frame, and few of them turn solid or clear.
+        match assets.materials.get(id).map(is_solid) {
+            Some(is_solid) if casters.materials.insert(id, is_solid) == Some(is_solid) => {}
+            Some(_) => drop(turned.insert(id)),
+            None => drop(casters.materials.remove(&id)),
+        }
+    }
+    if !turned.is_empty() {
+        due.extend(
+            with_material.iter().filter(|(_, material)| turned.contains(&material.id())).map(|(entity, _)| entity),
+        );
+    }
+    for entity in due {
+        let Ok((_, mesh, material, transform, visibility, present, (is_exempt, is_skinned))) = entities.get(entity)
+        else {
+            continue;
+        };
+        let is_solid = material.is_none_or(|of| assets.materials.get(&of.0).is_none_or(is_solid));
+        let wanted = mesh.filter(|_| visibility.get() && is_solid && !is_exempt && !is_skinned);
+        match (wanted, present) {
+            (Some(mesh), Some(present)) if present.mesh == mesh.id() => {}
+            (Some(mesh), _) => {
+                let caster = casters.put(present, mesh.id(), transform.affine(), &assets.meshes);
+                commands.entity(entity).insert(caster);
+            }
+            (None, Some(_)) => drop(commands.entity(entity).remove::<Caster>()),
+            (None, None) => {}
+        }
+    }
+    casters.take_built();
+}
+
+/// Finds entities that have moved.
+pub fn gather_moves(mut casters: ResMut<Casters>, moved: Query<(&Caster, &GlobalTransform), Changed<GlobalTransform>>) {
+    let edits = &mut casters.bypass_change_detection().edits;
+    edits.extend(
+        moved
+            .iter()
+            .map(|(caster, transform)| CasterEdit::Move { caster: caster.number, transform: transform.affine() }),
+    );
+}

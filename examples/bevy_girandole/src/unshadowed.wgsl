@@ -1,0 +1,4 @@
+// Whether the light of a sample arrives at a surface: nothing casts shadows.
+fn girandole_is_seen(surface: LightingInput, light: LightSample) -> bool {
+    return true;
+}
