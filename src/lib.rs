@@ -130,10 +130,12 @@
 //! | `parallel` | yes | builds and refits on rayon's threads, and builds in the background |
 //! | `gltf` | no | the module `gltf` |
 //! | `bake` | no | `LightTree::bake` and `from_baked`: trees as bytes |
+//! | `tracing` | no | spans of the crate tracing around updates, refits, rebuilds, plans and uploads |
 //! | `hdr` | no | `Sky::hdr`: skies from Radiance HDR files, with the crate image |
 
 // Modules are in the order in which data passes through them. A module imports only from modules
 // above it; `tests/all/dependencies.rs` checks that.
+mod span;
 mod rare;
 mod keys;
 pub mod effects;

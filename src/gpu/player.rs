@@ -169,8 +169,9 @@ impl Player {
                 Command::Write { .. } => {}
             }
             let device = &self.device;
-            let encoder = encoder
-                .get_or_insert_with(|| device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default()));
+            let encoder = encoder.get_or_insert_with(|| {
+                device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("girandole upload") })
+            });
             self.record_one(&mut Recorder::together(encoder, "girandole upload"), command);
         }
         self.submit(encoder);

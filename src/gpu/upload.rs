@@ -7,6 +7,7 @@ use super::probe;
 use crate::effects::Effects;
 use crate::plan::UploadReport;
 use crate::plan::pool::Growth;
+use crate::span::span;
 use crate::world::LightWorld;
 
 impl GpuLights {
@@ -34,6 +35,7 @@ impl GpuLights {
 
     /// Uploads in the layout for these effects, which must contain the world's.
     pub(super) fn upload_as(&mut self, world: &LightWorld, effects: Effects) -> Result<UploadReport, GpuError> {
+        span!("upload");
         probe::check(&self.device)?;
         let (device, revision) = (self.device.clone(), self.revision());
         let (result, is_refused) = memory::watch(&device, || self.send(world, effects));

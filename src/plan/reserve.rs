@@ -21,6 +21,7 @@ use crate::effects::Effects;
 use crate::instance::portal::PORTAL_QUADS;
 use crate::keys::slot_of;
 use crate::profile::stored_quads;
+use crate::span::span;
 use crate::world::LightWorld;
 
 /// Room for profiles grows by so many quads: 64 KiB.
@@ -88,6 +89,7 @@ impl LightPlanner {
         effects: Effects,
         growth: Growth,
     ) -> Result<Reservation<'a>, PlanError> {
+        span!("reserve");
         // No shader depends on whether lights move.
         let effects = effects - Effects::MOVING;
         if self.is_lost {

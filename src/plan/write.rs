@@ -19,6 +19,7 @@ use crate::instance::portal::portal_quads;
 use crate::keys::slot_of;
 use crate::math::dice::hash;
 use crate::profile::for_each_table;
+use crate::span::span;
 use crate::tree::{ChildRef, LEAF, Node};
 use crate::world::{LightWorld, birth_of_directional, birth_of_instance};
 
@@ -39,6 +40,7 @@ impl Reservation<'_> {
     ///
     /// Copies what is sent: O(what changed). A plan without changes has no commands.
     pub fn plan(mut self) -> FramePlan {
+        span!("plan");
         self.is_used = true;
         let mut room = std::mem::take(&mut self.room);
         let (planner, world, changes, effects) = (&mut *self.planner, self.world, &self.changes, self.effects);

@@ -10,6 +10,7 @@ use std::time::Duration;
 use web_time::Instant;
 
 use crate::scheduler::Work;
+use crate::span::span;
 use crate::tree::{LightTree, TreeBuild};
 
 /// The nodes of the smallest tree whose data are freed on the thread. Those of smaller ones take some 50 us.
@@ -128,6 +129,7 @@ impl BuildThread {
 }
 
 fn finished(mut build: TreeBuild) -> LightTree {
+    span!("rebuild");
     while !build.is_done() {
         build.step(&[], usize::MAX);
     }

@@ -8,6 +8,7 @@ use super::reports::{FrameReport, JobReport, RebuildState};
 use crate::keys::TreeKey;
 use crate::policy::AttributeHistory;
 use crate::scheduler::{Job, TreeFeatures};
+use crate::span::span;
 
 impl LightWorld {
     /// Returns how long ago a tree was built and for how long it has waited for a rebuild, as of
@@ -81,6 +82,7 @@ impl LightWorld {
     }
 
     fn rebuild(&mut self, key: TreeKey) {
+        span!("rebuild");
         let entry = &mut self.scene.trees[key];
         let could_open = entry.may_open();
         entry.tree.rebuild();
@@ -113,6 +115,7 @@ impl LightWorld {
 
     /// Does a slice of the long build. Returns the time at the end.
     fn go_on(&mut self, tree: TreeKey, units: usize, begin: Duration, report: &mut FrameReport) -> Duration {
+        span!("rebuild");
         let entry = &mut self.scene.trees[tree];
         let end = self.rebuilds.go_on(tree, entry, units, begin, report);
         if entry.successor.is_some() {

@@ -10,6 +10,7 @@ use crate::light::Light;
 use crate::policy::AttributeHistory;
 use crate::rare::Rare;
 use crate::scheduler::{TreeFeatures, Work, WorkKind};
+use crate::span::span;
 use crate::tree::{LightTree, Refitted};
 
 /// Trees that are moved out of the map at once. A job holds its tree by value, and more: the jobs of a
@@ -46,6 +47,7 @@ impl LightWorld {
 
     /// Refits some of these trees.
     fn refit_trees(&mut self, trees: &[TreeKey], report: &mut FrameReport) {
+        span!("refit");
         let mut jobs = self.take_jobs(trees);
         #[cfg(feature = "parallel")]
         {

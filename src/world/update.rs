@@ -8,6 +8,7 @@ use super::reports::FrameReport;
 use crate::error::WorldError;
 use crate::keys::TreeKey;
 use crate::scheduler::FrameBudget;
+use crate::span::span;
 
 impl LightWorld {
     /// Brings trees up to date with the edits since the last call, and rebuilds trees within a time
@@ -41,6 +42,7 @@ impl LightWorld {
     /// Cost besides rebuilds: O(lights of edited trees), and O(1) for each instance that was added
     /// and for each tree that comes to rest.
     pub fn update(&mut self, budget: FrameBudget) -> FrameReport {
+        span!("update");
         let moved_instances = self.log.count_moved();
         let mut report = FrameReport { moved_instances, budget: budget.time(), ..FrameReport::default() };
         self.rebuilds.scheduler.start_frame(budget.time());

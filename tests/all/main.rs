@@ -42,6 +42,7 @@ mod shader_text;
 mod shared_cuts;
 mod small_trees;
 mod solid_angle;
+mod spans;
 mod stand_ins;
 mod textures;
 mod torture;
