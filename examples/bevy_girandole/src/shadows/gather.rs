@@ -70,6 +70,8 @@ struct MeshUse {
     users: u32,
     /// The build that is under way.
     build: Option<Task<CasterMesh>>,
+    /// The mesh has changed since then.
+    has_changed: bool,
 }
 
 /// The changes since the last extraction, and what is known of meshes and materials.
@@ -100,8 +102,12 @@ impl Casters {
     ) -> Caster {
         let number = present.map_or_else(|| self.entities.take(), |caster| caster.number);
         let mesh_numbers = &mut self.mesh_numbers;
-        let used =
-            self.meshes.entry(id).or_insert_with(|| MeshUse { number: mesh_numbers.take(), users: 0, build: None });
+        let used = self.meshes.entry(id).or_insert_with(|| MeshUse {
+            number: mesh_numbers.take(),
+            users: 0,
+            build: None,
+            has_changed: false,
+        });
         used.users += 1;
         let (mesh, is_new) = (used.number, used.users == 1);
         self.edits.push(CasterEdit::Put { caster: number, mesh, transform });
@@ -131,24 +137,34 @@ impl Casters {
         }
     }
 
-    /// Starts the build of a mesh, if it is used and the main world can read it.
+    /// Starts the build of a mesh, if it is used and the main world can read it. One that is under way ends first, so
+    /// that a mesh that changes in each frame casts the shadow of a former frame, and not that of the first one.
     fn build(&mut self, id: AssetId<Mesh>, meshes: &Assets<Mesh>) {
         let Some(used) = self.meshes.get_mut(&id) else { return };
+        used.has_changed = used.build.is_some();
+        if used.has_changed {
+            return;
+        }
         let Some(triangles) = meshes.get(id).and_then(triangles::corners) else { return };
         used.build = Some(AsyncComputeTaskPool::get().spawn(async move { CasterMesh::new(triangles) }));
         self.building.insert(id);
     }
 
     /// Takes the builds that have ended.
-    fn take_built(&mut self) {
+    fn take_built(&mut self, assets: &Assets<Mesh>) {
         let Self { edits, meshes, building, .. } = self;
+        let mut changed = Vec::new();
         building.retain(|id| {
             let Some(used) = meshes.get_mut(id) else { return false };
             let Some(built) = used.build.as_mut().and_then(check_ready) else { return used.build.is_some() };
             used.build = None;
             edits.push(CasterEdit::Mesh { mesh: used.number, built: Arc::new(built) });
+            if used.has_changed {
+                changed.push(*id);
+            }
             false
         });
+        changed.into_iter().for_each(|id| self.build(id, assets));
     }
 }
 
@@ -240,7 +256,7 @@ pub fn gather(
             (None, None) => {}
         }
     }
-    casters.take_built();
+    casters.take_built(&assets.meshes);
 }
 
 /// Finds entities that have moved.
@@ -251,4 +267,34 @@ pub fn gather_moves(mut casters: ResMut<Casters>, moved: Query<(&Caster, &Global
             .iter()
             .map(|(caster, transform)| CasterEdit::Move { caster: caster.number, transform: transform.affine() }),
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mesh_that_changes_while_it_is_built_is_built_once_more() {
+        AsyncComputeTaskPool::get_or_init(Default::default);
+        let mut meshes = Assets::<Mesh>::default();
+        let mesh = meshes.add(Cuboid::new(1.0, 1.0, 1.0));
+        let mut casters = Casters::default();
+        let caster = casters.put(None, mesh.id(), Affine3A::IDENTITY, &meshes);
+        for size in [2.0, 4.0] {
+            let mesh = meshes.get_mut(&mesh).map(|mut mesh| *mesh = Cuboid::new(size, size, size).into());
+            assert!(mesh.is_some());
+            casters.build(caster.mesh, &meshes);
+        }
+        while casters.waiting() > 0 {
+            casters.take_built(&meshes);
+            std::thread::yield_now();
+        }
+        let widths = casters.edits.iter().filter_map(|edit| match edit {
+            CasterEdit::Mesh { built, .. } => Some(built.bounds.max.x),
+            _ => None,
+        });
+        assert_eq!(widths.collect::<Vec<_>>(), [0.5, 2.0]);
+        casters.remove(caster);
+        assert!(casters.meshes.is_empty() && matches!(casters.edits.last(), Some(CasterEdit::RemoveMesh { mesh: 0 })));
+    }
 }
