@@ -231,8 +231,8 @@ pub fn prepare(
     gpu.source_numbers.clone_from(&lights.source_numbers());
     gpu.bind_group = Some(gpu.lights.bind_group().clone().into());
     gpu.frames += 1;
-    let (shadow_bytes, [casters, waiting_meshes]) =
-        shadows.map_or((0, [0; 2]), |shadows| (shadows.bytes, shadows.counts()));
+    let (shadow_bytes, [casters, waiting_meshes], shadow_time) =
+        shadows.map_or_else(Default::default, |shadows| (shadows.bytes, shadows.counts(), shadows.took));
     bytes += shadow_bytes;
     let counts = lights.take_counts();
     gpu.has_changed = counts.any() || frame.rebuilt_trees > 0 || frame.refit_trees > 0;
@@ -255,6 +255,7 @@ pub fn prepare(
         apply: counts.apply,
         update,
         upload: start.elapsed(),
+        shadows: shadow_time,
         refused: counts.refused,
     });
 }

@@ -82,6 +82,8 @@ pub struct GirandoleReport {
     pub update: Duration,
     /// Time in the render world: the upload.
     pub upload: Duration,
+    /// Time in both worlds: the search for what casts shadows, the trees over entities, and their upload.
+    pub shadows: Duration,
     /// Lights and moves that were refused in all frames so far: see the log.
     pub refused: u64,
 }

@@ -2,6 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use bevy::ecs::lifecycle::HookContext;
 use bevy::ecs::system::SystemParam;
@@ -78,6 +79,8 @@ struct MeshUse {
 #[derive(Resource, Debug, Default)]
 pub struct Casters {
     pub edits: Vec<CasterEdit>,
+    /// The time that the search took.
+    pub took: Duration,
     entities: Numbers,
     mesh_numbers: Numbers,
     meshes: HashMap<AssetId<Mesh>, MeshUse>,
@@ -219,6 +222,7 @@ pub fn gather(
     with_material: Query<(Entity, &MeshMaterial3d<StandardMaterial>), With<Mesh3d>>,
     entities: Query<CasterQuery>,
 ) {
+    let started = Instant::now();
     let casters = casters.bypass_change_detection();
     for id in assets.events_of_meshes.read().filter_map(changed).collect::<HashSet<_>>() {
         casters.build(id, &assets.meshes);
@@ -257,16 +261,19 @@ pub fn gather(
         }
     }
     casters.take_built(&assets.meshes);
+    casters.took += started.elapsed();
 }
 
 /// Finds entities that have moved.
 pub fn gather_moves(mut casters: ResMut<Casters>, moved: Query<(&Caster, &GlobalTransform), Changed<GlobalTransform>>) {
-    let edits = &mut casters.bypass_change_detection().edits;
-    edits.extend(
+    let started = Instant::now();
+    let casters = casters.bypass_change_detection();
+    casters.edits.extend(
         moved
             .iter()
             .map(|(caster, transform)| CasterEdit::Move { caster: caster.number, transform: transform.affine() }),
     );
+    casters.took += started.elapsed();
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! What casts shadows, in the render world and on the GPU.
 
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use bevy::math::Affine3A;
 use bevy::prelude::*;
@@ -39,6 +40,8 @@ pub struct GirandoleShadows {
     pub(crate) has_changed: bool,
     /// What was written in this frame.
     pub(crate) bytes: u64,
+    /// The time for this frame, in both worlds.
+    pub(crate) took: Duration,
 }
 
 /// A mesh with its place in the buffer; `None` while there is no room.
@@ -64,6 +67,7 @@ impl Default for GirandoleShadows {
             waiting: 0,
             has_changed: false,
             bytes: 0,
+            took: Duration::ZERO,
         }
     }
 }
@@ -233,6 +237,7 @@ pub fn extract(mut main_world: ResMut<MainWorld>, mut shadows: ResMut<GirandoleS
     let casters = casters.bypass_change_detection();
     shadows.edits.append(&mut casters.edits);
     shadows.waiting = casters.waiting();
+    shadows.took = std::mem::take(&mut casters.took);
 }
 
 /// On a new device nothing is written yet.
@@ -242,7 +247,9 @@ pub fn start(mut shadows: ResMut<GirandoleShadows>) {
 
 /// Uploads what has changed.
 pub fn prepare(mut shadows: ResMut<GirandoleShadows>, device: Res<RenderDevice>, queue: Res<RenderQueue>) {
+    let started = Instant::now();
     shadows.update(&device, &queue);
+    shadows.took += started.elapsed();
 }
 
 #[cfg(test)]

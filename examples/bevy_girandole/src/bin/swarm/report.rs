@@ -66,6 +66,7 @@ fn print(mut exits: MessageReader<AppExit>, frames: Res<Frames>) {
         part("edits, render world", |report| report.apply);
         part("refits and rebuilds, render world", |report| report.update);
         part("upload, render world", |report| report.upload);
+        part("shadows, both worlds", |report| report.shadows);
         println!("  {} bytes uploaded in the last of them", last.bytes);
     }
 }
