@@ -1,4 +1,4 @@
-// Whether anything stands between a surface and a light: a walk of the tree over entities, and below it of
+// Whether anything stands between a surface and a light: a walk of the trees over entities, and below them of
 // those over triangles. No walk needs a stack: a node says where to go on for a ray that misses its box.
 
 // Meshes: two words for each node, and three for each triangle. Twin of `CasterMesh` in shadows/mesh.rs.

@@ -1,7 +1,7 @@
-//! Shadows without ray tracing hardware: a tree of boxes for each mesh, and one over all entities.
+//! Shadows without ray tracing hardware: a tree of boxes for each mesh, and trees over all entities.
 //!
 //! `gather` finds in the main world what casts shadows and builds a `mesh` on other threads, over a `flat` tree.
-//! In the render world, `scene` keeps the `top` tree over entities, and the buffers that `shadow.wgsl` reads.
+//! In the render world, `scene` keeps the trees over entities (`top`), and the buffers that `shadow.wgsl` reads.
 
 mod flat;
 mod gather;

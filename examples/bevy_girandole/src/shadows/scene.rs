@@ -1,5 +1,6 @@
 //! What casts shadows, in the render world and on the GPU.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -27,12 +28,8 @@ pub struct GirandoleShadows {
     allocator: Allocator,
     room: u32,
     top: Top,
-    /// The items of the tree, by the number of the entity.
-    items: Vec<Option<u32>>,
-    /// The number of items.
-    count: usize,
-    /// Entities or their meshes have changed, so that the tree is to be built again.
-    is_stale: bool,
+    /// Meshes that are new, lie elsewhere or are gone.
+    changed: HashSet<u32>,
     buffers: Option<[Buffer; 2]>,
     /// Meshes that are being built in the main world.
     waiting: usize,
@@ -60,9 +57,7 @@ impl Default for GirandoleShadows {
             allocator: Allocator::new(FIRST_WORDS),
             room: FIRST_WORDS,
             top: Top::default(),
-            items: Vec::new(),
-            count: 0,
-            is_stale: true,
+            changed: HashSet::new(),
             buffers: None,
             waiting: 0,
             has_changed: false,
@@ -80,7 +75,7 @@ impl GirandoleShadows {
 
     /// The number of entities that cast shadows, and of meshes that are not built yet.
     pub(crate) fn counts(&self) -> [usize; 2] {
-        [self.count, self.waiting]
+        [self.top.count(), self.waiting]
     }
 
     fn place(&self, mesh: u32) -> Option<MeshPlace> {
@@ -96,51 +91,67 @@ impl GirandoleShadows {
         }
     }
 
-    /// Applies the edits of the main world. Returns whether anything has moved.
+    /// Applies the edits of the main world. Returns whether meshes have changed.
     fn apply(&mut self) -> bool {
-        let mut has_moved = false;
+        let mut changed = HashSet::new();
         for edit in std::mem::take(&mut self.edits) {
             match edit {
                 CasterEdit::Mesh { mesh, built } => {
                     self.free(mesh);
-                    let allocation = self.allocator.allocate(built.words.len().max(1) as u32);
-                    *slot(&mut self.meshes, mesh) = Some(PlacedMesh { built, allocation, is_written: false });
-                    self.is_stale = true;
+                    *slot(&mut self.meshes, mesh) = Some(PlacedMesh { built, allocation: None, is_written: false });
+                    changed.insert(mesh);
                 }
                 CasterEdit::RemoveMesh { mesh } => {
                     self.free(mesh);
-                    self.is_stale = true;
+                    changed.insert(mesh);
                 }
                 CasterEdit::Put { caster, mesh, transform } => {
                     *slot(&mut self.casters, caster) = Some((mesh, transform));
-                    self.is_stale = true;
+                    self.put(caster);
                 }
                 CasterEdit::Remove { caster } => {
                     *slot(&mut self.casters, caster) = None;
-                    self.is_stale = true;
+                    self.put(caster);
                 }
                 CasterEdit::Move { caster, transform } => {
-                    let Some(Some((mesh, present))) = self.casters.get_mut(caster as usize) else { continue };
-                    let mesh = *mesh;
-                    if std::mem::replace(present, transform) == transform || self.is_stale {
-                        continue;
+                    let Some(Some((_, present))) = self.casters.get_mut(caster as usize) else { continue };
+                    if std::mem::replace(present, transform) != transform {
+                        self.put(caster);
                     }
-                    let item = self.items.get(caster as usize).copied().flatten();
-                    let Some(place) = self.place(mesh) else { continue };
-                    has_moved = true;
-                    self.is_stale |= !item.is_some_and(|item| self.top.set(item, &transform, &place));
                 }
             }
         }
-        has_moved
+        self.changed.extend(&changed);
+        !changed.is_empty()
+    }
+
+    /// Puts an entity into the trees as it is now.
+    fn put(&mut self, caster: u32) {
+        let present = self.casters.get(caster as usize).copied().flatten();
+        match present.and_then(|(mesh, transform)| Some((transform, self.place(mesh)?))) {
+            Some((transform, place)) => self.top.put(caster, &transform, &place),
+            None => self.top.remove(caster),
+        }
+    }
+
+    /// Puts the entities anew whose meshes have changed.
+    fn put_changed(&mut self) {
+        let changed = std::mem::take(&mut self.changed);
+        for caster in 0..self.casters.len() as u32 {
+            if self.casters[caster as usize].is_some_and(|(mesh, _)| changed.contains(&mesh)) {
+                self.put(caster);
+            }
+        }
     }
 
     /// Places meshes that have no place yet. Returns whether all have one.
     fn place_meshes(&mut self) -> bool {
-        let Self { allocator, meshes, .. } = self;
-        meshes.iter_mut().flatten().filter(|placed| placed.allocation.is_none()).fold(true, |all, placed| {
+        let Self { allocator, meshes, changed, .. } = self;
+        let new = (0..).zip(meshes).filter_map(|(mesh, placed)| Some((mesh, placed.as_mut()?)));
+        new.filter(|(_, placed)| placed.allocation.is_none()).fold(true, |all, (mesh, placed)| {
             placed.allocation = allocator.allocate(placed.built.words.len().max(1) as u32);
             placed.is_written = false;
+            changed.insert(mesh);
             all && placed.allocation.is_some()
         })
     }
@@ -158,38 +169,19 @@ impl GirandoleShadows {
         all_fit
     }
 
-    /// The tree over entities, built anew.
-    fn build_top(&mut self) {
-        let present: Vec<_> =
-            (0..).zip(&self.casters).filter_map(|(number, caster)| Some((number, (*caster)?))).collect();
-        let placed =
-            |(number, (mesh, transform)): (usize, (u32, Affine3A))| Some((number, (transform, self.place(mesh)?)));
-        let (numbers, casters): (Vec<_>, Vec<_>) = present.into_iter().filter_map(placed).unzip();
-        let items = self.top.build(&casters);
-        self.items = vec![None; self.casters.len()];
-        for (number, item) in numbers.into_iter().zip(items) {
-            self.items[number] = item;
-        }
-        self.count = self.items.iter().flatten().count();
-        self.is_stale = false;
-    }
-
     /// Brings the buffers up to date.
     fn update(&mut self, device: &RenderDevice, queue: &RenderQueue) {
-        let has_moved = self.apply();
+        let has_new_meshes = self.apply();
         let word = size_of::<Word>() as u32;
         let limits = device.limits();
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) / u64::from(word);
-        if self.is_stale && !self.make_room(u32::try_from(most).unwrap_or(u32::MAX)) {
-            warn_once!("girandole: meshes that do not fit into a buffer of the device cast no shadows");
+        if has_new_meshes {
+            if !self.make_room(u32::try_from(most).unwrap_or(u32::MAX)) {
+                warn_once!("girandole: meshes that do not fit into a buffer of the device cast no shadows");
+            }
+            self.put_changed();
         }
-        let has_new_meshes = self.is_stale;
-        let is_worn = has_moved && !self.is_stale && self.top.refit();
-        let has_changed = has_moved || self.is_stale;
-        if self.is_stale || is_worn {
-            self.build_top();
-        }
-        self.has_changed = has_changed;
+        self.has_changed = self.top.update();
         self.bytes = 0;
         let buffer = |label, words: u32| {
             let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
@@ -214,7 +206,7 @@ impl GirandoleShadows {
             self.bytes += bytes.len() as u64;
             placed.is_written = true;
         }
-        if has_changed || is_new || is_small {
+        if self.has_changed || is_new || is_small {
             let bytes: &[u8] = bytemuck::cast_slice(self.top.words());
             queue.write_buffer(casters, 0, bytes);
             self.bytes += bytes.len() as u64;
@@ -300,7 +292,8 @@ mod tests {
                 count += 1;
             }
             assert!(shadows.make_room(most), "{number} meshes");
-            shadows.build_top();
+            shadows.put_changed();
+            assert!(shadows.top.update());
             assert_eq!((check(&shadows), shadows.room, shadows.counts()[0]), (number as usize, room, number as usize));
         }
         // One more than fits, and ten times as many.
@@ -311,14 +304,15 @@ mod tests {
                 count += 1;
             }
             assert!(!shadows.make_room(most));
-            shadows.build_top();
+            shadows.put_changed();
+            shadows.top.update();
             assert_eq!((check(&shadows), shadows.counts()[0]), (fit, fit));
         }
         shadows.edits.extend((0..5).map(|mesh| CasterEdit::RemoveMesh { mesh }));
         shadows.edits.extend((0..5).map(|caster| CasterEdit::Remove { caster }));
-        shadows.apply();
-        assert!(shadows.is_stale && !shadows.make_room(most));
-        shadows.build_top();
+        assert!(shadows.apply() && !shadows.make_room(most));
+        shadows.put_changed();
+        assert!(shadows.top.update());
         // The allocator rounds sizes up when it looks for a gap, so one gap may stay.
         let (placed, casting) = (check(&shadows), shadows.counts()[0]);
         assert!(placed == casting && (fit - 1..=fit).contains(&placed), "others have moved in: {placed} of {fit}");
@@ -329,16 +323,18 @@ mod tests {
         let mut shadows = GirandoleShadows::default();
         put(&mut shadows, 0, &mesh(5));
         assert!(shadows.make_room(FIRST_WORDS));
-        shadows.build_top();
+        shadows.put_changed();
+        assert!(shadows.top.update());
         let move_to = |x: f32| CasterEdit::Move { caster: 0, transform: Affine3A::from_translation(Vec3::X * x) };
         for (x, has_moved) in [(0.0, false), (1.0, true), (1.0, false)] {
             shadows.edits.push(move_to(x));
-            assert_eq!((shadows.apply(), shadows.is_stale), (has_moved, false), "{x}");
+            assert_eq!((shadows.apply(), shadows.top.update()), (false, has_moved), "{x}");
         }
         shadows.edits.push(move_to(f32::INFINITY));
-        shadows.apply();
-        assert!(shadows.is_stale, "no ray can hit it there");
-        shadows.build_top();
-        assert_eq!(shadows.counts()[0], 0);
+        assert!(!shadows.apply() && shadows.top.update());
+        assert_eq!(shadows.counts()[0], 0, "no ray can hit it there");
+        shadows.edits.push(move_to(2.0));
+        assert!(!shadows.apply() && shadows.top.update());
+        assert_eq!(shadows.counts()[0], 1);
     }
 }
