@@ -5,7 +5,7 @@ use std::f32::consts::FRAC_PI_4;
 use bevy::light::NotShadowCaster;
 use bevy::math::Affine3A;
 use bevy::prelude::*;
-use bevy_girandole::{Estimate, GirandoleCamera, GirandoleLight, GirandolePlugin};
+use bevy_girandole::{Estimate, GirandoleCamera, GirandoleLight, GirandolePlugin, GirandoleSettings};
 
 use crate::harness::{HEIGHT, Picture, Setup, WIDTH, app, pictures, report, settle};
 
@@ -143,7 +143,20 @@ fn shadows_are_where_geometry_says_and_follow_what_casts_them() {
     let placed = Transform::from_xyz(-0.5, 1.5, 0.5).with_scale(Vec3::new(0.7, 0.5, 0.9));
     app.world_mut().entity_mut(cube).insert((Mesh3d(sphere), placed));
     settle(&mut app);
-    check("a sphere", (Solid::Sphere(0.99), &placed), &picture(&mut app), &plain);
+    let round = picture(&mut app);
+    check("a sphere", (Solid::Sphere(0.99), &placed), &round, &plain);
+
+    // With and without what is learnt, and with pixels that share no cuts.
+    let defaults = GirandoleSettings::default();
+    assert!(defaults.cuts.is_some() && defaults.visibility.is_some());
+    for settings in [
+        GirandoleSettings { visibility: None, ..defaults.clone() },
+        GirandoleSettings { cuts: None, ..defaults.clone() },
+        defaults,
+    ] {
+        app.insert_resource(settings);
+        assert_eq!(picture(&mut app), round);
+    }
 }
 
 #[test]
