@@ -42,6 +42,9 @@ fn main() -> AppExit {
         window::add_plugins(&mut app, &options);
     }
     app.add_plugins(GirandolePlugin { shadows: !options.no_shadows, ..default() });
+    if options.no_learning {
+        app.world_mut().resource_mut::<GirandoleSettings>().visibility = None;
+    }
     if options.no_cuts {
         app.world_mut().resource_mut::<GirandoleSettings>().cuts = None;
     }

@@ -9,6 +9,7 @@ pub const USAGE: &str = "Options:
   --samples N      samples for each pixel and frame (1)
   --size WxH       size of the picture (960x540)
   --no-shadows     nothing casts shadows
+  --no-learning    shadows teach nothing
   --no-cuts        pixels share no cuts
   --bevy-lights    leaves the lamps to Bevy
   --headless       draws without a window
@@ -21,6 +22,7 @@ pub struct Options {
     pub lamps: u32,
     pub rooms: bool,
     pub no_shadows: bool,
+    pub no_learning: bool,
     pub candidates: u32,
     pub samples: u32,
     pub size: [u32; 2],
@@ -38,6 +40,7 @@ impl Default for Options {
             lamps: 100_000,
             rooms: false,
             no_shadows: false,
+            no_learning: false,
             candidates: 8,
             samples: 1,
             size: [960, 540],
@@ -67,6 +70,7 @@ impl Options {
                 "--out" => options.out = Some(value()?),
                 "--rooms" => (options.rooms, options.lamps) = (true, 1000),
                 "--no-shadows" => options.no_shadows = true,
+                "--no-learning" => options.no_learning = true,
                 "--no-cuts" => options.no_cuts = true,
                 "--bevy-lights" => options.bevy_lights = true,
                 "--headless" => options.headless = true,
