@@ -10,6 +10,7 @@ use girandole::{Placement, Sky};
 
 use crate::edits::{Edit, Edits, State};
 use crate::kinds::{KindKey, Kinds, Sources};
+use crate::numbers::Numbers;
 use crate::skins::SkinCache;
 use crate::units::{self, Emitted};
 
@@ -76,22 +77,13 @@ pub struct Changes {
     pub taken: Vec<Entity>,
     /// The number of the sky's kind; `None` while there is no sky.
     sky: Option<u32>,
-    free: Vec<u32>,
+    numbers: Numbers,
     /// Numbers that are free from the next extraction on, so that a move that was found before a
     /// removal does not reach the next light of the same number.
     freed: Vec<u32>,
-    count: u32,
 }
 
 impl Changes {
-    /// A number for a new light.
-    fn number(&mut self) -> u32 {
-        self.free.pop().unwrap_or_else(|| {
-            self.count += 1;
-            self.count - 1
-        })
-    }
-
     /// Removes one user of a kind.
     fn release(&mut self, kind: u32) {
         if kind != 0 && self.kinds.release(kind) {
@@ -128,7 +120,7 @@ impl Changes {
                 gathered.light
             }
             None => {
-                let light = self.number();
+                let light = self.numbers.take();
                 self.edits.edits.push(Edit::Add { light, state });
                 light
             }
@@ -144,7 +136,7 @@ impl Changes {
         shown: bool,
     ) -> Gathered {
         let (shape, factor) = (Shape::Directional, value.illuminance);
-        let light = present.map_or_else(|| self.number(), |gathered| gathered.light);
+        let light = present.map_or_else(|| self.numbers.take(), |gathered| gathered.light);
         let next = Gathered { light, shape, kind: 0, factor };
         if present.is_some_and(|gathered| (gathered.shape, gathered.factor) == (shape, factor)) {
             return next;
@@ -207,7 +199,7 @@ impl Changes {
 
     /// Takes all changes.
     pub fn take(&mut self) -> Edits {
-        self.free.append(&mut self.freed);
+        self.numbers.free(self.freed.drain(..));
         std::mem::take(&mut self.edits)
     }
 }

@@ -33,9 +33,10 @@ pub fn effects() -> Effects {
         | Effects::SKY
 }
 
-/// The storage buffers that a stage binds at most, when it chooses from shared cuts, and traces shadow rays and learns
-/// from them: those of Bevy's view and ten of this plugin.
-const STORAGE_BUFFERS: u32 = 20;
+/// The storage buffers that a stage binds when it chooses from shared cuts: those of Bevy's view and six of this plugin.
+const STORAGE_BUFFERS: u32 = 16;
+/// Those that it binds as well when it traces shadow rays and learns from them.
+const SHADOW_BUFFERS: u32 = 4;
 
 /// The lights on the GPU, in the render world.
 #[derive(Resource)]
@@ -118,8 +119,9 @@ impl GirandoleGpu {
     }
 
     /// Replaces the table of shared cuts, if the settings ask for another one.
-    fn share_cuts(&mut self, wanted: Option<CutOptions>, device: &RenderDevice) {
-        let has_room = device.limits().max_storage_buffers_per_shader_stage >= STORAGE_BUFFERS;
+    fn share_cuts(&mut self, wanted: Option<CutOptions>, shadows: bool, device: &RenderDevice) {
+        let needed = STORAGE_BUFFERS + if shadows { SHADOW_BUFFERS } else { 0 };
+        let has_room = device.limits().max_storage_buffers_per_shader_stage >= needed;
         let wanted = wanted.filter(|_| has_room);
         if wanted == self.asked {
             return;
@@ -214,7 +216,7 @@ pub fn prepare(
     let update = start.elapsed();
     let start = Instant::now();
     let (mut bytes, mut instances) = (0, 0);
-    gpu.share_cuts(settings.cuts.filter(|_| shaders.sharing.is_some()), &device);
+    gpu.share_cuts(settings.cuts.filter(|_| shaders.sharing.is_some()), shaders.shadows, &device);
     gpu.learn(settings.visibility.filter(|_| shaders.shadows));
     match gpu.lights.upload(&lights.world) {
         Ok(report) => (bytes, instances) = (report.bytes, report.instances),

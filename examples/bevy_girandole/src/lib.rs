@@ -6,7 +6,7 @@
 //! it costs, and its limits.
 //!
 //! Data passes through the modules in this order: `components` and `settings` come from the
-//! application; `gather` finds what changed, `gathered` and `kinds` assign numbers to it, `triangles`,
+//! application; `gather` finds what changed, `gathered` and `kinds` assign `numbers` to it, `triangles`,
 //! `texels`, `textures`, `skins`, `sky` and `shadows` read meshes and images, and `extract` moves the `edits` to the render
 //! world; `world` applies the edits, `gpu` uploads the result, and `skinning` poses what joints move, and
 //! `pass` draws with the texts of `shader` and the textures of `history`.
@@ -21,6 +21,7 @@ mod history;
 mod kinds;
 #[cfg(not(feature = "wesl"))]
 mod naga_oil;
+mod numbers;
 mod pass;
 mod plugin;
 mod settings;

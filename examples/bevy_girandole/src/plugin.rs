@@ -64,12 +64,12 @@ impl Plugin for GirandolePlugin {
         }
         app.insert_resource(DefaultWrap::of(app));
         gather::add_systems(app);
-        if self.shadows {
+        let shadows = self.shadows && !self.importing;
+        if shadows {
             app.init_resource::<shadows::Casters>();
             gather::add_shadow_systems(app);
         }
         let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
-        let shadows = self.shadows && !self.importing;
         let pass_shaders = match self.importing {
             true => PassShaders { alone: shaders.add(shader::importing()), sharing: None, shadows },
             false => PassShaders {
@@ -125,7 +125,7 @@ impl Plugin for GirandolePlugin {
                     .after(deferred_lighting)
                     .before(main_opaque_pass_3d),
             );
-        if self.shadows {
+        if shadows {
             render_app
                 .init_resource::<GirandoleShadows>()
                 .add_systems(RenderStartup, shadows::start)

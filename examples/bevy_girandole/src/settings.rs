@@ -22,8 +22,8 @@ pub struct GirandoleSettings {
     pub exposure: Exposure,
     /// How neighbouring pixels share cuts. A sample then takes about half of the time; its noise is lower with one
     /// candidate and many lights, and may be higher with several candidates. The cells follow the pixels of the first
-    /// camera with a perspective. With `None`, or on a device that binds fewer than 20 storage buffers in a stage,
-    /// every pixel splits for itself. See `docs/cuts.md`.
+    /// camera with a perspective. With `None`, or on a device that binds fewer than 20 storage buffers in a stage
+    /// (16 without shadows), every pixel splits for itself. See `docs/cuts.md`.
     pub cuts: Option<CutOptions>,
     /// Whether shared cuts learn from shadow rays which lights reach which places: 31 MB of GPU memory by default. Where
     /// walls hide most lights, noise falls to half; where nearly all is seen, a sample takes a little longer. It needs

@@ -120,7 +120,7 @@ pub fn measure(device: &wgpu::Device, queue: &wgpu::Queue, effort: Effort) -> Re
     let stamps = Stamps::new(device);
     let (mut cpu, mut refits) = (Vec::new(), Vec::new());
     for frame in 0..effort.frames + 1 {
-        // The threads of a GPU that is a program would take the time of this one.
+        // Lets the threads of a software GPU come to rest.
         std::thread::sleep(Duration::from_millis(5));
         let start = Instant::now();
         lights.follow_sources(&mut world);

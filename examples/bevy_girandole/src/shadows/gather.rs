@@ -15,9 +15,10 @@ use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
 
 use super::mesh::CasterMesh;
 use crate::gather::changed;
+use crate::numbers::Numbers;
 use crate::triangles;
 
-/// What an entity that casts shadows is known by. When this component is removed, for whatever reason, the entity
+/// The number and the mesh of an entity that casts shadows. When this component is removed, for whatever reason, the entity
 /// casts none.
 #[derive(Component, Clone, Copy, Debug)]
 #[component(on_remove = forget)]
@@ -46,22 +47,6 @@ pub enum CasterEdit {
     Move { caster: u32, transform: Affine3A },
     /// The entity casts no shadows any more.
     Remove { caster: u32 },
-}
-
-/// Numbers that are given out.
-#[derive(Debug, Default)]
-struct Numbers {
-    free: Vec<u32>,
-    count: u32,
-}
-
-impl Numbers {
-    fn take(&mut self) -> u32 {
-        self.free.pop().unwrap_or_else(|| {
-            self.count += 1;
-            self.count - 1
-        })
-    }
 }
 
 /// A mesh that entities cast shadows with.
@@ -125,7 +110,7 @@ impl Casters {
 
     fn remove(&mut self, caster: Caster) {
         self.edits.push(CasterEdit::Remove { caster: caster.number });
-        self.entities.free.push(caster.number);
+        self.entities.free([caster.number]);
         self.release(caster.mesh);
     }
 
@@ -134,7 +119,7 @@ impl Casters {
         used.users -= 1;
         if used.users == 0 {
             self.edits.push(CasterEdit::RemoveMesh { mesh: used.number });
-            self.mesh_numbers.free.push(used.number);
+            self.mesh_numbers.free([used.number]);
             self.meshes.remove(&id);
             self.building.remove(&id);
         }

@@ -93,17 +93,16 @@ impl GirandoleShadows {
 
     /// Applies the edits of the main world. Returns whether meshes have changed.
     fn apply(&mut self) -> bool {
-        let mut changed = HashSet::new();
         for edit in std::mem::take(&mut self.edits) {
             match edit {
                 CasterEdit::Mesh { mesh, built } => {
                     self.free(mesh);
                     *slot(&mut self.meshes, mesh) = Some(PlacedMesh { built, allocation: None, is_written: false });
-                    changed.insert(mesh);
+                    self.changed.insert(mesh);
                 }
                 CasterEdit::RemoveMesh { mesh } => {
                     self.free(mesh);
-                    changed.insert(mesh);
+                    self.changed.insert(mesh);
                 }
                 CasterEdit::Put { caster, mesh, transform } => {
                     *slot(&mut self.casters, caster) = Some((mesh, transform));
@@ -121,8 +120,7 @@ impl GirandoleShadows {
                 }
             }
         }
-        self.changed.extend(&changed);
-        !changed.is_empty()
+        !self.changed.is_empty()
     }
 
     /// Puts an entity into the trees as it is now.
