@@ -4,11 +4,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use bevy::ecs::entity::Entity;
-use bevy::math::{Mat4, Quat, Vec3};
+use bevy::math::{Quat, Vec3};
 use girandole::{DirectionalLight, Light, Placement, Sky, TreeSource};
 
 use crate::kinds::KindRecord;
-use crate::skins::Triangle;
+use crate::rigs::{Pose, PosedMesh};
 
 /// One change. Numbers name lights and kinds; the main world gives them out.
 #[derive(Clone, Debug)]
@@ -76,8 +76,8 @@ pub struct Tree {
 /// What writes the lights of a tree on the GPU.
 #[derive(Clone, Debug)]
 pub enum Written {
-    /// The plugin, by the pose of a skeleton.
-    Skin(Arc<[Triangle]>),
+    /// The plugin, by the pose of an entity.
+    Posed(Arc<PosedMesh>),
     /// A pass of the application, for an entity.
     Pass(Entity, TreeSource),
 }
@@ -97,8 +97,8 @@ pub struct State {
 pub struct Edits {
     pub edits: Vec<Edit>,
     pub moves: Vec<(u32, Placement)>,
-    /// The kinds of skinned meshes, and the matrices of their joints.
-    pub poses: Vec<(u32, Vec<Mat4>)>,
+    /// The kinds of meshes that are posed, and their poses.
+    pub poses: Vec<(u32, Pose)>,
     /// The time that it took to find them.
     pub gather: Duration,
 }

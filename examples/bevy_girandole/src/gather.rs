@@ -7,6 +7,7 @@ use std::time::Instant;
 use bevy::camera::visibility::{ViewVisibility, VisibilitySystems};
 use bevy::ecs::system::SystemParam;
 use bevy::light::{DirectionalLight, PointLight, SpotLight};
+use bevy::mesh::morph::MeshMorphWeights;
 use bevy::mesh::skinning::SkinnedMesh;
 use bevy::prelude::*;
 
@@ -14,9 +15,10 @@ use crate::components::{GirandoleLight, GirandoleSource, NoGirandole};
 use crate::edits::Edit;
 use crate::gathered::{Changes, Found, Gathered, Shape};
 use crate::kinds::{KindKey, Sources};
+use crate::rigs::Rig;
 use crate::settings::GirandoleSettings;
 use crate::units::Emitted;
-use crate::{shadows, skins, sky, triangles, units};
+use crate::{rigs, shadows, sky, units};
 
 type AnyLightComponent = Or<(With<PointLight>, With<SpotLight>, With<DirectionalLight>)>;
 /// Entities with a light component and no mesh. Only these can be hidden from Bevy.
@@ -34,7 +36,7 @@ pub fn add_systems(app: &mut App) {
                 gather_sources,
                 gather_visibility,
                 gather_moves,
-                skins::gather,
+                rigs::gather,
                 sky::gather,
             )
                 .chain()
@@ -115,7 +117,7 @@ fn forget(
             Shape::Point => point,
             Shape::Spot => spot,
             Shape::Directional => directional,
-            Shape::Mesh | Shape::Skinned => mesh && material,
+            Shape::Mesh(_) => mesh && material,
             Shape::Source => source,
         };
         if !remains {
@@ -216,7 +218,8 @@ struct AssetChanges<'w, 's> {
     events_of_images: MessageReader<'w, 's, AssetEvent<Image>>,
     sources: Sources<'w, 's>,
     materials: Res<'w, Assets<StandardMaterial>>,
-    unskinned: RemovedComponents<'w, 's, SkinnedMesh>,
+    lost_skins: RemovedComponents<'w, 's, SkinnedMesh>,
+    lost_weights: RemovedComponents<'w, 's, MeshMorphWeights>,
     seen: Local<'s, Seen>,
 }
 
@@ -235,12 +238,17 @@ type MeshQuery = (
     Ref<'static, MeshMaterial3d<StandardMaterial>>,
     &'static GlobalTransform,
     &'static InheritedVisibility,
-    Option<&'static SkinnedMesh>,
+    (Has<SkinnedMesh>, Has<MeshMorphWeights>),
     Option<&'static mut Gathered>,
 );
 type EmissiveMesh = (With<GirandoleLight>, Without<PointLight>, Without<SpotLight>, Without<DirectionalLight>);
-type ChangedMesh =
-    Or<(Changed<Mesh3d>, Changed<MeshMaterial3d<StandardMaterial>>, Added<GirandoleLight>, Added<SkinnedMesh>)>;
+type ChangedMesh = Or<(
+    Changed<Mesh3d>,
+    Changed<MeshMaterial3d<StandardMaterial>>,
+    Added<GirandoleLight>,
+    Added<SkinnedMesh>,
+    Added<MeshMorphWeights>,
+)>;
 
 /// Emissive meshes that are new, or of which the mesh, the material or its textures were changed, and
 /// those that have lost a light component. After an event of an asset that marked meshes use, it looks
@@ -258,7 +266,7 @@ fn gather_meshes(
     let changed_meshes: HashSet<_> = assets.events_of_meshes.read().filter_map(changed).collect();
     let changed_materials: HashSet<_> = assets.events_of_materials.read().filter_map(changed).collect();
     let changed_images: HashSet<_> = assets.events_of_images.read().filter_map(changed).collect();
-    let lost = removed.read().into_iter().chain(assets.unskinned.read());
+    let lost = removed.read().into_iter().chain(assets.lost_skins.read()).chain(assets.lost_weights.read());
     let without_light: HashSet<_> = lost.filter(|&entity| lights.contains(entity)).collect();
     let all = assets.seen.ev100 != Some(settings.exposure.ev100);
     let uses_none = changed_meshes.is_disjoint(&assets.seen.meshes)
@@ -269,26 +277,24 @@ fn gather_meshes(
     }
     *assets.seen = Seen { ev100: Some(settings.exposure.ev100), ..default() };
     changes.replace(&changed_meshes, &changed_images, &assets.sources);
-    for (entity, marker, mesh, material, transform, visibility, skin, gathered) in &mut lights {
+    for (entity, marker, mesh, material, transform, visibility, (has_skin, has_weights), gathered) in &mut lights {
         assets.seen.meshes.insert(mesh.id());
         assets.seen.materials.insert(material.id());
         let material_of_mesh = assets.materials.get(&material.0);
-        let has_joints = || assets.sources.meshes.get(mesh.id()).is_some_and(triangles::has_joints);
-        let skin = skin.filter(|_| has_joints()).map(|_| entity);
-        let emitted = material_of_mesh.and_then(|of| units::emissive((mesh.id(), skin), of, settings.exposure));
+        let rig = Rig::of(entity, assets.sources.meshes.get(mesh.id()), has_skin, has_weights);
+        let emitted = material_of_mesh.and_then(|of| units::emissive((mesh.id(), rig), of, settings.exposure));
         let images = || emitted.into_iter().flat_map(|emitted| emitted.key.images());
         assets.seen.images.extend(images());
         let is_new = all || marker.is_added() || mesh.is_changed() || material.is_changed();
         let is_new = is_new || without_light.contains(&entity);
-        let is_new = is_new || gathered.as_ref().is_some_and(|of| (of.shape == Shape::Skinned) != skin.is_some());
+        let is_new = is_new || gathered.as_ref().is_some_and(|of| of.shape != Shape::Mesh(rig));
         let is_loaded = changed_meshes.contains(&mesh.id()) || images().any(|image| changed_images.contains(&image));
         let is_new = is_new || (gathered.is_none() && is_loaded);
         if !(is_new || changed_materials.contains(&material.id())) {
             continue;
         }
         let next = emitted.and_then(|emitted| {
-            let shape = if skin.is_some() { Shape::Skinned } else { Shape::Mesh };
-            let found = Found { shape, emitted, transform, shown: visibility.get() };
+            let found = Found { shape: Shape::Mesh(rig), emitted, transform, shown: visibility.get() };
             changes.put(gathered.as_deref(), &found, &assets.sources)
         });
         store(&mut commands, entity, gathered, next);
@@ -349,8 +355,8 @@ fn gather_moves(mut changes: ResMut<Changes>, lights: Query<PlacedLight, Changed
                 let (shown, value) = (visibility.get(), units::directional(of, transform));
                 edits.edits.push(Edit::Directional { light, shown, value });
             }
-            // Its joints move it.
-            (Shape::Skinned, _) => {}
+            // Its pose moves it.
+            (Shape::Mesh(Rig::Morph(_) | Rig::Skin(_)), _) => {}
             (shape, _) => edits.moves.push((light, shape.placement(transform))),
         }
     }

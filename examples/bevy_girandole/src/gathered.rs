@@ -11,7 +11,7 @@ use girandole::{Placement, Sky};
 use crate::edits::{Edit, Edits, State};
 use crate::kinds::{KindKey, Kinds, Sources};
 use crate::numbers::Numbers;
-use crate::skins::SkinCache;
+use crate::rigs::{PosedMeshes, Rig};
 use crate::units::{self, Emitted};
 
 /// What the plugin knows of an entity. When this component is removed, for whatever reason, the
@@ -34,9 +34,8 @@ pub enum Shape {
     Point,
     Spot,
     Directional,
-    Mesh,
-    /// A mesh that joints move, whose lights are in the world.
-    Skinned,
+    /// A mesh. If joints or morph targets move it, its lights are in the world.
+    Mesh(Rig),
     /// Lights that a pass of the application writes.
     Source,
 }
@@ -46,8 +45,8 @@ impl Shape {
         match self {
             Self::Point | Self::Directional => units::point_placement(transform),
             Self::Spot => units::spot_placement(transform),
-            Self::Mesh | Self::Source => units::mesh_placement(transform),
-            Self::Skinned => Placement::IDENTITY,
+            Self::Mesh(Rig::Rigid) | Self::Source => units::mesh_placement(transform),
+            Self::Mesh(Rig::Morph(_) | Rig::Skin(_)) => Placement::IDENTITY,
         }
     }
 }
@@ -72,7 +71,7 @@ pub struct Found<'a> {
 pub struct Changes {
     pub edits: Edits,
     pub kinds: Kinds,
-    skins: SkinCache,
+    posed: PosedMeshes,
     /// Entities whose lights the plugin has taken over from Bevy since the last extraction.
     pub taken: Vec<Entity>,
     /// The number of the sky's kind; `None` while there is no sky.
@@ -93,7 +92,7 @@ impl Changes {
 
     /// The number of a kind, with one more user; `None` if the kind has no lights.
     fn acquire(&mut self, key: KindKey, sources: &Sources) -> Option<u32> {
-        let tree = if self.kinds.contains(key) { None } else { Some(key.tree(sources, &mut self.skins)?) };
+        let tree = if self.kinds.contains(key) { None } else { Some(key.tree(sources, &mut self.posed)?) };
         let (kind, _) = self.kinds.acquire(key);
         if let Some(tree) = tree {
             self.edits.edits.push(Edit::AddKind { kind, tree });
@@ -150,16 +149,16 @@ impl Changes {
 
     /// Sends the triangles of meshes and of textured meshes again, or none if there no longer are any.
     pub fn replace(&mut self, meshes: &HashSet<AssetId<Mesh>>, images: &HashSet<AssetId<Image>>, sources: &Sources) {
-        self.skins.forget(meshes, images);
+        self.posed.forget(meshes, images);
         for (kind, key) in self.kinds.made_of(meshes, images) {
-            let tree = key.tree(sources, &mut self.skins).unwrap_or_default();
+            let tree = key.tree(sources, &mut self.posed).unwrap_or_default();
             self.edits.edits.push(Edit::ReplaceKind { kind, tree });
         }
     }
 
     /// Sends the lights of an entity again, which a pass of the application writes.
     pub fn replace_source(&mut self, gathered: &Gathered, entity: Entity, sources: &Sources) {
-        let tree = KindKey::Source(entity).tree(sources, &mut self.skins).unwrap_or_default();
+        let tree = KindKey::Source(entity).tree(sources, &mut self.posed).unwrap_or_default();
         self.edits.edits.push(Edit::ReplaceKind { kind: gathered.kind, tree });
     }
 

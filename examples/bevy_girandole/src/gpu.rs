@@ -69,7 +69,7 @@ impl GirandoleGpu {
 
     /// What compute passes bind to write lights, at the group [`SOURCES_GROUP`](crate::SOURCES_GROUP) of the module
     /// `girandole::sources`. It has the layout of [`sources_layout`]. `None` before the first upload of a
-    /// [`GirandoleSource`](crate::GirandoleSource) or of a skinned light, and while there is no memory for lights.
+    /// [`GirandoleSource`](crate::GirandoleSource) or of a light that is posed, and while there is no memory for lights.
     pub fn source_group(&self) -> Option<&BindGroup> {
         self.source_group.as_ref()
     }

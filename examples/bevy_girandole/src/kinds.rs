@@ -17,7 +17,7 @@ use girandole::Light;
 
 use crate::components::GirandoleSource;
 use crate::edits::{Tree, Written};
-use crate::skins::{self, Skeletons, SkinCache};
+use crate::rigs::{PosedMesh, PosedMeshes, Poses, Rig};
 use crate::textures::{DefaultWrap, TextureKey};
 use crate::triangles;
 use crate::units::{self, UNIT};
@@ -58,8 +58,7 @@ pub enum KindKey {
         two_sided: bool,
         weight: u32,
         ev100: u32,
-        /// The entity whose skeleton moves the triangles, which shares its tree with no other.
-        skin: Option<Entity>,
+        rig: Rig,
     },
     /// The lights of an entity, which a pass of the application writes.
     Source(Entity),
@@ -72,7 +71,7 @@ pub struct Sources<'w, 's> {
     pub meshes: Res<'w, Assets<Mesh>>,
     pub images: Res<'w, Assets<Image>>,
     pub default_wrap: Res<'w, DefaultWrap>,
-    pub skeletons: Skeletons<'w, 's>,
+    pub poses: Poses<'w, 's>,
     written: Query<'w, 's, &'static GirandoleSource>,
 }
 
@@ -100,10 +99,10 @@ impl KindKey {
     }
 
     /// The same kind for all entities with the mesh.
-    fn without_skin(self) -> Self {
+    fn of_all(self) -> Self {
         match self {
-            Self::Mesh { mesh, texture, two_sided, weight, ev100, .. } => {
-                Self::Mesh { mesh, texture, two_sided, weight, ev100, skin: None }
+            Self::Mesh { mesh, texture, two_sided, weight, ev100, rig } => {
+                Self::Mesh { mesh, texture, two_sided, weight, ev100, rig: rig.of_all() }
             }
             other => other,
         }
@@ -117,7 +116,7 @@ impl KindKey {
 
     /// The lights of the tree, and what the shader knows of them; `None` for a mesh without triangles
     /// or with a texture that the main world cannot read, and for the sky, whose tree the light world makes.
-    pub fn tree(self, sources: &Sources, skins: &mut SkinCache) -> Option<Tree> {
+    pub fn tree(self, sources: &Sources, posed: &mut PosedMeshes) -> Option<Tree> {
         let punctual = |range, radius| KindRecord { range, radius, lights: 1, ..KindRecord::default() };
         match self {
             Self::Point { range, radius } => {
@@ -131,15 +130,15 @@ impl KindKey {
                 let light = Light::spot(Vec3::ZERO, Vec3::NEG_Z, inner, outer, Vec3::splat(UNIT));
                 Some(Tree { lights: vec![light.with_range(record.range)], record, written: None })
             }
-            Self::Mesh { mesh, texture, two_sided, weight, ev100, skin } => {
+            Self::Mesh { mesh, texture, two_sided, weight, ev100, rig } => {
                 let mesh = sources.meshes.get(mesh)?;
-                let (lights, written) = match skin.and_then(|entity| sources.skeletons.pose(entity)) {
+                let (lights, written) = match sources.poses.get(rig) {
                     Some(pose) => {
-                        let make = || skinned_triangles(mesh, texture, sources);
-                        let triangles = skins.get(self.without_skin(), make)?;
+                        // Each triangle emits the average of its texels.
+                        let lights = || mesh_lights(mesh, texture, (false, false), sources);
+                        let mesh = posed.get(self.of_all(), || PosedMesh::new(mesh, rig, &lights()?))?;
                         let side = |light: Light| if two_sided { light.two_sided() } else { light };
-                        let lights = triangles.iter().map(|of| side(skins::light(of, &pose))).collect();
-                        (lights, Some(Written::Skin(triangles)))
+                        (mesh.lights(&pose).map(side).collect(), Some(Written::Posed(mesh)))
                     }
                     None => (mesh_lights(mesh, texture, (two_sided, true), sources)?, None),
                 };
@@ -156,14 +155,6 @@ impl KindKey {
             Self::Sky => None,
         }
     }
-}
-
-/// The triangles of a skinned mesh, each of which emits the average of its texels.
-fn skinned_triangles(mesh: &Mesh, texture: Option<TextureKey>, sources: &Sources) -> Option<Vec<skins::Triangle>> {
-    let lights = mesh_lights(mesh, texture, (false, false), sources)?;
-    let (corners, influences) = (triangles::corners(mesh)?, triangles::influences(mesh)?);
-    let parts = corners.into_iter().zip(influences).zip(&lights);
-    Some(parts.map(|((corners, influences), light)| skins::triangle(corners, influences, light)).collect())
 }
 
 /// The triangles of a mesh or, with `is_cut`, the parts into which its texture cuts them.

@@ -7,8 +7,8 @@
 //!
 //! Data passes through the modules in this order: `components` and `settings` come from the
 //! application; `gather` finds what changed, `gathered` and `kinds` assign `numbers` to it, `triangles`,
-//! `texels`, `textures`, `skins`, `sky` and `shadows` read meshes and images, and `extract` moves the `edits` to the render
-//! world; `world` applies the edits, `gpu` uploads the result, and `skinning` poses what joints move, and
+//! `texels`, `textures`, `rigs`, `sky` and `shadows` read meshes and images, and `extract` moves the `edits` to the render
+//! world; `world` applies the edits, `gpu` uploads the result, and `posing` poses what joints and morph targets move, and
 //! `pass` draws with the texts of `shader` and the textures of `history`.
 
 mod components;
@@ -24,11 +24,11 @@ mod naga_oil;
 mod numbers;
 mod pass;
 mod plugin;
+mod posing;
+mod rigs;
 mod settings;
 mod shader;
 mod shadows;
-mod skinning;
-mod skins;
 mod sky;
 mod texels;
 mod textures;

@@ -11,12 +11,12 @@ use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, Render
 use bevy::shader::Shader;
 
 use crate::pass::{PassPipelines, PassShaders};
+use crate::posing::PoseShader;
 use crate::settings::{GirandoleSettings, GirandoleStats};
 use crate::shadows::{self, GirandoleShadows};
-use crate::skinning::SkinShader;
 use crate::textures::DefaultWrap;
 use crate::world::Lights;
-use crate::{extract, gather, gpu, history, pass, shader, skinning};
+use crate::{extract, gather, gpu, history, pass, posing, shader};
 
 /// Adds Girandole to an application, after Bevy's own plugins.
 #[derive(Clone, Copy, Debug)]
@@ -78,7 +78,7 @@ impl Plugin for GirandolePlugin {
                 shadows,
             },
         };
-        let skin_shader = SkinShader(shaders.add(shader::skinning()));
+        let pose_shader = PoseShader(shaders.add(shader::posing()));
         let modules = Modules { _handles: shader::modules().map(|module| shaders.add(module)) };
         app.insert_resource(modules);
         let stats = app.world().resource::<GirandoleStats>().clone();
@@ -86,21 +86,21 @@ impl Plugin for GirandolePlugin {
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         render_app
             .insert_resource(pass_shaders)
-            .insert_resource(skin_shader)
+            .insert_resource(pose_shader)
             .insert_resource(stats)
             .insert_resource(settings)
             .init_resource::<Lights>()
             .init_gpu_resource::<SpecializedRenderPipelines<PassPipelines>>()
             .add_systems(
                 RenderStartup,
-                (gpu::start, history::forget, skinning::start, pass::start.after(MeshPipelineSystems)),
+                (gpu::start, history::forget, posing::start, pass::start.after(MeshPipelineSystems)),
             )
             .add_systems(ExtractSchedule, (extract::edits, extract::cameras))
             .add_systems(
                 Render,
                 (
                     gpu::prepare.in_set(GirandoleSystems::Upload).in_set(RenderSystems::PrepareResources),
-                    skinning::prepare.in_set(RenderSystems::PrepareResources).after(gpu::prepare),
+                    posing::prepare.in_set(RenderSystems::PrepareResources).after(gpu::prepare),
                     history::prepare.in_set(RenderSystems::PrepareResources),
                     pass::specialize.in_set(RenderSystems::Prepare).after(gpu::prepare),
                 ),
@@ -112,7 +112,7 @@ impl Plugin for GirandolePlugin {
             .add_systems(
                 RenderGraph,
                 (
-                    skinning::record.in_set(GirandoleSystems::WriteLights),
+                    posing::record.in_set(GirandoleSystems::WriteLights),
                     gpu::build_top.in_set(GirandoleSystems::BuildTop),
                     gpu::fold_visibility.after(RenderGraphSystems::Render).before(RenderGraphSystems::Submit),
                 ),

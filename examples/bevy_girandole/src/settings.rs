@@ -68,7 +68,7 @@ pub struct GirandoleReport {
     pub trees: usize,
     /// Instances that the world has: all lights except directional ones, and the sky.
     pub lights: usize,
-    /// Trees whose lights are written on the GPU, by the plugin for skinned meshes or by passes of the application.
+    /// Trees whose lights are written on the GPU, by the plugin for meshes that are posed or by passes of the application.
     pub written: usize,
     /// Entities that cast shadows.
     pub casters: usize,

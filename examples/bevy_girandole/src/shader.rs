@@ -71,9 +71,9 @@ pub fn importing() -> Shader {
     module("girandole::pass", imports + UNSHADOWED + include_str!("pixel.wgsl") + include_str!("pass.wgsl"))
 }
 
-/// The pass that poses skinned meshes.
-pub fn skinning() -> Shader {
-    module("girandole::skins", plan::wgsl_of_sources(SOURCES_GROUP) + include_str!("skin.wgsl"))
+/// The pass that poses meshes.
+pub fn posing() -> Shader {
+    module("girandole::poses", plan::wgsl_of_sources(SOURCES_GROUP) + include_str!("pose.wgsl"))
 }
 
 /// The modules for applications: `girandole`, with the functions that the documentation of

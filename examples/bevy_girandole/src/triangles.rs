@@ -1,6 +1,7 @@
 //! The triangles of a mesh, with texture coordinates.
 
 use bevy::math::{Vec2, Vec3};
+use bevy::mesh::morph::MorphAttributes;
 use bevy::mesh::{Mesh, PrimitiveTopology, VertexAttributeValues};
 
 /// The vertices of each triangle of a mesh that the main world can read. Triangles with vertices that there are not
@@ -73,6 +74,27 @@ pub fn influences(mesh: &Mesh) -> Option<Vec<[Influences; 3]>> {
     let corner = |vertex: usize| Some((*joints.get(vertex)?, *weights.get(vertex)?));
     let corner = |vertex| corner(vertex).unwrap_or_default();
     Some(vertices(mesh)?.into_iter().map(|triangle| triangle.map(corner)).collect())
+}
+
+/// The morph targets of a mesh: what each moves each vertex by, target after target.
+fn targets(mesh: &Mesh) -> Option<&[MorphAttributes]> {
+    mesh.try_morph_targets().ok().map(Vec::as_slice).filter(|targets| !targets.is_empty())
+}
+
+/// Whether a mesh has morph targets.
+pub fn has_targets(mesh: &Mesh) -> bool {
+    targets(mesh).is_some()
+}
+
+/// How far each morph target moves each corner, in the order of [`corners`], target after target; `None` for a mesh
+/// without morph targets.
+pub fn morph_offsets(mesh: &Mesh) -> Option<Vec<[f32; 3]>> {
+    let (triangles, targets) = (vertices(mesh)?, targets(mesh)?);
+    // As in Bevy, attributes of different lengths have as many vertices as the shortest one.
+    let offset = |of: &[MorphAttributes], vertex: usize| of.get(vertex).map_or([0.0; 3], |at| at.position.to_array());
+    let corners = || triangles.iter().flatten();
+    let targets = targets.chunks_exact(mesh.count_vertices().max(1));
+    Some(targets.flat_map(|of| corners().map(|&vertex| offset(of, vertex))).collect())
 }
 
 #[cfg(test)]

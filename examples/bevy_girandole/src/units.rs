@@ -8,7 +8,6 @@ use std::f32::consts::{FRAC_PI_2, PI};
 
 use bevy::asset::AssetId;
 use bevy::camera::Exposure;
-use bevy::ecs::entity::Entity;
 use bevy::light::{DirectionalLight, PointLight, SpotLight};
 use bevy::math::{Mat3, Vec3};
 use bevy::mesh::Mesh;
@@ -17,6 +16,7 @@ use bevy::prelude::{Color, GlobalTransform};
 use girandole::Placement;
 
 use crate::kinds::KindKey;
+use crate::rigs::Rig;
 use crate::textures::TextureKey;
 
 /// The emission of every light in a tree, in candela or nits. The factor of an instance, which is
@@ -62,16 +62,12 @@ pub fn spot(light: &SpotLight) -> Emitted {
     Emitted { key, factor: candela_factor(light.color, light.intensity) }
 }
 
-/// The light of a material on a mesh, which the skeleton of an entity may move; `None` if it emits nothing that can be
+/// The light of a material on a mesh, which a rig may move; `None` if it emits nothing that can be
 /// sampled.
 ///
 /// Bevy's camera shows `emissive * mix(1, exposure, weight)` (`apply_pbr_lighting`), and a radiance of
 /// L nits as `exposure * L`. So the material emits the first divided by the exposure.
-pub fn emissive(
-    (mesh, skin): (AssetId<Mesh>, Option<Entity>),
-    material: &StandardMaterial,
-    exposure: Exposure,
-) -> Option<Emitted> {
+pub fn emissive((mesh, rig): (AssetId<Mesh>, Rig), material: &StandardMaterial, exposure: Exposure) -> Option<Emitted> {
     let emissive = Vec3::new(material.emissive.red, material.emissive.green, material.emissive.blue);
     if emissive.max_element() <= 0.0 || material.unlit {
         return None;
@@ -83,7 +79,7 @@ pub fn emissive(
         two_sided: material.cull_mode.is_none(),
         weight: weight.to_bits(),
         ev100: exposure.ev100.to_bits(),
-        skin,
+        rig,
     };
     Some(Emitted { key, factor: emissive * (nits(exposure, weight) / UNIT) })
 }

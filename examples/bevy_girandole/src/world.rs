@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use bevy::ecs::entity::Entity;
 use bevy::ecs::resource::Resource;
 use bevy::log::warn_once;
-use bevy::math::{Mat3, Mat4, Quat, Vec3};
+use bevy::math::{Mat3, Quat, Vec3};
 use girandole::{
     DirectionalKey, DirectionalLight, FrameBudget, FrameReport, InstanceKey, LightTree, LightWorld, Placement, Policy,
     Sky, TreeKey, TreeSource, WorldError,
@@ -15,7 +15,7 @@ use girandole::{
 
 use crate::edits::{Edit, Edits, State, Tree, Written};
 use crate::kinds::KindRecord;
-use crate::skins::Triangle;
+use crate::rigs::{Pose, PosedMesh};
 
 /// What the number of a light refers to.
 #[derive(Clone, Copy, Debug, Default)]
@@ -29,12 +29,12 @@ enum Slot {
     Refused(State),
 }
 
-/// A skinned mesh.
+/// A mesh that an entity poses.
 #[derive(Clone, Debug)]
-pub struct Skin {
-    pub triangles: Arc<[Triangle]>,
-    /// The matrices of the joints, from the space of the mesh to the world.
-    pub pose: Vec<Mat4>,
+pub struct Posed {
+    pub mesh: Arc<PosedMesh>,
+    /// Without joints until it is sent.
+    pub pose: Pose,
 }
 
 /// The lights of the render world.
@@ -49,10 +49,10 @@ pub struct Lights {
     pub records: Vec<KindRecord>,
     /// Whether `records` have changed since the last upload.
     pub has_new_records: bool,
-    /// Skinned meshes, by kind.
-    pub skins: HashMap<u32, Skin>,
-    /// Whether `skins` have changed since the last upload.
-    pub has_new_skins: bool,
+    /// Meshes that are posed, by kind.
+    pub posed: HashMap<u32, Posed>,
+    /// Whether `posed` has changed since the last upload.
+    pub has_new_poses: bool,
     /// The kinds that passes of the application write, by entity.
     passes: HashMap<Entity, u32>,
     moves: Vec<(InstanceKey, Placement)>,
@@ -94,8 +94,8 @@ impl Default for Lights {
             slot_count: 0,
             records: vec![KindRecord::default()],
             has_new_records: true,
-            skins: HashMap::new(),
-            has_new_skins: false,
+            posed: HashMap::new(),
+            has_new_poses: false,
             passes: HashMap::new(),
             moves: Vec::new(),
             edits: Edits::default(),
@@ -221,8 +221,8 @@ impl Lights {
 
     /// Sets what writes the lights of a kind on the GPU.
     fn write(&mut self, kind: u32, tree: TreeKey, written: Option<Written>) -> Result<(), WorldError> {
-        let pose = self.skins.remove(&kind).map(|skin| skin.pose);
-        self.has_new_skins |= pose.is_some();
+        let pose = self.posed.remove(&kind).map(|posed| posed.pose);
+        self.has_new_poses |= pose.is_some();
         self.passes.retain(|_, of_entity| *of_entity != kind);
         match written {
             None => self.world.set_light_source(tree, TreeSource::Cpu),
@@ -231,10 +231,10 @@ impl Lights {
                 self.passes.insert(entity, kind);
                 Ok(())
             }
-            Some(Written::Skin(triangles)) => {
+            Some(Written::Posed(mesh)) => {
                 self.world.set_light_source(tree, TreeSource::GpuMesh)?;
-                self.has_new_skins = true;
-                self.skins.insert(kind, Skin { triangles, pose: pose.unwrap_or_default() });
+                self.has_new_poses = true;
+                self.posed.insert(kind, Posed { mesh, pose: pose.unwrap_or_default() });
                 Ok(())
             }
         }
@@ -253,16 +253,16 @@ impl Lights {
 
     /// Trees whose lights are written on the GPU.
     pub fn written_trees(&self) -> usize {
-        self.skins.len() + self.passes.len()
+        self.posed.len() + self.passes.len()
     }
 
-    /// Moves the joints of skinned lights.
-    fn pose(&mut self, poses: Vec<(u32, Vec<Mat4>)>) {
+    /// Poses meshes.
+    fn pose(&mut self, poses: Vec<(u32, Pose)>) {
         self.counts.moved += poses.len();
         for (kind, pose) in poses {
-            if let Some(skin) = self.skins.get_mut(&kind) {
-                skin.pose = pose;
-                self.has_new_skins = true;
+            if let Some(posed) = self.posed.get_mut(&kind) {
+                posed.pose = pose;
+                self.has_new_poses = true;
             }
         }
     }

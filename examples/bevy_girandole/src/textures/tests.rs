@@ -9,7 +9,7 @@ use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 
 use super::*;
 use crate::kinds::KindKey;
-use crate::skins::SkinCache;
+use crate::rigs::{PosedMeshes, Rig};
 
 /// A share by which a flux may differ: parts add up in f32.
 const TOLERANCE: f32 = 1e-5;
@@ -41,11 +41,11 @@ impl Scene {
             two_sided: false,
             weight: 0,
             ev100: 0,
-            skin: None,
+            rig: Rig::Rigid,
         };
         let mut state = SystemState::<Sources>::new(&mut self.world);
         let sources = state.get(&self.world).expect("the resources are there");
-        key.tree(&sources, &mut SkinCache::default()).map(|tree| {
+        key.tree(&sources, &mut PosedMeshes::default()).map(|tree| {
             assert_eq!(tree.record.lights as usize, tree.lights.len());
             tree.lights
         })

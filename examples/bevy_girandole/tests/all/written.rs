@@ -1,8 +1,9 @@
-//! Lights that are written on the GPU: by the plugin for skinned meshes, and by a pass of the application.
+//! Lights that are written on the GPU: by the plugin for skinned and morphed meshes, and by a pass of the application.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
 use bevy::asset::RenderAssetUsages;
+use bevy::mesh::morph::{MeshMorphWeights, MorphAttributes, MorphWeights};
 use bevy::mesh::skinning::{SkinnedMesh, SkinnedMeshInverseBindposes};
 use bevy::mesh::{PrimitiveTopology, VertexAttributeValues};
 use bevy::prelude::*;
@@ -54,6 +55,15 @@ fn skinned() -> Mesh {
         .with_inserted_attribute(Mesh::ATTRIBUTE_JOINT_WEIGHT, vec![[1.0, 0.0, 0.0, 0.0]; 12])
 }
 
+/// The strip with two morph targets: one that moves nothing, and one that lets its last column hang down.
+fn morphed() -> Mesh {
+    let offset = |position| MorphAttributes { position, ..default() };
+    let places = [false, true].map(|is_turned| corners(is_turned).into_iter().map(Vec3::from));
+    let [from, to] = places;
+    let turned = from.zip(to).map(|(from, to)| offset(to - from));
+    strip(false).with_morph_targets([offset(Vec3::ZERO); 12].into_iter().chain(turned).collect())
+}
+
 /// Above what the camera sees.
 fn place() -> Transform {
     Transform::from_xyz(0.5, 5.0, 0.2)
@@ -91,16 +101,55 @@ fn turn(app: &mut App, joint: Entity, angle: f32) {
     app.world_mut().get_mut::<Transform>(joint).expect("it is there").rotation = Quat::from_rotation_z(angle);
 }
 
+/// Gives a strip the weights of its morph targets, in another entity. Returns that entity.
+fn add_weights(app: &mut App, entity: Entity) -> Entity {
+    let weights = MorphWeights::new(vec![1.0, 0.0], None).expect("two are not too many");
+    let controller = app.world_mut().spawn(weights).id();
+    app.world_mut().entity_mut(entity).insert(MeshMorphWeights::Reference(controller));
+    controller
+}
+
+/// What poses a strip.
+struct Control {
+    /// Gives an entity what poses it. Returns the entity that the next one is called with.
+    add: fn(&mut App, Entity) -> Entity,
+    /// Lets the last column of the strip hang down, or lifts it.
+    set: fn(&mut App, Entity, bool),
+    /// Takes it away again.
+    remove: fn(&mut App, Entity),
+}
+
 #[test]
 fn the_lights_of_a_skinned_mesh_follow_its_joints() {
+    let set = |app: &mut App, joint, is_turned| turn(app, joint, if is_turned { -FRAC_PI_2 } else { 0.0 });
+    let remove = |app: &mut App, entity: Entity| {
+        app.world_mut().entity_mut(entity).remove::<SkinnedMesh>();
+    };
+    check_posed(skinned(), &Control { add: add_skeleton, set, remove });
+}
+
+#[test]
+fn the_lights_of_a_mesh_follow_its_morph_targets() {
+    let set = |app: &mut App, controller, is_turned| {
+        let mut weights = app.world_mut().get_mut::<MorphWeights>(controller).expect("it is there");
+        weights.weights_mut()[1] = if is_turned { 1.0 } else { 0.0 };
+    };
+    let remove = |app: &mut App, entity: Entity| {
+        app.world_mut().entity_mut(entity).remove::<MeshMorphWeights>();
+    };
+    check_posed(morphed(), &Control { add: add_weights, set, remove });
+}
+
+/// Compares a strip with meshes at rest that have the shapes of its poses.
+fn check_posed(mesh: Mesh, control: &Control) {
     let mut app = scene();
-    let entity = add_strip(&mut app, skinned());
+    let entity = add_strip(&mut app, mesh);
     settle(&mut app);
-    assert_eq!((report(&app).lights, report(&app).written), (1, 0), "without a skeleton");
-    let joint = add_skeleton(&mut app, entity);
+    assert_eq!((report(&app).lights, report(&app).written), (1, 0), "nothing poses it");
+    let controller = (control.add)(&mut app, entity);
     let flat = means(&pictures(&mut app, FRAMES));
     assert_eq!((report(&app).lights, report(&app).trees, report(&app).written), (1, 1, 1));
-    turn(&mut app, joint, -FRAC_PI_2);
+    (control.set)(&mut app, controller, true);
     let turned = means(&pictures(&mut app, FRAMES));
     settle(&mut app);
     assert!(report(&app).moved == 0 && report(&app).changed == 0, "the pose is sent once");
@@ -111,19 +160,19 @@ fn the_lights_of_a_skinned_mesh_follow_its_joints() {
         add_strip(&mut app, strip(is_turned));
         set_camera(&mut app, |camera| camera.estimate = Estimate::Exhaustive);
         check(&format!("turned: {is_turned}"), sampled, &means(&pictures(&mut app, FRAMES)));
-        assert_eq!(report(&app).written, 0, "nothing is written without a skin");
+        assert_eq!(report(&app).written, 0, "nothing is written of a mesh at rest");
     }
 
     // Hidden and shown again, with a pose that it got meanwhile.
     app.world_mut().entity_mut(entity).insert(Visibility::Hidden);
-    turn(&mut app, joint, 0.0);
+    (control.set)(&mut app, controller, false);
     assert_eq!(brightness(&mut app), 0.0);
     app.world_mut().entity_mut(entity).insert(Visibility::Inherited);
     set_camera(&mut app, |camera| camera.estimate = Estimate::Exhaustive);
     check("shown again", &flat, &means(&pictures(&mut app, FRAMES)));
-    app.world_mut().entity_mut(entity).remove::<SkinnedMesh>();
+    (control.remove)(&mut app, entity);
     settle(&mut app);
-    assert_eq!((report(&app).lights, report(&app).written), (1, 0), "without a skeleton again");
+    assert_eq!((report(&app).lights, report(&app).written), (1, 0), "nothing poses it again");
     app.world_mut().despawn(entity);
     settle(&mut app);
     assert_eq!((report(&app).lights, report(&app).trees), (0, 0));
