@@ -24,7 +24,9 @@ type AnyLightComponent = Or<(With<PointLight>, With<SpotLight>, With<Directional
 /// Entities with a light component and no mesh. Only these can be hidden from Bevy.
 type AnyLight = (AnyLightComponent, Without<Mesh3d>);
 
-pub fn add_systems(app: &mut App) {
+/// Finds lights. Those of Bevy are taken away from it, unless a scene is ray traced.
+pub fn add_systems(app: &mut App, ray_traced: bool) {
+    let take_over = take_over.run_if(move || !ray_traced);
     app.init_resource::<Changes>().add_systems(
         PostUpdate,
         (
@@ -282,7 +284,8 @@ fn gather_meshes(
         assets.seen.materials.insert(material.id());
         let material_of_mesh = assets.materials.get(&material.0);
         let rig = Rig::of(entity, assets.sources.meshes.get(mesh.id()), has_skin, has_weights);
-        let emitted = material_of_mesh.and_then(|of| units::emissive((mesh.id(), rig), of, settings.exposure));
+        let emitted = material_of_mesh
+            .and_then(|of| units::emissive((mesh.id(), rig), of, settings.exposure, *assets.sources.ray_traced));
         let images = || emitted.into_iter().flat_map(|emitted| emitted.key.images());
         assets.seen.images.extend(images());
         let is_new = all || marker.is_added() || mesh.is_changed() || material.is_changed();

@@ -18,6 +18,7 @@ use girandole::Light;
 use crate::components::GirandoleSource;
 use crate::edits::{Tree, Written};
 use crate::rigs::{PosedMesh, PosedMeshes, Poses, Rig};
+use crate::settings::RayTraced;
 use crate::textures::{DefaultWrap, TextureKey};
 use crate::triangles;
 use crate::units::{self, UNIT};
@@ -72,6 +73,7 @@ pub struct Sources<'w, 's> {
     pub images: Res<'w, Assets<Image>>,
     pub default_wrap: Res<'w, DefaultWrap>,
     pub poses: Poses<'w, 's>,
+    pub ray_traced: Res<'w, RayTraced>,
     written: Query<'w, 's, &'static GirandoleSource>,
 }
 
@@ -140,7 +142,7 @@ impl KindKey {
                         let side = |light: Light| if two_sided { light.two_sided() } else { light };
                         (mesh.lights(&pose).map(side).collect(), Some(Written::Posed(mesh)))
                     }
-                    None => (mesh_lights(mesh, texture, (two_sided, true), sources)?, None),
+                    None => (mesh_lights(mesh, texture, (two_sided, !sources.ray_traced.0), sources)?, None),
                 };
                 let weight = f32::from_bits(weight);
                 let nits = units::nits(Exposure { ev100: f32::from_bits(ev100) }, weight);

@@ -21,6 +21,7 @@ mod history;
 mod kinds;
 #[cfg(not(feature = "wesl"))]
 mod naga_oil;
+mod names;
 mod numbers;
 mod pass;
 mod plugin;
@@ -40,6 +41,7 @@ mod world;
 
 pub use components::{Estimate, GirandoleCamera, GirandoleLight, GirandoleSky, GirandoleSource, NoGirandole};
 pub use gpu::{GirandoleGpu, buffer_entry, effects, lights_layout, sources_layout};
+pub use names::{GirandoleName, GirandoleNames};
 pub use plugin::{GirandolePlugin, GirandoleSystems};
 pub use settings::{GirandoleReport, GirandoleSettings, GirandoleStats};
 pub use shader::{LIGHTS_GROUP, SOURCES_GROUP};

@@ -10,9 +10,10 @@ use bevy::render::renderer::{RenderGraph, RenderGraphSystems};
 use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems};
 use bevy::shader::Shader;
 
+use crate::names::{self, GirandoleNames};
 use crate::pass::{PassPipelines, PassShaders};
 use crate::posing::PoseShader;
-use crate::settings::{GirandoleSettings, GirandoleStats};
+use crate::settings::{GirandoleSettings, GirandoleStats, RayTraced};
 use crate::shadows::{self, GirandoleShadows};
 use crate::textures::DefaultWrap;
 use crate::world::Lights;
@@ -28,11 +29,15 @@ pub struct GirandolePlugin {
     /// candidates are weighted by Bevy's BRDF and pixels share cuts. Importing is noisier and without
     /// shadows, and is meant for tests of the modules.
     pub importing: bool,
+    /// Whether another renderer draws the scene by ray tracing, and only asks for lights: see
+    /// [`GirandoleNames`](crate::GirandoleNames). Then the lights of a mesh are its triangles, which no texture cuts;
+    /// emissive colours are nits, whatever the exposure; and Bevy keeps directional lights.
+    pub ray_traced: bool,
 }
 
 impl Default for GirandolePlugin {
     fn default() -> Self {
-        Self { shadows: true, importing: false }
+        Self { shadows: true, importing: false, ray_traced: false }
     }
 }
 
@@ -62,9 +67,9 @@ impl Plugin for GirandolePlugin {
             // Nothing is drawn, so nothing would take the edits.
             return;
         }
-        app.insert_resource(DefaultWrap::of(app));
-        gather::add_systems(app);
-        let shadows = self.shadows && !self.importing;
+        app.insert_resource(DefaultWrap::of(app)).insert_resource(RayTraced(self.ray_traced));
+        gather::add_systems(app, self.ray_traced);
+        let shadows = self.shadows && !self.importing && !self.ray_traced;
         if shadows {
             app.init_resource::<shadows::Casters>();
             gather::add_shadow_systems(app);
@@ -125,6 +130,12 @@ impl Plugin for GirandolePlugin {
                     .after(deferred_lighting)
                     .before(main_opaque_pass_3d),
             );
+        if self.ray_traced {
+            render_app
+                .init_resource::<GirandoleNames>()
+                .add_systems(ExtractSchedule, names::extract)
+                .add_systems(Render, names::prepare.in_set(GirandoleSystems::Upload).after(gpu::prepare));
+        }
         if shadows {
             render_app
                 .init_resource::<GirandoleShadows>()

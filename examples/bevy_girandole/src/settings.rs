@@ -8,6 +8,10 @@ use bevy::camera::Exposure;
 use bevy::prelude::*;
 use girandole::{CutOptions, FrameBudget, VisibilityOptions};
 
+/// Whether another renderer draws by ray tracing: see [`GirandolePlugin::ray_traced`](crate::GirandolePlugin::ray_traced).
+#[derive(Resource, Clone, Copy, Debug)]
+pub struct RayTraced(pub bool);
+
 /// Settings that may change in any frame.
 #[derive(Resource, Clone)]
 pub struct GirandoleSettings {

@@ -17,6 +17,7 @@ use girandole::Placement;
 
 use crate::kinds::KindKey;
 use crate::rigs::Rig;
+use crate::settings::RayTraced;
 use crate::textures::TextureKey;
 
 /// The emission of every light in a tree, in candela or nits. The factor of an instance, which is
@@ -66,13 +67,18 @@ pub fn spot(light: &SpotLight) -> Emitted {
 /// sampled.
 ///
 /// Bevy's camera shows `emissive * mix(1, exposure, weight)` (`apply_pbr_lighting`), and a radiance of
-/// L nits as `exposure * L`. So the material emits the first divided by the exposure.
-pub fn emissive((mesh, rig): (AssetId<Mesh>, Rig), material: &StandardMaterial, exposure: Exposure) -> Option<Emitted> {
+/// L nits as `exposure * L`. So the material emits the first divided by the exposure. Ray tracing has a weight of 1.
+pub fn emissive(
+    (mesh, rig): (AssetId<Mesh>, Rig),
+    material: &StandardMaterial,
+    exposure: Exposure,
+    ray_traced: RayTraced,
+) -> Option<Emitted> {
     let emissive = Vec3::new(material.emissive.red, material.emissive.green, material.emissive.blue);
     if emissive.max_element() <= 0.0 || material.unlit {
         return None;
     }
-    let weight = material.emissive_exposure_weight;
+    let weight = if ray_traced.0 { 1.0 } else { material.emissive_exposure_weight };
     let key = KindKey::Mesh {
         mesh,
         texture: TextureKey::of(material),

@@ -29,6 +29,9 @@ enum Slot {
     Refused(State),
 }
 
+/// `LIGHT_DIRECTIONAL` of the library's WGSL.
+const LIGHT_DIRECTIONAL: u32 = u32::MAX;
+
 /// A mesh that an entity poses.
 #[derive(Clone, Debug)]
 pub struct Posed {
@@ -56,6 +59,7 @@ pub struct Lights {
     /// The kinds that passes of the application write, by entity.
     passes: HashMap<Entity, u32>,
     moves: Vec<(InstanceKey, Placement)>,
+    has_new_names: bool,
     /// The edits of this frame, which were extracted and not yet applied.
     pub edits: Edits,
     pub counts: Counts,
@@ -98,6 +102,7 @@ impl Default for Lights {
             has_new_poses: false,
             passes: HashMap::new(),
             moves: Vec::new(),
+            has_new_names: false,
             edits: Edits::default(),
             counts: Counts::default(),
         }
@@ -110,6 +115,7 @@ impl Lights {
         let started = Instant::now();
         let edits = std::mem::take(&mut self.edits);
         self.counts.gather += edits.gather;
+        self.has_new_names |= !edits.edits.is_empty();
         for edit in edits.edits {
             // A kind is refused for each of its lights.
             let is_light = !matches!(edit, Edit::AddKind { .. });
@@ -264,6 +270,23 @@ impl Lights {
                 posed.pose = pose;
                 self.has_new_poses = true;
             }
+        }
+    }
+
+    /// Whether lights may have other names than at the last call.
+    pub fn take_new_names(&mut self) -> bool {
+        std::mem::take(&mut self.has_new_names)
+    }
+
+    /// The slot of the instance of a light and 0, or `LIGHT_DIRECTIONAL` and the number of a directional light.
+    pub fn name(&self, light: u32) -> Option<(u32, u32)> {
+        match self.slot(light) {
+            Slot::Instance(key, _) => self.world.slot(key).map(|slot| (slot, 0)),
+            Slot::Directional(Some(key)) => {
+                let number = self.world.directionals().position(|of| of == key)?;
+                Some((LIGHT_DIRECTIONAL, number as u32))
+            }
+            _ => None,
         }
     }
 

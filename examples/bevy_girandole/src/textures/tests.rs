@@ -10,6 +10,7 @@ use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use super::*;
 use crate::kinds::KindKey;
 use crate::rigs::{PosedMeshes, Rig};
+use crate::settings::RayTraced;
 
 /// A share by which a flux may differ: parts add up in f32.
 const TOLERANCE: f32 = 1e-5;
@@ -26,6 +27,7 @@ impl Scene {
         world.init_resource::<Assets<Mesh>>();
         world.init_resource::<Assets<Image>>();
         world.insert_resource(DefaultWrap([TextureWrap::Clamp; 2]));
+        world.insert_resource(RayTraced(false));
         let quad = world.resource_mut::<Assets<Mesh>>().add(Rectangle::new(2.0, 1.0).mesh());
         Self { world, quad }
     }
@@ -103,6 +105,16 @@ fn parts_emit_the_texture() {
     });
     // The first column of four.
     assert!(centers.into_iter().all(|center| center.x < -0.5));
+}
+
+#[test]
+fn ray_tracers_get_whole_triangles() {
+    let mut scene = Scene::new();
+    let texture = scene.add(white_and_black(4, &[1, 0, 0, 0]));
+    scene.world.insert_resource(RayTraced(true));
+    let parts = scene.parts(&showing(&texture)).expect("it is a light");
+    assert_eq!(parts.len(), 2);
+    assert_near(scene.mean(&showing(&texture)), Vec3::splat(0.25));
 }
 
 #[test]

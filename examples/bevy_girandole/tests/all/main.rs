@@ -5,6 +5,7 @@ mod agrees_with_bevy;
 mod changes;
 mod harness;
 mod lifecycle;
+mod names;
 mod refusals;
 mod shadows;
 mod sky;

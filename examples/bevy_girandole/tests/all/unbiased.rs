@@ -184,7 +184,7 @@ fn importing_the_modules_gives_the_numbers_of_the_joined_text() {
     // With one candidate, nothing is weighed: both draw the same light by the same numbers.
     let camera = GirandoleCamera { candidates: 1, samples: 2, seed: 9, ..single_frames() };
     let [joined, importing] = [false, true].map(|importing| {
-        let mut app = scene(GirandolePlugin { importing, shadows: false }, camera);
+        let mut app = scene(GirandolePlugin { importing, shadows: false, ..default() }, camera);
         app.world_mut().resource_mut::<GirandoleSettings>().cuts = None;
         pictures(&mut app, 2 * SHIFT + COMPARED)
     });
