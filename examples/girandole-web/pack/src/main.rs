@@ -1,11 +1,14 @@
-//! Makes the static folder of the page: the JavaScript that wasm-bindgen generates, the wasm in a
-//! script, and the page's own files.
+//! Generates the JavaScript of a wasm file with wasm-bindgen.
 //!
-//! The wasm is text in a script because browsers let a page that was opened from a file load scripts,
-//! but not fetch files. Usage: `girandole-web-pack WASM PAGE FOLDER`.
+//! - `girandole-web-pack WASM PAGE FOLDER` makes the static folder of a page: the JavaScript, the wasm in a
+//!   script, and the page's own files. The wasm is text in a script because browsers let a page that was opened
+//!   from a file load scripts, but not fetch files.
+//! - `girandole-web-pack --module NAME WASM FOLDER` makes an ES module `NAME.js` with its types, beside the wasm,
+//!   which it fetches.
 
 use std::error::Error;
-use std::path::{Path, PathBuf};
+use std::ffi::OsString;
+use std::path::Path;
 use std::process::ExitCode;
 use std::{env, fs};
 
@@ -13,15 +16,25 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use wasm_bindgen_cli_support::Bindgen;
 
-/// The name of the generated files, and of the variable that holds the wasm.
+/// The name of the page's generated files, and of the variable that holds the wasm.
 const NAME: &str = "girandole_web";
 
-fn pack(wasm: &Path, page: &Path, folder: &Path) -> Result<(), Box<dyn Error>> {
-    fs::create_dir_all(folder)?;
+/// A generator that removes the names of functions, which are a third of the file.
+fn generator(wasm: &Path) -> Bindgen {
     let mut bindgen = Bindgen::new();
-    bindgen.input_path(wasm).out_name(NAME).no_modules(true)?.typescript(false);
-    // The names of functions are a third of the file.
-    bindgen.remove_name_section(true).remove_producers_section(true).generate(folder)?;
+    bindgen.input_path(wasm).remove_name_section(true).remove_producers_section(true);
+    bindgen
+}
+
+fn make_module(name: &str, wasm: &Path, folder: &Path) -> Result<(), Box<dyn Error>> {
+    fs::create_dir_all(folder)?;
+    generator(wasm).out_name(name).web(true)?.typescript(true).generate(folder)?;
+    Ok(())
+}
+
+fn make_page(wasm: &Path, page: &Path, folder: &Path) -> Result<(), Box<dyn Error>> {
+    fs::create_dir_all(folder)?;
+    generator(wasm).out_name(NAME).no_modules(true)?.typescript(false).generate(folder)?;
     let generated = folder.join(format!("{NAME}_bg.wasm"));
     let bytes = fs::read(&generated)?;
     let script = format!("const {NAME}_wasm = \"{}\";\n", STANDARD.encode(&bytes));
@@ -38,15 +51,23 @@ fn pack(wasm: &Path, page: &Path, folder: &Path) -> Result<(), Box<dyn Error>> {
 }
 
 fn main() -> ExitCode {
-    let arguments: Vec<PathBuf> = env::args_os().skip(1).map(PathBuf::from).collect();
-    let [wasm, page, folder] = &arguments[..] else {
-        eprintln!("usage: girandole-web-pack WASM PAGE FOLDER");
-        return ExitCode::FAILURE;
+    let arguments: Vec<OsString> = env::args_os().skip(1).collect();
+    let (folder, made) = match &arguments[..] {
+        [option, name, wasm, folder] if option == "--module" => {
+            (folder, make_module(&name.to_string_lossy(), wasm.as_ref(), folder.as_ref()))
+        }
+        [wasm, page, folder] => (folder, make_page(wasm.as_ref(), page.as_ref(), folder.as_ref())),
+        _ => {
+            eprintln!(
+                "usage: girandole-web-pack WASM PAGE FOLDER\n       girandole-web-pack --module NAME WASM FOLDER"
+            );
+            return ExitCode::FAILURE;
+        }
     };
-    match pack(wasm, page, folder) {
+    match made {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("cannot make {}: {error}", folder.display());
+            eprintln!("cannot make {}: {error}", Path::new(folder).display());
             ExitCode::FAILURE
         }
     }
