@@ -1,0 +1,65 @@
+// The lights of a world on the page's own device.
+
+import { LightPlanner, wgsl } from "./girandole.js";
+import { Player } from "./player.js";
+
+const COMPUTE_AND_FRAGMENT = 0x4 | 0x2;
+
+export class GpuLights {
+    #device;
+    #world;
+    #planner;
+    #player;
+    #bound = "";
+
+    constructor(device, world) {
+        const { maxStorageBufferBindingSize, maxBufferSize } = device.limits;
+        this.#device = device;
+        this.#world = world;
+        this.#planner = new LightPlanner(Math.min(maxStorageBufferBindingSize, maxBufferSize));
+        this.#player = new Player(device);
+        const types = ["uniform", ...Array(4).fill("read-only-storage")];
+        this.bindGroupLayout = device.createBindGroupLayout({
+            label: "girandole lights",
+            entries: types.map((type, binding) => ({ binding, visibility: COMPUTE_AND_FRAGMENT, buffer: { type } })),
+        });
+        this.bindGroup = null;
+    }
+
+    get effects() {
+        return this.#planner.effects();
+    }
+
+    wgsl(group, effects) {
+        return wgsl(group, effects);
+    }
+
+    sync(milliseconds = 0.3) {
+        const report = this.#world.update(milliseconds);
+        const { rebuiltTrees, waitingTrees } = report;
+        report.free();
+        const bytes = this.#planner.play(this.#world, this.#player);
+        // Before buffers are freed, which the former group binds.
+        this.#bind();
+        const commands = this.#player.finish();
+        return { bytes, commands, rebuiltTrees, waitingTrees };
+    }
+
+    destroy() {
+        this.#player.destroy();
+        this.#planner.free();
+        this.bindGroup = null;
+    }
+
+    #bind() {
+        const ids = this.#planner.bindings();
+        if (ids.join() !== this.#bound) {
+            this.#bound = ids.join();
+            this.bindGroup = this.#device.createBindGroup({
+                label: "girandole lights",
+                layout: this.bindGroupLayout,
+                entries: Array.from(ids, (id, binding) => ({ binding, resource: { buffer: this.#player.buffer(id) } })),
+            });
+        }
+    }
+}
