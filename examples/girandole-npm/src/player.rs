@@ -14,7 +14,7 @@ const TYPES: &str = r#"
 export interface PlanPlayer {
     /** Makes a buffer. Its content is undefined at first. */
     create(buffer: number, label: string, bytes: number, kind: "uniform" | "storage"): void;
-    /** Overwrites bytes of a buffer. They are readable only during the call. */
+    /** Overwrites bytes of a buffer. They are readable only until the next call of the package. */
     write(buffer: number, offset: number, bytes: Uint8Array): void;
     /** Copies the first bytes of a buffer to the start of another. */
     copy(from: number, to: number, bytes: number): void;
@@ -44,7 +44,7 @@ extern "C" {
     fn dispatch(
         this: &PlanPlayer,
         kernel: &str,
-        buffers: &[u32],
+        buffers: Vec<u32>,
         offset: u32,
         x: u32,
         y: u32,
@@ -78,8 +78,8 @@ impl PlanPlayer {
             Command::Copy { from, to, bytes } => self.copy(from.get(), to.get(), number(bytes)),
             Command::Clear { buffer, offset, bytes } => self.clear(buffer.get(), number(offset), number(bytes)),
             Command::Dispatch { kernel, buffers, uniform_offset, workgroups: [x, y, z] } => {
-                let buffers: Vec<u32> = buffers.iter().map(|id| id.get()).collect();
-                self.dispatch(kernel.entry(), &buffers, uniform_offset, x, y, z)
+                let buffers = buffers.iter().map(|id| id.get()).collect();
+                self.dispatch(kernel.entry(), buffers, uniform_offset, x, y, z)
             }
             // Builds of shared cuts have others, which this package does not plan.
             _ => return Err(Failure::Plain(format!("a player has no command like {command:?}"))),

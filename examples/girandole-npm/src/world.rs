@@ -44,7 +44,6 @@ fn directional(direction: &[f32], lux: &[f32]) -> Result<DirectionalLight, Failu
 impl World {
     /// Creates an empty world.
     #[wasm_bindgen(constructor)]
-    #[expect(clippy::new_without_default, reason = "JavaScript has constructors only")]
     pub fn new() -> Self {
         Self(LightWorld::new())
     }

@@ -28,7 +28,7 @@ fn generator(wasm: &Path) -> Bindgen {
 
 fn make_module(name: &str, wasm: &Path, folder: &Path) -> Result<(), Box<dyn Error>> {
     fs::create_dir_all(folder)?;
-    generator(wasm).out_name(name).web(true)?.typescript(true).generate(folder)?;
+    generator(wasm).out_name(name).web(true)?.omit_default_module_path(false).typescript(true).generate(folder)?;
     Ok(())
 }
 
