@@ -11,6 +11,6 @@ rm -rf "$folder"
 cargo run --quiet --locked --manifest-path ../girandole-web/pack/Cargo.toml --target-dir ../girandole-web/target -- \
     --module girandole target/wasm32-unknown-unknown/release/girandole_npm.wasm "$folder"
 rm "$folder/girandole_bg.wasm.d.ts"
-cp js/* package.json README.md ../../LICENSE-* "$folder"
+cp js/* README.md ../../LICENSE-* "$folder"
 wasm="$folder/girandole_bg.wasm"
 echo "$folder: $(stat -c %s "$wasm") bytes of wasm, $(gzip -9 -c "$wasm" | wc -c) compressed by gzip"

@@ -38,10 +38,14 @@ export class GpuLights {
         const report = this.#world.update(milliseconds);
         const { rebuiltTrees, waitingTrees } = report;
         report.free();
-        const bytes = this.#planner.play(this.#world, this.#player);
-        // Before buffers are freed, which the former group binds.
-        this.#bind();
-        const commands = this.#player.finish();
+        let bytes, commands;
+        try {
+            bytes = this.#planner.play(this.#world, this.#player);
+            this.#bind();
+        } finally {
+            // After a refusal, the planner sends everything again.
+            commands = this.#player.finish();
+        }
         return { bytes, commands, rebuiltTrees, waitingTrees };
     }
 

@@ -1,4 +1,5 @@
-export { default as init, kernels, Kernel, LightList, LightPlanner, LightWorld, UpdateReport, wgsl } from "./girandole.js";
+export { default as init, kernels, wgsl } from "./girandole.js";
+export { Kernel, LightList, LightPlanner, LightWorld, UpdateReport } from "./girandole.js";
 export type { PlanPlayer } from "./girandole.js";
 export { GpuLights } from "./gpu-lights.js";
 export type { SyncReport } from "./gpu-lights.js";

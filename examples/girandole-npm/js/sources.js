@@ -17,7 +17,8 @@ const BACK_SIDE = 1;
 const DOUBLE_SIDE = 2;
 
 function emitted(color, intensity, unit) {
-    return [color.r, color.g, color.b].map((channel) => channel * intensity / unit);
+    const scale = intensity / unit;
+    return [color.r * scale, color.g * scale, color.b * scale];
 }
 
 /** Objects with the same name share a tree, which `fill` makes. */
@@ -32,7 +33,8 @@ function source(name, fill, matrices, color, intensity = 1) {
 
 function pointSource(light) {
     const range = light.distance > 0 ? light.distance : undefined;
-    const matrix = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, ...positionOf(light.matrixWorld), 1];
+    const [x, y, z] = positionOf(light.matrixWorld);
+    const matrix = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, x, y, z, 1];
     const fill = (list) => list.point(ORIGIN, WHITE, range);
     return source(`point ${range}`, fill, matrix, light.color, light.intensity);
 }

@@ -10,8 +10,8 @@ export class SceneLights {
     /** Objects of the last scene that shine and were left out, and why. */
     readonly leftOut: Map<Object3D, string>;
     /**
-     * Makes the world's lights those of the scene. Call it in each frame, always with the same scene. Finds
-     * changes by comparing matrices, colours and the versions of attributes.
+     * Makes the lights that it has added to the world those of the scene. Call it in each frame. Finds changes by
+     * comparing matrices, colours and the versions of attributes.
      */
     sync(scene: Object3D): void;
     /** The key of the instance of an object; `index` is that in an InstancedMesh. */

@@ -4,7 +4,21 @@ import { sourceOf } from "./sources.js";
 
 /** Whether numbers from `start` on are the same. */
 function isSame(present, given, start = 0) {
-    return present.every((number, i) => number === given[start + i]);
+    for (let i = 0; i < present.length; i++) {
+        if (present[i] !== given[start + i]) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/** The matrix with an index in a list of matrices. */
+function matrixAt(matrices, index) {
+    const matrix = new Float64Array(16);
+    for (let i = 0; i < 16; i++) {
+        matrix[i] = matrices[16 * index + i];
+    }
+    return matrix;
 }
 
 function isWithin(object, scene) {
@@ -93,15 +107,14 @@ export class SceneLights {
         const count = matrices.length / 16;
         instances.splice(count).forEach(({ key }) => this.#world.removeInstance(key));
         for (let i = 0; i < count; i++) {
-            const given = () => Float64Array.from({ length: 16 }, (_, place) => matrices[16 * i + place]);
             if (instances[i] === undefined) {
-                const matrix = given();
+                const matrix = matrixAt(matrices, i);
                 const key = this.#world.addInstance(present.tree, matrix);
                 instances.push({ key, matrix });
                 this.#world.setFactor(key, present.factor);
                 this.#world.setEnabled(key, present.isEnabled);
             } else if (!isSame(instances[i].matrix, matrices, 16 * i)) {
-                instances[i].matrix = given();
+                instances[i].matrix = matrixAt(matrices, i);
                 this.#world.moveInstance(instances[i].key, instances[i].matrix);
             }
         }

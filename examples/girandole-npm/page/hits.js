@@ -15,7 +15,8 @@ export class Hits {
     constructor(renderer) {
         this.renderer = renderer;
         this.size = [0, 0];
-        this.target = new THREE.RenderTarget(1, 1, { count: 3, minFilter: THREE.NearestFilter, magFilter: THREE.NearestFilter });
+        const filters = { minFilter: THREE.NearestFilter, magFilter: THREE.NearestFilter };
+        this.target = new THREE.RenderTarget(1, 1, { count: 3, ...filters });
         Object.entries(TARGETS).forEach(([name, type], i) => Object.assign(this.target.textures[i], { name, type }));
         // A surface that emits is black, so one texture holds both colours. The emission is divided by `nits`.
         const nits = emissive.r.max(emissive.g).max(emissive.b);

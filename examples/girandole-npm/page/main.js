@@ -81,7 +81,8 @@ async function main() {
     }
     const brightness = await shading.brightness();
     message.hidden = true;
-    console.log(`picture: ${JSON.stringify({ instances: world.instanceCount, trees: world.treeCount, averaged, brightness })}`);
+    const picture = { instances: world.instanceCount, trees: world.treeCount, averaged, brightness };
+    console.log(`picture: ${JSON.stringify(picture)}`);
     stop("drawn");
 }
 

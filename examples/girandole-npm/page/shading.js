@@ -19,7 +19,8 @@ export class Shading {
             entries: [
                 { binding: 0, visibility: GPUShaderStage.COMPUTE, buffer: {} },
                 ...[1, 2, 3].map((binding) => {
-                    return { binding, visibility: GPUShaderStage.COMPUTE, texture: { sampleType: "unfilterable-float" } };
+                    const texture = { sampleType: "unfilterable-float" };
+                    return { binding, visibility: GPUShaderStage.COMPUTE, texture };
                 }),
                 { binding: 4, visibility: GPUShaderStage.COMPUTE, buffer: { type: "read-only-storage" } },
                 { binding: 5, visibility: GPUShaderStage.COMPUTE, buffer: { type: "storage" } },
@@ -63,16 +64,16 @@ export class Shading {
         const [width, height] = hits.size;
         [canvas.width, canvas.height] = [width, height];
         const words = new Float32Array(boxes.flatMap(([low, high]) => [...low, 0, ...high, 0]));
-        const [boxBuffer, mean] = [this.buffer("boxBuffer", words.byteLength), this.buffer("mean", 16 * width * height)];
+        const boxBuffer = this.buffer("boxBuffer", words.byteLength);
+        const mean = this.buffer("mean", 16 * width * height);
         device.queue.writeBuffer(boxBuffer, 0, words);
         device.queue.writeBuffer(uniform, 0, new Uint32Array([width, height, frame, averaged, SAMPLES, 0, 0, 0]));
 
         const encoder = device.createCommandEncoder();
         const compute = encoder.beginComputePass();
         compute.setPipeline(this.pipeline(gpuLights));
-        const resources = [
-            { buffer: uniform }, ...hits.textures().map((texture) => texture.createView()), { buffer: boxBuffer }, { buffer: mean },
-        ];
+        const views = hits.textures().map((texture) => texture.createView());
+        const resources = [{ buffer: uniform }, ...views, { buffer: boxBuffer }, { buffer: mean }];
         compute.setBindGroup(0, this.group(this.layout, resources));
         compute.setBindGroup(1, gpuLights.bindGroup);
         compute.dispatchWorkgroups(Math.ceil(width / GROUP_SIDE), Math.ceil(height / GROUP_SIDE));
@@ -80,7 +81,8 @@ export class Shading {
         const view = context.getCurrentTexture().createView();
         const pass = encoder.beginRenderPass({ colorAttachments: [{ view, loadOp: "clear", storeOp: "store" }] });
         pass.setPipeline(this.presenting);
-        pass.setBindGroup(0, this.group(this.presenting.getBindGroupLayout(0), [{ buffer: uniform }, { buffer: mean }]));
+        const presented = this.presenting.getBindGroupLayout(0);
+        pass.setBindGroup(0, this.group(presented, [{ buffer: uniform }, { buffer: mean }]));
         pass.draw(3);
         pass.end();
         device.queue.submit([encoder.finish()]);

@@ -89,7 +89,8 @@ export class Street {
         const counts = COLORS.map(() => 0);
         const matrix = new THREE.Matrix4();
         for (let bulb = 0; bulb < STRINGS * BULBS_OF_STRING; bulb++) {
-            const [string, along] = [Math.floor(bulb / BULBS_OF_STRING), (bulb % BULBS_OF_STRING + 0.5) / BULBS_OF_STRING];
+            const string = Math.floor(bulb / BULBS_OF_STRING);
+            const along = (bulb % BULBS_OF_STRING + 0.5) / BULBS_OF_STRING;
             const sag = 1.4 * (1 - (2 * along - 1) ** 2);
             const x = -20 + 2.2 * string + 1.5 * (along - 0.5) * (string % 2 === 0 ? 1 : -1);
             matrix.makeTranslation(x, 5.9 - sag + 0.3 * (string % 3), (along - 0.5) * WIDTH);
@@ -159,8 +160,8 @@ export class Street {
     /** The boxes that cast shadows: pairs of corners. All are parallel to the axes. */
     boxes() {
         return this.solids.map((box) => {
-            const corner = (sign) => new THREE.Vector3(sign, sign, sign).multiplyScalar(0.5).applyMatrix4(box.matrixWorld);
-            return [corner(-1).toArray(), corner(1).toArray()];
+            const corner = (x) => new THREE.Vector3(x, x, x).applyMatrix4(box.matrixWorld).toArray();
+            return [corner(-0.5), corner(0.5)];
         });
     }
 }

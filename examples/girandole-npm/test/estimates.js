@@ -89,7 +89,8 @@ export class Estimates {
     async run(name, gpuLights, { points, lights, results, rounds, workgroups }) {
         const { device } = this;
         const words = points.flatMap(({ position, normal }) => [...position, 0, ...normal, 0]);
-        const partials = device.createBuffer({ size: 16 * results, usage: GPUBufferUsage.STORAGE | GPUBufferUsage.COPY_SRC });
+        const usage = GPUBufferUsage.STORAGE | GPUBufferUsage.COPY_SRC;
+        const partials = device.createBuffer({ size: 16 * results, usage });
         const buffers = [
             uploaded(device, new Float32Array(words), GPUBufferUsage.STORAGE),
             uploaded(device, new Uint32Array(lights.flat()), GPUBufferUsage.STORAGE),

@@ -93,6 +93,7 @@ export function testPoints(count) {
     return Array.from({ length: count }, (_, i) => {
         const tilted = new THREE.Vector3(random(-1, 1), random(-1, 1), random(-1, 1)).normalize();
         const [x, y, z] = inRoom(random);
-        return i % 2 === 0 ? { position: [x, 0, z], normal: [0, 1, 0] } : { position: [x, y, z], normal: tilted.toArray() };
+        const isOnFloor = i % 2 === 0;
+        return { position: [x, isOnFloor ? 0 : y, z], normal: isOnFloor ? [0, 1, 0] : tilted.toArray() };
     });
 }

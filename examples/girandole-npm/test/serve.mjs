@@ -1,10 +1,10 @@
-// Serves a folder on a free port of this machine and prints the port: node serve.mjs FOLDER
+// Serves a folder to this machine and prints the port: node serve.mjs FOLDER [PORT]. Without a port, any free one.
 import { createReadStream } from "node:fs";
 import { createServer } from "node:http";
 import { extname, join, normalize } from "node:path";
 
 const TYPES = { ".html": "text/html", ".js": "text/javascript", ".wasm": "application/wasm", ".wgsl": "text/plain" };
-const folder = process.argv[2];
+const [folder, port] = process.argv.slice(2);
 
 const server = createServer((request, response) => {
     const { pathname } = new URL(request.url, "http://localhost");
@@ -16,4 +16,4 @@ const server = createServer((request, response) => {
     });
     file.once("error", () => response.writeHead(404).end());
 });
-server.listen(0, "127.0.0.1", () => console.log(server.address().port));
+server.listen(Number(port ?? 0), "127.0.0.1", () => console.log(server.address().port));

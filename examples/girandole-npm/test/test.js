@@ -96,7 +96,8 @@ function checkStill(frame, calls) {
     Object.assign(calls, { writeBuffer: 0, submit: 0 });
     const reports = [frame(), frame()];
     const isStill = reports.every(({ bytes, commands }) => bytes === 0 && commands === 0);
-    check("a still frame sends nothing", isStill && calls.writeBuffer === 0 && calls.submit === 0, JSON.stringify(calls));
+    const isQuiet = calls.writeBuffer === 0 && calls.submit === 0;
+    check("a still frame sends nothing", isStill && isQuiet, JSON.stringify(calls));
 }
 
 /** A world that is made without three.js, and a shader for its effects only. */
@@ -122,7 +123,8 @@ async function checkByHand(device) {
     panel.rectangle(center, halfU, halfV, [7, 8, 9]);
     world.addInstance(world.addTree(panel), at(0, 0));
     gpuLights.sync();
-    check("by hand: the effects of the lights", gpuLights.effects.join() === "CONES,AREAS,FACTORS", gpuLights.effects.join());
+    const effects = gpuLights.effects.join();
+    check("by hand: the effects of the lights", effects === "CONES,AREAS,FACTORS", effects);
     const estimates = new Estimates(device, gpuLights, gpuLights.effects);
     const points = [[0, 0, 0], [2, 0, 1], [4, 0, 4], [-2, 0, 0]].map((position) => ({ position, normal: [0, 1, 0] }));
     const corners = [[-3, 3, -1], [-1, 3, -1], [-1, 3, 1], [-3, 3, 1]];
@@ -143,8 +145,10 @@ async function checkByHand(device) {
     check("errors have the message and the code", stale.startsWith("no instance") && stale.endsWith(" 203"), stale);
     const wrong = new LightList();
     wrong.point([NaN, 0, 0], [1, 1, 1]);
-    check("lights are checked", message(() => world.addTree(wrong)) === "light 0: position is NaN, not a finite number 100");
-    check("matrices are checked", message(() => world.addInstance(tree, [1])) === "matrix: 1 numbers instead of 16 undefined");
+    const refused = message(() => world.addTree(wrong));
+    check("lights are checked", refused === "light 0: position is NaN, not a finite number 100", refused);
+    const short = message(() => world.addInstance(tree, [1]));
+    check("matrices are checked", short === "matrix: 1 numbers instead of 16 undefined", short);
     check("effects are checked", message(() => wgsl(0, ["NONE"])).startsWith('there is no effect named "NONE"'));
 }
 
@@ -173,7 +177,8 @@ async function test() {
     check("objects that cannot be followed are named",
         leftOut.length === made.leftOut.length && made.leftOut.every((object) => leftOut.includes(object)),
         [...sceneLights.leftOut.values()].join("; "));
-    check("meshes share trees", world.treeCount < world.instanceCount / 2, `${world.instanceCount} instances, ${world.treeCount} trees`);
+    const { instanceCount, treeCount } = world;
+    check("objects share trees", treeCount < instanceCount / 2, `${instanceCount} instances, ${treeCount} trees`);
     checkStill(frame, calls);
     const estimates = new Estimates(device, gpuLights);
     await checkScene("scene", made, sceneLights, gpuLights, world, estimates);
@@ -195,4 +200,8 @@ function stop(sentence) {
     console.log(`stopped: ${sentence}`);
 }
 
-test().then(() => stop(failures === 0 ? "all checks passed" : `${failures} checks failed`), (error) => stop(`${error} ${error.stack}`));
+function finish() {
+    stop(failures === 0 ? "all checks passed" : `${failures} checks failed`);
+}
+
+test().then(finish, (error) => stop(`${error} ${error.stack}`));

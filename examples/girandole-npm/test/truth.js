@@ -74,7 +74,8 @@ export function luxOfPolygon(corners, { position, normal }) {
 function luxOfMesh(mesh, matrix, point) {
     const { geometry: { attributes: { position }, index }, material: { side } } = mesh;
     const mirror = Math.sign(matrix.determinant()) * (side === 1 ? -1 : 1);
-    const corner = (i) => vertex.fromBufferAttribute(position, index ? index.getX(i) : i).applyMatrix4(matrix).toArray();
+    const vertexOf = (i) => index ? index.getX(i) : i;
+    const corner = (i) => vertex.fromBufferAttribute(position, vertexOf(i)).applyMatrix4(matrix).toArray();
     let lux = 0;
     for (let i = 0; i < (index ?? position).count; i += 3) {
         const [a, b, c] = [corner(i), corner(i + 1), corner(i + 2)];
