@@ -121,10 +121,13 @@ async function checkByHand(device) {
     const panel = new LightList();
     const [center, halfU, halfV] = [[-2, 3, 0], [1, 0, 0], [0, 0, 1]];
     panel.rectangle(center, halfU, halfV, [7, 8, 9]);
+    const ball = { center: [4, 3, -3], radius: 0.5 };
+    panel.sphere(ball.center, ball.radius, [40, 50, 60]);
     world.addInstance(world.addTree(panel), at(0, 0));
+    world.setSky(4, Array(8).fill([0.1, 0.2, 0.3]).flat());
     gpuLights.sync();
     const effects = gpuLights.effects.join();
-    check("by hand: the effects of the lights", effects === "CONES,AREAS,FACTORS", effects);
+    check("by hand: the effects of the lights", effects === "CONES,AREAS,FACTORS,SKY", effects);
     const estimates = new Estimates(device, gpuLights, gpuLights.effects);
     const points = [[0, 0, 0], [2, 0, 1], [4, 0, 4], [-2, 0, 0]].map((position) => ({ position, normal: [0, 1, 0] }));
     const corners = [[-3, 3, -1], [-1, 3, -1], [-1, 3, 1], [-3, 3, 1]];
@@ -136,7 +139,11 @@ async function checkByHand(device) {
             const distance = Math.hypot(...place.map((x, axis) => x - point.position[axis]));
             return candela[channel] * place[1] / distance ** 3;
         };
-        return lamps.reduce((sum, lamp) => sum + lux(lamp), (7 + channel) * luxOfPolygon(corners, point));
+        const ofLamps = lamps.reduce((sum, lamp) => sum + lux(lamp), 0);
+        const ofPanel = (7 + channel) * luxOfPolygon(corners, point);
+        // A sphere shines like a point of its intensity, and the sky is the same everywhere.
+        const ofBall = lux([ball.center, [40, 50, 60].map((nits) => nits * Math.PI * ball.radius ** 2)]);
+        return ofLamps + ofPanel + ofBall + 0.1 * (channel + 1) * Math.PI;
     }));
     compare("by hand", await estimates.means(gpuLights, points), truth);
     gpuLights.destroy();
