@@ -8,48 +8,12 @@ set -euo pipefail
 cd "$(dirname "$0")"
 source ../../scripts/common.sh
 need chromium chromium
+source ../../scripts/browser.sh
 cargo fmt --check
 (cd pack && cargo fmt --check)
 ./build.sh target/page
 # The flags of the build, so that dependencies are built once.
 cargo clippy --quiet --locked --release --target wasm32-unknown-unknown --target-dir target -- -D warnings
-
-work=$(mktemp -d)
-browser=
-trap '[ -z "$browser" ] || kill "$browser" 2>/dev/null || true; wait 2>/dev/null || true; rm -rf "$work"' EXIT
-software=(--enable-unsafe-webgpu --enable-unsafe-swiftshader --use-webgpu-adapter=swiftshader
-    --use-vulkan=swiftshader --enable-features=Vulkan --use-angle=vulkan)
-
-# Opens an address with options of Chromium, until the page says that it has stopped. The lines of its
-# console are in the file of the name.
-visit() {
-    local name=$1 address=$2 seconds=$3
-    touch "$work/$name-log"
-    shift 3
-    chromium --headless --no-sandbox --user-data-dir="$work/$name-profile" --enable-logging=stderr "$@" \
-        --disable-quic --no-first-run --disable-background-networking --disable-component-update --disable-sync \
-        "$address" 2>"$work/$name-log" &
-    browser=$!
-    for ((second = 0; second < seconds; second++)); do
-        if grep -q 'CONSOLE.*"stopped: ' "$work/$name-log"; then
-            break
-        fi
-        sleep 1
-    done
-    kill "$browser" 2>/dev/null || true
-    wait "$browser" 2>/dev/null || true
-    browser=
-    grep -o 'CONSOLE.*' "$work/$name-log" | sed -e 's/^[^"]*"//' -e 's/", source: .*//' >"$work/$name" || true
-}
-
-# Fails unless a line of the console contains a text.
-expect() {
-    if ! grep -qF -- "$2" "$work/$1"; then
-        echo "examples/girandole-web/test.sh: \"$2\" is missing in what the page said:" >&2
-        cat "$work/$1" >&2
-        exit 1
-    fi
-}
 
 for hour in night dusk; do
     visit "$hour" "file://$PWD/target/page/index.html?test&$hour" 330 "${software[@]}"
