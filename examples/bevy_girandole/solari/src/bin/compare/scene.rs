@@ -10,7 +10,7 @@ use bevy::solari::prelude::RaytracingMesh3d;
 pub enum SceneName {
     /// 441 glowing spheres over 8,000 boxes on a plane, as in Bevy's example `solari --many-lights`.
     Spheres,
-    /// A hall with rooms on both sides, and about 10,000 emissive triangles.
+    /// A hall with rooms on both sides, and 8,880 emissive triangles.
     Interior,
 }
 
