@@ -24,7 +24,7 @@ use bevy_girandole::{
 
 use names::SolariName;
 
-/// Draws lights for Solari. Add it after Bevy's own plugins and before those of Solari.
+/// Draws lights for Solari. Add it after Bevy's own plugins.
 ///
 /// Entities with a `RaytracingMesh3d`, a `Mesh3d` and an emissive material are lights, and so are directional lights.
 #[derive(Clone, Copy, Debug, Default)]
@@ -116,3 +116,8 @@ fn bind(
     let lights = gpu.as_ref().and_then(|gpu| gpu.bind_group());
     sampler.bind_groups = lights.zip(present.as_ref()).map(|(lights, names)| [lights.clone(), names.clone()]);
 }
+
+/// The program in the documents compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../../../../docs/solari.md")]
+struct Page;
