@@ -81,7 +81,7 @@ use crate::effects::Effects;
 use crate::plan::pool::Growth;
 use crate::plan::{Commands, KERNELS, Kernel, LightPlanner, PlanLimits, ShaderBuffers};
 pub use crate::plan::{
-    CutFallback, GpuMemory, ShaderNameError, ShaderParts, TargetHook, UploadReport, wgsl, with_prefix,
+    CutFallback, GpuMemory, HeatMap, ShaderNameError, ShaderParts, TargetHook, UploadReport, wgsl, with_prefix,
 };
 use crate::world::{LightWorld, Revision};
 

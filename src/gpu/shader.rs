@@ -83,7 +83,8 @@ use crate::plan::{ShaderParts, TargetHook};
 ///
 /// [`GpuLights::visibility_shader`](super::GpuLights::visibility_shader) adds a function that records
 /// which of the chosen lights are visible. [`LightShader::with_target`] adds `light_resample_by`,
-/// which weighs candidates by a function of the engine.
+/// which weighs candidates by a function of the engine, and [`LightShader::with_heat_map`] adds
+/// `light_heat_map`, which shows how lights are chosen.
 ///
 /// # Measures
 ///
@@ -235,6 +236,14 @@ impl LightShader {
         Self { parts: self.parts.clone().with_target(hook), ..self }.with_effects(effects)
     }
 
+    /// The same with `light_heat_map`, which shows how lights are chosen: see
+    /// [`ShaderParts::heat_map`](crate::plan::ShaderParts::heat_map).
+    #[must_use]
+    pub fn with_heat_map(self) -> Self {
+        let effects = self.effects;
+        Self { parts: self.parts.clone().with_heat_map(), ..self }.with_effects(effects)
+    }
+
     /// Returns the engine's text with this text before it, but after the engine's `enable`,
     /// `requires` and `diagnostic` directives, which WGSL requires to be first.
     ///
@@ -302,7 +311,7 @@ mod tests {
         let texts: Vec<_> = paths.map(|path| std::fs::read_to_string(path).expect("a text")).collect();
         let blocks_of = |text| str::split(text, "```wgsl\n").skip(1).filter_map(|rest| rest.split("```").next());
         let blocks: Vec<_> = texts.iter().flat_map(|text| blocks_of(text)).collect();
-        assert_eq!(blocks.len(), 11);
+        assert_eq!(blocks.len(), 12);
         for effects in [Effects::all(), Effects::empty()] {
             // Only shaders that know segments have the distance along one.
             let knows = |block: &&&str| effects.contains(Effects::SEGMENTS) || !block.contains("light_segment(");
@@ -311,7 +320,8 @@ mod tests {
                 let hook = TargetHook::new("engine_target", "EngineSurface").expect("identifiers");
                 let target = block.contains("light_resample_by").then_some(hook);
                 let previous = block.contains("light_pmf_previous").then(|| text::wgsl_previous(2, effects));
-                let parts = ShaderParts { target, learns, ..ShaderParts::default() };
+                let heat_map = block.contains("light_heat_map");
+                let parts = ShaderParts { target, learns, heat_map, ..ShaderParts::default() };
                 let text = match block.contains("light_put_") {
                     true => wgsl_of_sources(1),
                     false => text::wgsl_with(1, effects, &parts) + &previous.unwrap_or_default() + STUBS,

@@ -66,6 +66,7 @@ mod cursor;
 pub(crate) mod cuts;
 mod error;
 mod frame;
+mod heat_map;
 mod instance_store;
 mod items;
 pub(crate) mod kernel;
@@ -108,6 +109,7 @@ pub use cursor::PlanCursor;
 pub use cuts::{CutFallback, cut_kernels};
 pub use error::{PlanError, ShaderNameError};
 pub use frame::FramePlan;
+pub use heat_map::HeatMap;
 pub use items::with_prefix;
 pub use kernel::{Binding, Kernel, UNIFORM_ALIGNMENT};
 #[cfg(test)]

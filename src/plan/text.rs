@@ -5,6 +5,7 @@ use std::collections::HashSet;
 use std::fmt::Write;
 
 use super::cuts::{CutFallback, layout as cut_layout};
+use super::heat_map::HeatMap;
 use super::items::renamed;
 use super::target_hook::TargetHook;
 use super::{layout, stored};
@@ -82,6 +83,15 @@ pub struct ShaderParts {
     /// probabilities use the table, which does not change before it is folded: so all probabilities
     /// of a frame are exact.
     pub learns: bool,
+    /// The text has a function that shows how lights are chosen, for people who look for the cause of noise:
+    ///
+    /// ```wgsl
+    /// // A colour from 0 to 1 for a shading point. `shown` is a number of `HeatMap`; `seed` makes samples differ.
+    /// fn light_heat_map(shading_point: LightShadingPoint, shown: u32, seed: u32) -> vec3<f32>
+    /// ```
+    ///
+    /// The cost is that of 16 samples, or of one cut for [`HeatMap::Cuts`](super::HeatMap::Cuts).
+    pub heat_map: bool,
 }
 
 impl ShaderParts {
@@ -95,6 +105,12 @@ impl ShaderParts {
     #[must_use]
     pub fn with_cuts(self, fallback: CutFallback) -> Self {
         Self { cuts: Some(fallback), ..self }
+    }
+
+    /// The same with `light_heat_map`.
+    #[must_use]
+    pub fn with_heat_map(self) -> Self {
+        Self { heat_map: true, ..self }
     }
 
     /// The same with learnt visibility.
@@ -171,13 +187,15 @@ pub(crate) struct Extras {
     pub learns: bool,
     /// Reads the buffers of the last frame.
     pub previous: bool,
+    /// Has a heat map.
+    pub heat_map: bool,
     /// Chooses from the cuts of cells, and like this where a cell has none.
     pub cells: Option<CutFallback>,
 }
 
 impl Extras {
     fn of(parts: &ShaderParts) -> Self {
-        Self { learns: parts.learns, cells: parts.cuts, ..Self::default() }
+        Self { learns: parts.learns, cells: parts.cuts, heat_map: parts.heat_map, ..Self::default() }
     }
 
     /// Whether the lines between `// #if NAME` and `// #endif` are kept; `None` for another name.
@@ -299,6 +317,7 @@ fn functions(group: u32, effects: Effects, extras: Extras, target: Option<&Targe
         optional(extras.cells.is_some(), include_str!("../../shaders/cut_grid.wgsl")),
         optional(extras.cells.is_some(), include_str!("../../shaders/cells.wgsl")),
         optional(extras.cells.is_some(), include_str!("../../shaders/shared.wgsl")),
+        optional(extras.heat_map, include_str!("../../shaders/heat.wgsl")),
     ]
     .concat();
     variant(&at_group(&body, group), effects, extras)
@@ -352,6 +371,9 @@ pub(crate) fn constants() -> String {
         ("DIRECTIONAL", layout::DIRECTIONAL),
         ("NO_INSTANCE", cut::NO_INSTANCE),
         ("MAX_SPLITS", counts::MAX_SPLITS as u32),
+        ("HEAT_CUTS", HeatMap::Cuts.number()),
+        ("HEAT_MISSES", HeatMap::Misses.number()),
+        ("HEAT_LIGHTS", HeatMap::Lights.number()),
         ("DEFAULT_SPLITS", SplitCount::DEFAULT.get() as u32),
         ("MAX_CANDIDATES", counts::MAX_CANDIDATES),
         ("LATTICE_Y", resample::LATTICE[0]),
@@ -671,6 +693,22 @@ mod tests {
         let fold = module(&wgsl_of_visibility_fold());
         for entry in &fold.entry_points {
             assert_eq!(entry.workgroup_size, [visibility::BINS as u32 / 4, 1, 1], "{}", entry.name);
+        }
+    }
+
+    const HEAT_NAMES: &str = "light_heat_map light_heat_of_cut light_heat_color light_number_color LIGHT_HEAT_DRAWS \
+        LIGHT_HEAT_CUTS LIGHT_HEAT_MISSES LIGHT_HEAT_LIGHTS";
+
+    #[test]
+    fn a_heat_map_adds_its_names_to_every_variant_and_nothing_else() {
+        let cells = [None, Some(CutFallback::Walk), Some(CutFallback::Split)];
+        for (effects, cells) in text_variants().flat_map(|effects| cells.map(|cells| (effects, cells))) {
+            let parts = ShaderParts { cuts: cells, ..ShaderParts::default() };
+            let names = |parts: &ShaderParts| module_names(&wgsl_with(2, effects, parts));
+            let (plain, with) = (names(&parts), names(&parts.clone().with_heat_map()));
+            let added: HashSet<&str> = with.difference(&plain).map(String::as_str).collect();
+            assert_eq!(added, HEAT_NAMES.split_whitespace().collect(), "{effects:?} {cells:?}");
+            assert!(plain.is_subset(&with));
         }
     }
 

@@ -1,6 +1,7 @@
 //! Tests that need a device: of the plans' commands, one by one, and of [`GpuLights`] as a whole.
 
 mod batch;
+mod heat_map;
 mod lights;
 mod pool;
 mod profile;
