@@ -41,6 +41,6 @@ agree() {
 }
 
 for scene in spheres interior; do
-    step agree --scene "$scene" --path-tracer --frames 128
-    step agree --scene "$scene" --frames 128
+    step agree --scene "$scene" --path-tracer --frames 320
+    step agree --scene "$scene" --frames 320
 done

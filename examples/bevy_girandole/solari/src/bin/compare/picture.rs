@@ -103,18 +103,25 @@ fn half(bits: u16) -> f32 {
 /// Frames within which the shaders are compiled and the scene is there.
 const MAX_START_FRAMES: usize = 200;
 
-/// The mean over the pixels of all frames, if frames are independent.
+/// The frames of a batch. In real time, the world cache keeps light for about as many frames, so frames depend on each
+/// other, and batches of them much less.
+const BATCH: usize = 32;
+
+/// The mean over the pixels of all frames.
 pub struct Brightness {
     pub mean: f64,
+    /// From the means of batches; 0 for a single one.
     pub standard_error: f64,
 }
 
 impl Brightness {
-    /// Of the means over the pixels of each frame.
+    /// Of the means over the pixels of each frame. Frames beyond whole batches are left out.
     fn new(frames: &[f64]) -> Self {
-        let count = frames.len() as f64;
-        let mean = frames.iter().sum::<f64>() / count;
-        let squares: f64 = frames.iter().map(|frame| (frame - mean).powi(2)).sum();
+        let mean = |of: &[f64]| of.iter().sum::<f64>() / of.len() as f64;
+        let batches: Vec<f64> = frames.chunks_exact(BATCH).map(mean).collect();
+        let batches = if batches.is_empty() { vec![mean(frames)] } else { batches };
+        let (count, mean) = (batches.len() as f64, mean(&batches));
+        let squares: f64 = batches.iter().map(|batch| (batch - mean).powi(2)).sum();
         Self { mean, standard_error: (squares / (count * (count - 1.0).max(1.0))).sqrt() }
     }
 }
