@@ -19,8 +19,9 @@ window=
 screen=
 trap 'kill $window $screen 2>/dev/null || true; wait 2>/dev/null || true; rm -rf "$work"' EXIT
 
-# The screen writes its number to file descriptor 3.
-Xvfb -displayfd 3 -screen 0 1280x800x24 -nolisten tcp 3>"$work/display" 2>"$work/xvfb.log" &
+# The screen writes its number to file descriptor 3. Without -noreset it would restart, and refuse the city, each time
+# that a search for the window ends as its last client.
+Xvfb -displayfd 3 -screen 0 1280x800x24 -nolisten tcp -noreset 3>"$work/display" 2>"$work/xvfb.log" &
 screen=$!
 
 fail() {
