@@ -3,6 +3,7 @@
 use bevy::camera::Hdr;
 use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass, MotionVectorPrepass};
 use bevy::prelude::*;
+use girandole::plan::HeatMap;
 use girandole::{Light, TreeSource};
 
 /// Hands the light of an entity to Girandole.
@@ -118,6 +119,12 @@ pub enum Estimate {
     /// The sum over all lights, for comparisons. It takes time in proportion to their number. Only
     /// the points on lights that are surfaces are random.
     Exhaustive,
+    /// Colours in place of the picture, which show how lights are chosen. What is transparent or has no deferred
+    /// material is drawn over them. They go through the camera's tone mapping: [`Tonemapping::None`] shows them as
+    /// they are.
+    ///
+    /// [`Tonemapping::None`]: bevy::core_pipeline::tonemapping::Tonemapping::None
+    HeatMap(HeatMap),
 }
 
 impl Default for GirandoleCamera {

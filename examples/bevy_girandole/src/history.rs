@@ -7,7 +7,7 @@ use bevy::render::render_resource::{
 };
 use bevy::render::renderer::RenderDevice;
 
-use crate::components::GirandoleCamera;
+use crate::components::{Estimate, GirandoleCamera};
 use crate::pass::PassPipeline;
 
 /// The mean, and the number of frames. 32 bits, so that a sample still changes a mean of thousands
@@ -40,6 +40,7 @@ pub struct FrameKey {
     pub frame: u64,
     /// The setting `history` of the camera.
     pub setting: u32,
+    pub estimate: Estimate,
     /// Position and size in pixels, if the camera does not fill its target.
     pub viewport: Option<[UVec2; 2]>,
     pub exposure: f32,
@@ -48,7 +49,9 @@ pub struct FrameKey {
 impl FrameKey {
     /// Whether the mean goes on: this is the next frame of the same picture.
     fn follows(&self, last: &Self) -> bool {
-        self.frame == last.frame + 1 && self.setting == last.setting && self.viewport == last.viewport
+        self.frame == last.frame + 1
+            && (self.setting, self.estimate) == (last.setting, last.estimate)
+            && self.viewport == last.viewport
     }
 }
 

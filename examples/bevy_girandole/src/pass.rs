@@ -37,7 +37,7 @@ struct ViewUniform {
     directionals: u32,
     has_history: u32,
     lights_moved: u32,
-    padding: u32,
+    heat_map: u32,
 }
 
 /// Makes the pipelines of the pass.
@@ -52,10 +52,11 @@ pub struct PassPipelines {
 /// The shaders of the pass, which the main world has made.
 #[derive(Resource, Clone)]
 pub struct PassShaders {
-    pub alone: Handle<Shader>,
-    /// The shaders for a camera whose pixels share cuts: one marks cells, the other chooses from their cuts. `None` if
+    /// The light, and the heat map in its place.
+    pub alone: [Handle<Shader>; 2],
+    /// The shaders for a camera whose pixels share cuts: one marks cells, the others choose from their cuts. `None` if
     /// no camera may.
-    pub sharing: Option<[Handle<Shader>; 2]>,
+    pub sharing: Option<(Handle<Shader>, [Handle<Shader>; 2])>,
     /// Whether they trace shadow rays.
     pub shadows: bool,
 }
@@ -71,9 +72,8 @@ pub struct PassPipeline {
 /// What a pipeline does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum PassKind {
-    Draw,
     Mark,
-    DrawFromCuts,
+    Draw { shares_cuts: bool, is_heat_map: bool },
 }
 
 pub fn start(
@@ -117,20 +117,18 @@ impl SpecializedRenderPipeline for PassPipelines {
             dst_factor: BlendFactor::One,
             operation: BlendOperation::Add,
         };
-        let targets = [
-            (key.target_format(), Some(BlendState { color: add, alpha: add })),
-            (MEAN_FORMAT, None),
-            (DIST_FORMAT, None),
-        ];
+        let is_heat_map = matches!(kind, PassKind::Draw { is_heat_map: true, .. });
+        let blend = (!is_heat_map).then_some(BlendState { color: add, alpha: add });
+        let targets = [(key.target_format(), blend), (MEAN_FORMAT, None), (DIST_FORMAT, None)];
         let target = |(format, blend)| Some(ColorTargetState { format, blend, write_mask: ColorWrites::ALL });
         // A pass needs a target, although marks are no picture.
         let no_picture = ColorTargetState { format: DIST_FORMAT, blend: None, write_mask: ColorWrites::empty() };
         let (shader, lights, targets) = match (kind, &self.shaders.sharing) {
-            (PassKind::Mark, Some([mark, _])) => (mark, marks_layout(), vec![Some(no_picture)]),
-            (PassKind::DrawFromCuts, Some([_, draw])) => {
-                (draw, cuts_layout(self.shaders.shadows), targets.map(target).to_vec())
+            (PassKind::Mark, Some((mark, _))) => (mark, marks_layout(), vec![Some(no_picture)]),
+            (PassKind::Draw { shares_cuts: true, .. }, Some((_, draw))) => {
+                (&draw[usize::from(is_heat_map)], cuts_layout(self.shaders.shadows), targets.map(target).to_vec())
             }
-            _ => (&self.shaders.alone, lights_layout(), targets.map(target).to_vec()),
+            _ => (&self.shaders.alone[usize::from(is_heat_map)], lights_layout(), targets.map(target).to_vec()),
         };
         RenderPipelineDescriptor {
             label: Some("girandole pass".into()),
@@ -177,7 +175,7 @@ pub fn specialize(
     mut made: ResMut<SpecializedRenderPipelines<PassPipelines>>,
     pipelines: Res<PassPipelines>,
     gpu: Option<Res<GirandoleGpu>>,
-    cameras: Query<(Entity, &ExtractedView, &ExtractedCamera), With<GirandoleCamera>>,
+    cameras: Query<(Entity, &ExtractedView, &ExtractedCamera, &GirandoleCamera)>,
 ) {
     let shares_cuts = pipelines.shaders.sharing.is_some() && gpu.is_some_and(|gpu| gpu.shares_cuts());
     let needed =
@@ -186,11 +184,11 @@ pub fn specialize(
     let serves =
         |key: MeshPipelineKey, camera: &ExtractedCamera| key.contains(needed) && key.msaa_samples() == 1 && camera.hdr;
     // There is one table, whose cells live while one camera marks them and follow the pixels of a perspective.
-    let first = cameras.iter().filter(|(_, view, camera)| {
+    let first = cameras.iter().filter(|(_, view, camera, _)| {
         key_of(view).is_some_and(|key| serves(key, camera)) && pixel_size(view, camera) > 0.0
     });
-    let first = first.map(|(entity, _, camera)| (camera.order, entity)).min();
-    for (entity, view, camera) in &cameras {
+    let first = first.map(|(entity, _, camera, _)| (camera.order, entity)).min();
+    for (entity, view, camera, settings) in &cameras {
         let Some(key) = key_of(view) else { continue };
         if !serves(key, camera) {
             warn_once!("girandole: a camera needs the depth, deferred and motion vector prepasses, Hdr and Msaa::Off");
@@ -198,9 +196,11 @@ pub fn specialize(
             continue;
         }
         let mut pipeline = |kind| made.specialize(&cache, &pipelines, (key, kind));
-        let pipeline = match shares_cuts && first.is_some_and(|(_, first)| first == entity) {
-            true => PassPipeline { draw: pipeline(PassKind::DrawFromCuts), mark: Some(pipeline(PassKind::Mark)) },
-            false => PassPipeline { draw: pipeline(PassKind::Draw), mark: None },
+        let shares_cuts = shares_cuts && first.is_some_and(|(_, first)| first == entity);
+        let is_heat_map = matches!(settings.estimate, Estimate::HeatMap(_));
+        let pipeline = PassPipeline {
+            draw: pipeline(PassKind::Draw { shares_cuts, is_heat_map }),
+            mark: shares_cuts.then(|| pipeline(PassKind::Mark)),
         };
         commands.entity(entity).insert(pipeline);
     }
@@ -239,6 +239,7 @@ pub fn draw(
     let frame = history.next_frame(FrameKey {
         frame: gpu.frames,
         setting: settings.history,
+        estimate: settings.estimate,
         viewport: camera.viewport.as_ref().map(|viewport| [viewport.physical_position, viewport.physical_size]),
         exposure: camera.exposure,
     });
@@ -254,7 +255,10 @@ pub fn draw(
         directionals: gpu.counts[1],
         has_history: u32::from(frame.has_past),
         lights_moved: u32::from(gpu.has_changed || frame.has_new_exposure || has_new_shadows),
-        padding: 0,
+        heat_map: match settings.estimate {
+            Estimate::HeatMap(shown) => shown.number(),
+            Estimate::Sampled | Estimate::Exhaustive => 0,
+        },
     };
     let device: &RenderDevice = context.render_device();
     let uniform = device.create_buffer_with_data(&BufferInitDescriptor {

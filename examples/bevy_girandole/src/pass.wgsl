@@ -15,7 +15,7 @@ struct GirandoleView {
     directionals: u32,
     has_history: u32,
     lights_moved: u32,
-    padding: u32,
+    heat_map: u32,
 }
 
 @group(2) @binding(1) var<uniform> girandole_view: GirandoleView;
@@ -35,38 +35,6 @@ struct GirandoleOutput {
 const GIRANDOLE_SAME_DIST: f32 = 0.05;
 // Pixels by which a surface moves and still counts as still.
 const GIRANDOLE_STILL: f32 = 0.01;
-
-// The light of a sample that arrives and is reflected, before division by its probability.
-fn girandole_arriving(surface: LightingInput, light: LightSample) -> vec3<f32> {
-    let reflected = girandole_reflected(surface, light);
-    if all(reflected == vec3(0.0)) || !girandole_is_seen(surface, light) {
-        return vec3(0.0);
-    }
-    return reflected;
-}
-
-// The sum over all lights. One point is drawn on each light with a surface.
-fn girandole_all(surface: LightingInput, seed: u32) -> vec3<f32> {
-    let at = girandole_shading_point(surface);
-    var sum = vec3(0.0);
-    for (var i = 0u; i < girandole_view.directionals; i++) {
-        sum += girandole_arriving(surface, light_sample_picked(at, LightPick(LIGHT_DIRECTIONAL, i, 1.0), vec2(0.5)));
-    }
-    for (var slot = 0u; slot < girandole_view.slots; slot++) {
-        let kind = light_user_data(slot);
-        if kind == 0u {
-            continue;
-        }
-        for (var i = 0u; i < girandole_kinds[kind].lights; i++) {
-            let numbers = girandole_numbers(seed ^ light_hash(slot ^ light_hash(i)));
-            let light = light_sample_picked(at, LightPick(slot, i, 1.0), numbers.u.xy);
-            if light.pmf > 0.0 {
-                sum += girandole_arriving(surface, light) / light.pdf;
-            }
-        }
-    }
-    return sum;
-}
 
 // Whether no component is infinite or NaN. Compilers may assume that floats are finite, so this tests bits.
 fn girandole_is_finite(value: vec4<f32>) -> bool {
@@ -117,16 +85,7 @@ fn girandole_fragment(@builtin(position) position: vec4<f32>) -> GirandoleOutput
     let pixel = light_hash(u32(texel.x) ^ light_hash(u32(texel.y)));
     let seed = pixel ^ light_hash(girandole_view.frame ^ light_hash(girandole_view.seed));
 
-    var estimate = vec3(0.0);
-    if girandole_view.is_exhaustive != 0u {
-        estimate = girandole_all(surface, seed);
-    } else {
-        for (var i = 0u; i < girandole_view.samples; i++) {
-            estimate += girandole_sample(surface, girandole_view.candidates, light_hash(seed + i));
-        }
-        estimate /= f32(max(girandole_view.samples, 1u));
-    }
-
+    var estimate = girandole_estimate(surface, seed);
     if !girandole_is_finite(vec4(estimate, 0.0)) {
         estimate = vec3(0.0);
     }

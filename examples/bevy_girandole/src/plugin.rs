@@ -76,12 +76,17 @@ impl Plugin for GirandolePlugin {
         }
         let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
         let pass_shaders = match self.importing {
-            true => PassShaders { alone: shaders.add(shader::importing()), sharing: None, shadows },
-            false => PassShaders {
-                alone: shaders.add(shader::joined(false, shadows)),
-                sharing: Some([shader::marking(), shader::joined(true, shadows)].map(|text| shaders.add(text))),
+            true => PassShaders {
+                alone: [shader::importing(), shader::joined(false, false, true)].map(|text| shaders.add(text)),
+                sharing: None,
                 shadows,
             },
+            false => {
+                let [alone, sharing] = [false, true].map(|shares_cuts| {
+                    [false, true].map(|is_heat_map| shaders.add(shader::joined(shares_cuts, shadows, is_heat_map)))
+                });
+                PassShaders { alone, sharing: Some((shaders.add(shader::marking()), sharing)), shadows }
+            }
         };
         let pose_shader = PoseShader(shaders.add(shader::posing()));
         let modules = Modules { _handles: shader::modules().map(|module| shaders.add(module)) };

@@ -26,14 +26,15 @@ const UNSHADOWED: &str = include_str!("unshadowed.wgsl");
 
 /// The pass in one text. Candidates are kept in proportion to the light that Bevy's BRDF reflects
 /// of them. With `shares_cuts`, they come from the cuts of cells; with `shadows`, a ray looks whether the kept one is
-/// seen, and with both, what it finds is learnt.
-pub fn joined(shares_cuts: bool, shadows: bool) -> Shader {
+/// seen, and with both, what it finds is learnt. With `is_heat_map`, it shows how they are chosen.
+pub fn joined(shares_cuts: bool, shadows: bool, is_heat_map: bool) -> Shader {
     let hook = TargetHook::new("girandole_target", "LightingInput").expect("both are names");
     let parts = ShaderParts::default().with_target(hook);
     let parts = if shares_cuts { parts.with_cuts(CutFallback::Walk) } else { parts };
     // What is learnt is read when cuts are built.
     let learns = shares_cuts && shadows;
     let parts = if learns { parts.with_learning() } else { parts };
+    let parts = if is_heat_map { parts.with_heat_map() } else { parts };
     let library = plan::wgsl_with(LIGHTS_GROUP, effects(), &parts);
     let parts = [
         SHADING_IMPORTS,
@@ -46,8 +47,15 @@ pub fn joined(shares_cuts: bool, shadows: bool) -> Shader {
         include_str!("joined.wgsl"),
         include_str!("pixel.wgsl"),
         include_str!("pass.wgsl"),
+        if is_heat_map { include_str!("heat.wgsl") } else { include_str!("light.wgsl") },
     ];
-    module(if shares_cuts { "girandole::cut_pass" } else { "girandole::pass" }, parts.concat())
+    let path = match (shares_cuts, is_heat_map) {
+        (false, false) => "girandole::pass",
+        (true, false) => "girandole::cut_pass",
+        (false, true) => "girandole::heat_pass",
+        (true, true) => "girandole::cut_heat_pass",
+    };
+    module(path, parts.concat())
 }
 
 /// The pass that marks the cells of pixels.
@@ -68,7 +76,10 @@ pub fn marking() -> Shader {
 /// the surface reflects, since a module cannot call functions of the text that imports it. It has no shadows.
 pub fn importing() -> Shader {
     let imports = [SHADING_IMPORTS, PASS_IMPORTS, LIGHT_IMPORTS, GIRANDOLE_IMPORTS].concat();
-    module("girandole::pass", imports + UNSHADOWED + include_str!("pixel.wgsl") + include_str!("pass.wgsl"))
+    module(
+        "girandole::pass",
+        imports + UNSHADOWED + include_str!("pixel.wgsl") + include_str!("pass.wgsl") + include_str!("light.wgsl"),
+    )
 }
 
 /// The pass that poses meshes.

@@ -4,6 +4,7 @@
 mod agrees_with_bevy;
 mod changes;
 mod harness;
+mod heat_map;
 mod lifecycle;
 mod names;
 mod refusals;

@@ -23,7 +23,7 @@ use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::pbr::DefaultOpaqueRendererMethod;
 use bevy::post_process::bloom::Bloom;
 use bevy::prelude::*;
-use bevy_girandole::{GirandoleCamera, GirandolePlugin, GirandoleSettings};
+use bevy_girandole::{Estimate, GirandoleCamera, GirandolePlugin, GirandoleSettings};
 
 use options::Options;
 
@@ -61,8 +61,14 @@ fn main() -> AppExit {
 /// The camera, at an angle in radians around the field.
 fn camera(options: &Options) -> impl Bundle {
     let samples = if options.bevy_lights { 0 } else { options.samples };
-    let view = GirandoleCamera { candidates: options.candidates, samples, ..default() };
-    (Camera3d::default(), view, Msaa::Off, Tonemapping::AcesFitted, Bloom::NATURAL, EXPOSURE, place(options, 0.0, 1.0))
+    let estimate = options.heat_map.map_or(Estimate::Sampled, Estimate::HeatMap);
+    let view = GirandoleCamera { candidates: options.candidates, samples, estimate, ..default() };
+    // Colours of a heat map are shown as they are.
+    let (tonemapping, bloom) = match options.heat_map {
+        None => (Tonemapping::AcesFitted, Bloom::NATURAL),
+        Some(_) => (Tonemapping::None, Bloom { intensity: 0.0, ..Bloom::NATURAL }),
+    };
+    (Camera3d::default(), view, Msaa::Off, tonemapping, bloom, EXPOSURE, place(options, 0.0, 1.0))
 }
 
 /// For lamps of some hundred lumens at night.

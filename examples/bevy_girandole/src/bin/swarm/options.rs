@@ -1,12 +1,14 @@
 //! The options of the command line.
 
 use bevy::prelude::Resource;
+use girandole::plan::HeatMap;
 
 pub const USAGE: &str = "Options:
   --lamps N        number of lamps (100000)
   --rooms          a hundred rooms with 1000 lamps in place of the field; --lamps may follow
   --candidates N   candidates for each sample (8)
   --samples N      samples for each pixel and frame (1)
+  --heat-map NAME  noise, cuts, misses or lights in place of the picture
   --size WxH       size of the picture (960x540)
   --no-shadows     nothing casts shadows
   --no-learning    shadows teach nothing
@@ -25,6 +27,7 @@ pub struct Options {
     pub no_learning: bool,
     pub candidates: u32,
     pub samples: u32,
+    pub heat_map: Option<HeatMap>,
     pub size: [u32; 2],
     pub no_cuts: bool,
     pub bevy_lights: bool,
@@ -43,6 +46,7 @@ impl Default for Options {
             no_learning: false,
             candidates: 8,
             samples: 1,
+            heat_map: None,
             size: [960, 540],
             no_cuts: false,
             bevy_lights: false,
@@ -64,6 +68,7 @@ impl Options {
                 "--lamps" => options.lamps = number(&value()?)?,
                 "--candidates" => options.candidates = number(&value()?)?,
                 "--samples" => options.samples = number(&value()?)?,
+                "--heat-map" => options.heat_map = Some(heat_map(&value()?)?),
                 "--frames" => options.frames = number(&value()?)?,
                 "--settle" => options.settle = number(&value()?)?,
                 "--size" => options.size = size(&value()?)?,
@@ -94,6 +99,16 @@ fn size(word: &str) -> Result<[u32; 2], String> {
     Ok(size)
 }
 
+fn heat_map(word: &str) -> Result<HeatMap, String> {
+    match word {
+        "noise" => Ok(HeatMap::Noise),
+        "cuts" => Ok(HeatMap::Cuts),
+        "misses" => Ok(HeatMap::Misses),
+        "lights" => Ok(HeatMap::Lights),
+        _ => Err(format!("{word} is no heat map.\n{USAGE}")),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -108,7 +123,7 @@ mod tests {
         assert_eq!((options.size, options.frames, options.out.as_deref()), ([64, 48], 3, Some("a.png")));
         let [few, many] = ["--rooms", "--rooms --lamps 7"].map(|line| parse(line).unwrap());
         assert_eq!((few.lamps, many.lamps, few.rooms), (1000, 7, true));
-        for line in ["--size 64", "--size 0x3", "--frames", "--frames many", "--nothing"] {
+        for line in ["--size 64", "--size 0x3", "--frames", "--frames many", "--nothing", "--heat-map heat"] {
             assert!(parse(line).is_err_and(|message| message.contains(USAGE)), "{line}");
         }
     }
