@@ -19,6 +19,11 @@ pub(super) const READ: wgpu::BufferBindingType = wgpu::BufferBindingType::Storag
 /// A storage buffer that is written.
 pub(super) const WRITE: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: false };
 
+/// The name of a thing of the library in graphics debuggers, among those of the engine.
+pub(super) fn label_of(what: &str) -> String {
+    format!("girandole {what}")
+}
+
 /// A layout of buffers at these bindings, for the stages that may read the lights.
 pub(super) fn layout_of(
     device: &wgpu::Device,

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 
-use super::bindings::{bind, storage_entry, uniform_entry};
+use super::bindings::{bind, label_of, storage_entry, uniform_entry};
 use super::player::dispatch;
 use crate::effects::Effects;
 use crate::plan::text;
@@ -45,7 +45,7 @@ impl RequestKernel {
         Self::new(device, lights, "batch_resample", BATCH_RESAMPLE, &entries)
     }
 
-    /// `text` has one entry point, whose name is also the label in graphics debuggers.
+    /// `text` has one entry point, which names it in graphics debuggers.
     fn new(
         device: &wgpu::Device,
         lights: &wgpu::BindGroupLayout,
@@ -53,7 +53,8 @@ impl RequestKernel {
         text: &'static str,
         entries: &[wgpu::BindGroupLayoutEntry],
     ) -> Self {
-        let label = Some(entry);
+        let label = label_of(entry);
+        let label = Some(label.as_str());
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries });
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label,
@@ -70,7 +71,8 @@ impl RequestKernel {
     }
 
     pub fn compile(&self, effects: Effects) -> wgpu::ComputePipeline {
-        let label = Some(self.entry);
+        let label = label_of(self.entry);
+        let label = Some(label.as_str());
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label,
             source: wgpu::ShaderSource::Wgsl((text::wgsl(0, effects) + self.text).into()),
@@ -95,10 +97,10 @@ impl RequestKernel {
         own: &[wgpu::BindingResource],
         count: u32,
     ) {
-        let label = self.entry;
-        let group = bind(&self.device, label, &self.layout, own);
+        let label = label_of(self.entry);
+        let group = bind(&self.device, &label, &self.layout, own);
         let mut pass =
-            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes: None });
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(&label), timestamp_writes: None });
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, lights, &[]);
         pass.set_bind_group(1, &group, &[]);

@@ -5,9 +5,10 @@
 //! after the call that needs the answer has returned. This file therefore opens no scope there, and
 //! a refusal reaches the engine's own error scope or its handler for uncaptured errors.
 
+use super::bindings::label_of;
 use super::error::GpuError;
 
-/// Creates a buffer of `bytes` bytes. `what` names its content, in errors and in graphics
+/// Creates a buffer of `bytes` bytes. `what` names its content, in errors and, with the library's name, in graphics
 /// debuggers.
 ///
 /// Fails with [`GpuError::OutOfMemory`]; never in browsers.
@@ -17,7 +18,8 @@ pub(super) fn create_buffer(
     bytes: u64,
     usage: wgpu::BufferUsages,
 ) -> Result<wgpu::Buffer, GpuError> {
-    let descriptor = wgpu::BufferDescriptor { label: Some(what), size: bytes, usage, mapped_at_creation: false };
+    let label = label_of(what);
+    let descriptor = wgpu::BufferDescriptor { label: Some(&label), size: bytes, usage, mapped_at_creation: false };
     let (buffer, is_refused) = scoped(device, wgpu::ErrorFilter::OutOfMemory, || device.create_buffer(&descriptor));
     #[cfg(test)]
     let is_refused = is_refused | refusals::is_due(refusals::Kind::Buffer);

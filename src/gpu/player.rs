@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use super::bindings::label_of;
 use super::error::GpuError;
 use super::memory;
 use super::recorder::{Recorder, Workgroups};
@@ -91,7 +92,8 @@ impl Player {
 
     fn compiled(&mut self, kernel: Kernel) -> wgpu::ComputePipeline {
         let layout = self.layout(kernel.bindings());
-        let label = Some(kernel.entry());
+        let label = label_of(kernel.entry());
+        let label = Some(label.as_str());
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label,
             source: wgpu::ShaderSource::Wgsl(text_of(kernel).into()),
@@ -100,7 +102,7 @@ impl Player {
             label,
             layout: Some(&self.layouts[layout].pipeline),
             module: &module,
-            entry_point: label,
+            entry_point: Some(kernel.entry()),
             compilation_options: UNCLEARED,
             cache: None,
         })
@@ -271,7 +273,7 @@ impl Player {
         };
         let entries: Vec<_> = (0..).zip(buffers).zip(kernel.bindings()).map(entry).collect();
         let group = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some(kernel.stage()),
+            label: Some(&label_of(kernel.stage())),
             layout: &self.layouts[layout].group,
             entries: &entries,
         });

@@ -1,6 +1,7 @@
 //! Records commands of plans, all dispatches in one compute pass or each stage in a pass of its own.
 //! Separate passes can be timed.
 
+use super::bindings::label_of;
 use crate::plan::Kernel;
 
 /// One stage of a build of the top level.
@@ -105,10 +106,12 @@ impl<'a> Recorder<'a> {
         }
         // The open pass locks the encoder, so it has to end first.
         self.pass = None;
+        let label;
         let mut descriptor = wgpu::ComputePassDescriptor { label: Some(self.label), timestamp_writes: None };
         if let PassDivision::Each(queries) = self.passes {
             let first = 2 * self.stages.len() as u32;
-            descriptor.label = Some(name);
+            label = label_of(name);
+            descriptor.label = Some(&label);
             descriptor.timestamp_writes = queries.map(|query_set| wgpu::ComputePassTimestampWrites {
                 query_set,
                 beginning_of_pass_write_index: Some(first),

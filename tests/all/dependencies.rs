@@ -66,6 +66,35 @@ fn no_dependencies_between_files_form_a_circle() {
     assert!(circles.is_empty(), "circles of files:\n{}", circles.join("\n"));
 }
 
+/// Whether a file is compiled outside of tests too.
+fn is_of_the_library(files: &Files, file: &str) -> bool {
+    let path = file.trim_end_matches("/mod.rs").trim_end_matches(".rs");
+    let (parent, name) = path.rsplit_once('/').unwrap_or(("", path));
+    let parents = [format!("{parent}/mod.rs"), format!("{parent}.rs"), "lib.rs".into()];
+    let Some(parent) = parents.into_iter().find(|parent| files.contains_key(parent)) else { return false };
+    let is_declared = Source::read(&files[&parent]).children.iter().any(|child| child == name);
+    is_declared && (parent == "lib.rs" || is_of_the_library(files, &parent))
+}
+
+/// Every object and pass on the GPU has a name in graphics debuggers.
+#[test]
+fn descriptors_of_wgpu_have_labels() {
+    let files = files();
+    assert!(!is_of_the_library(&files, "gpu/tests/mod.rs") && !is_of_the_library(&files, "gpu/cuts/tests.rs"));
+    let mut named = 0;
+    for (file, text) in files.iter().filter(|(file, _)| file.starts_with("gpu/") && is_of_the_library(&files, file)) {
+        let tokens = source::without_tests(text);
+        // A type that is only named has neither braces nor a function after it.
+        let made = |tokens: &&[String]| tokens[0].ends_with("Descriptor") && ["{", "::"].contains(&tokens[1].as_str());
+        for tokens in tokens.windows(5).filter(made) {
+            let is_named = tokens[1] == "{" && tokens[2] == "label" && tokens[4] != "None";
+            assert!(is_named, "{file}: {}", tokens.join(" "));
+            named += 1;
+        }
+    }
+    assert!(named > 15, "only {named} descriptors found");
+}
+
 /// The graph of a small crate: pairs of file names and texts.
 fn graph(files: &[(&str, &str)]) -> Graph {
     Graph::new(&files.iter().map(|(name, text)| ((*name).to_owned(), (*text).to_owned())).collect())

@@ -28,7 +28,7 @@ pub struct Source {
 
 impl Source {
     pub fn read(text: &str) -> Self {
-        let tokens = without_tests(&tokens(text));
+        let tokens = without_tests(text);
         let mut source = Self::default();
         // For each open brace, whether it opened an inline module.
         let mut braces = Vec::new();
@@ -119,8 +119,10 @@ fn use_tree<'a>(mut tokens: &'a [String], parent: &Path) -> (Vec<(Path, String)>
     }
 }
 
-/// The tokens outside of items under `#[cfg(test)]`.
-fn without_tests(mut tokens: &[String]) -> Vec<String> {
+/// The tokens of a text outside of items under `#[cfg(test)]`.
+pub fn without_tests(text: &str) -> Vec<String> {
+    let tokens = tokens(text);
+    let mut tokens = &tokens[..];
     let mut kept = Vec::with_capacity(tokens.len());
     while let Some(first) = tokens.first() {
         if is_test_attribute(tokens) {
