@@ -119,25 +119,28 @@ impl Placed {
         Ok(Some(Self { linear, to_local, determinant, is_rigid: linear.is_rigid(), place }))
     }
 
-    /// As [`Placed::new`], for an instance that is at `present`, from which `placed` was derived. Bit
-    /// for bit the same, and faster where the linear part stays the same.
-    pub fn moved(
-        placed: Option<&Self>,
-        present: &Placement,
+    /// Moves an instance, whose placement is `present`, and from which `placed` was derived, to `placement`. Bit for
+    /// bit the same as [`Placed::new`], and faster where the linear part stays the same. Changes nothing if it fails.
+    pub fn move_to(
+        placed: &mut Option<Self>,
+        present: &mut Placement,
         placement: &Placement,
         anchor: Anchor,
-    ) -> Result<Option<Self>, PlacementError> {
-        if placement.linear != present.linear {
-            return Self::new(placement, anchor);
+    ) -> Result<(), PlacementError> {
+        if placement.linear == present.linear {
+            let place = place(placement.translation, anchor)?;
+            placed.iter_mut().for_each(|placed| placed.place = place);
+        } else {
+            *placed = Self::new(placement, anchor)?;
         }
-        let place = place(placement.translation, anchor)?;
-        Ok(placed.map(|placed| Self { place, ..*placed }))
+        *present = *placement;
+        Ok(())
     }
 
-    /// Whether [`Placed::moved`] accepts a placement. Derives nothing if the linear part stays the
-    /// same, or is nearly a rotation.
+    /// Whether [`Placed::move_to`] accepts a placement. Derives nothing if the linear part is nearly a rotation, or
+    /// stays the same.
     pub fn check(present: &Placement, placement: &Placement, anchor: Anchor) -> Result<(), PlacementError> {
-        if placement.linear == present.linear || is_nearly_rotation(&placement.linear) {
+        if is_nearly_rotation(&placement.linear) || placement.linear == present.linear {
             return place(placement.translation, anchor).map(drop);
         }
         Self::new(placement, anchor).map(drop)
@@ -331,9 +334,15 @@ mod tests {
             let anchor = if i % 2 == 0 { Anchor::Point(DVec3::new(3.0, -7.0, 0.5)) } else { Anchor::Sector };
             let before = Placed::new(&present, anchor).expect("it was accepted");
             let expected = Placed::new(&placement, anchor);
-            let moved = Placed::moved(before.as_ref(), &present, &placement, anchor);
+            let (mut moved, mut stood) = (before, present);
+            let result = Placed::move_to(&mut moved, &mut stood, &placement, anchor);
             // NaN differs from itself, so errors and placements are compared as text.
-            assert_eq!(format!("{moved:?}"), format!("{expected:?}"), "{placement:?}");
+            let (state, place) = match &expected {
+                Ok(state) => (state, placement),
+                Err(_) => (&before, present),
+            };
+            assert_eq!(format!("{:?}", result.err()), format!("{:?}", expected.as_ref().err()), "{placement:?}");
+            assert_eq!(format!("{moved:?} {stood:?}"), format!("{state:?} {place:?}"), "{placement:?}");
             let checked = Placed::check(&present, &placement, anchor);
             assert_eq!(format!("{checked:?}"), format!("{:?}", expected.as_ref().map(|_| ())), "{placement:?}");
             quick += usize::from(is_nearly_rotation(&linear));

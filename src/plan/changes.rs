@@ -30,6 +30,8 @@ pub struct UploadReport {
 pub(super) struct FrameChanges {
     pub trees: Slots,
     pub instances: Slots,
+    /// Those of the instances that may have another number of parts.
+    pub parts: Slots,
     pub directionals: bool,
     /// The map of the sky is another, or has changed.
     pub sky: bool,
@@ -78,6 +80,7 @@ impl FrameChanges {
         Self {
             trees: Slots::of(changes.trees()),
             instances: Slots::of(changes.instance_records()),
+            parts: Slots::of(changes.instance_trees()),
             directionals: changes.directionals(),
             sky: changes.sky(),
             concern_lights: changes.concern_lights(),

@@ -580,8 +580,10 @@ impl TreeStore {
             if let Some(entry) = world.tree_at(*slot).and_then(|key| world.tree_entry(key)) {
                 changes.concern_lights |= !entry.instances.is_empty();
                 changes.instances.extend(entry.instances.iter().map(|key| slot_of(*key)));
+                changes.parts.extend(entry.instances.iter().map(|key| slot_of(*key)));
             }
         }
         changes.instances.sort();
+        changes.parts.sort();
     }
 }

@@ -11,6 +11,10 @@ use super::relayout::relayout;
 use super::scatter::{RunCount, Scattered};
 use super::stored::{Missing, Stored};
 
+/// Threads take this many records at a time, and share the work of four times as many.
+#[cfg(feature = "parallel")]
+const RECORDS_PER_TASK: usize = 1024;
+
 /// How much room a buffer gets that has to grow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Growth {
@@ -258,6 +262,34 @@ impl<T: bytemuck::NoUninit> Pool<T> {
             Some(bytes) => append(bytes),
             None => commands.write_with(self.buffer(), start, append),
         }
+    }
+
+    /// [`Pool::write`] of a record for each index of a run. Threads share the work of long runs.
+    pub(crate) fn write_each(
+        &self,
+        commands: &mut Commands,
+        scattered: &mut Scattered,
+        run: Range<u32>,
+        record: impl Fn(u32) -> T + Sync,
+    ) {
+        #[cfg(feature = "parallel")]
+        if run.len() >= 4 * RECORDS_PER_TASK && rayon::current_num_threads() > 1 {
+            use rayon::prelude::*;
+            assert!(run.end <= self.capacity, "{run:?} does not fit into {}", self.capacity);
+            let (stored, stride) = (&self.stored, self.stored.bytes());
+            commands.write_with(self.buffer(), u64::from(run.start) * self.stride(), |bytes| {
+                let first = bytes.len();
+                bytes.resize(first + run.len() * stride, 0);
+                let tasks = bytes[first..].par_chunks_mut(RECORDS_PER_TASK * stride);
+                tasks.zip(run.into_par_iter().step_by(RECORDS_PER_TASK)).for_each(|(bytes, start)| {
+                    for (index, bytes) in (start..).zip(bytes.chunks_exact_mut(stride)) {
+                        stored.strip(bytemuck::bytes_of(&record(index)), bytes);
+                    }
+                });
+            });
+            return;
+        }
+        self.write(commands, scattered, run.clone(), run.map(record));
     }
 
     /// The bytes of staged data that the counted runs take; 0 if they are written one by one.

@@ -163,7 +163,7 @@ impl LightPlanner {
         if changes.directionals && directionals as usize != self.trees.directionals.len() {
             room.directionals = Some(self.trees.lights.alloc(directionals, growth)?);
         }
-        let slots = changes.instances.as_slice().iter();
+        let slots = changes.parts.as_slice().iter();
         let counts: Vec<_> = slots.map(|slot| (*slot, self.part_count(*slot, world, &room.trees.placed))).collect();
         room.parts = self.instances.parts.reserve(counts.into_iter(), growth)?;
         // Nothing of the table is ever given back, so every reservation continues the last one.

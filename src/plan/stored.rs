@@ -152,6 +152,16 @@ impl Stored {
         self.parts.iter().any(|part| part.contains(&byte)).then(|| self.offset(byte) / WORD)
     }
 
+    /// The stored bytes of a whole record, which are as many as `bytes`.
+    #[cfg(feature = "parallel")]
+    pub(crate) fn strip(&self, record: &[u8], mut bytes: &mut [u8]) {
+        for part in &self.parts {
+            let (own, rest) = bytes.split_at_mut(part.len());
+            own.copy_from_slice(&record[part.clone()]);
+            bytes = rest;
+        }
+    }
+
     /// Appends the stored bytes of whole records, which are given as bytes.
     pub(crate) fn strip_into(&self, records: &[u8], bytes: &mut Vec<u8>) {
         if self.bytes() == self.whole {

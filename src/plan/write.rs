@@ -329,8 +329,8 @@ impl LightPlanner {
     /// Writes the records of instances.
     fn write_instances(&self, commands: &mut Commands, staged: &mut Staged, world: &LightWorld, runs: &[Range<u32>]) {
         for run in runs {
-            let records = run.clone().map(|slot| self.instance_record(slot, world));
-            self.instances.pool.write(commands, &mut staged.instances, run.clone(), records);
+            let record = |slot| self.instance_record(slot, world);
+            self.instances.pool.write_each(commands, &mut staged.instances, run.clone(), record);
         }
     }
 

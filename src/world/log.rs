@@ -94,6 +94,13 @@ impl<'w> Changes<'w> {
         slots_after([added, removed, moved, shown, altered, user_data], self.since.number)
     }
 
+    /// The slots of instances that may have another tree, or none.
+    #[cfg(feature = "gpu-plan")]
+    pub(crate) fn instance_trees(&self) -> impl Iterator<Item = u32> + use<'w> {
+        let WorldLog { added, removed, altered, .. } = self.log;
+        slots_after([added, removed, altered], self.since.number)
+    }
+
     /// Whether some directional light was added, changed or removed.
     #[cfg(feature = "gpu-plan")]
     pub(crate) fn directionals(&self) -> bool {

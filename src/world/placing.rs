@@ -56,10 +56,12 @@ impl Instance {
         if *placement == self.placement {
             return Ok(false);
         }
-        let placed = Placed::moved(self.placed.as_ref(), &self.placement, placement, anchor)?;
+        let is_turned = placement.linear != self.placement.linear;
         let former = self.effects();
-        self.placed = placed;
-        self.placement = *placement;
+        Placed::move_to(&mut self.placed, &mut self.placement, placement, anchor)?;
+        if !is_turned {
+            return Ok(true);
+        }
         let present = self.effects();
         if former != present {
             effects.present.add(present);

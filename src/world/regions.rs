@@ -84,9 +84,9 @@ impl LightWorld {
         };
         let trees: Vec<TreeKey> = region.trees.into_iter().map(add_tree).collect();
         let insert_instance = |instance: PlacedInstance| {
-            let PlacedInstance { tree, placement, policy, appearance, placed } = instance;
-            let placed = Placed::moved(placed.as_ref(), &placement, &placement, self.scene.origin.anchor())
-                .expect("checked before");
+            let PlacedInstance { tree, placement, policy, appearance, mut placed } = instance;
+            let (mut stood, anchor) = (placement, self.scene.origin.anchor());
+            Placed::move_to(&mut placed, &mut stood, &placement, anchor).expect("checked before");
             let (tree, region) = (trees[tree], Some(key));
             let instance = Instance { appearance, region, ..Instance::new(tree, placement, policy, placed) };
             self.insert_instance(instance, true)

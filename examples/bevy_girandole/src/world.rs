@@ -18,7 +18,7 @@ use crate::kinds::KindRecord;
 use crate::rigs::{Pose, PosedMesh};
 
 /// What the number of a light refers to.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 enum Slot {
     #[default]
     Empty,
@@ -26,7 +26,7 @@ enum Slot {
     /// A directional light; `None` while it is hidden.
     Directional(Option<DirectionalKey>),
     /// A light that the world refused. It is tried again when it moves or changes.
-    Refused(State),
+    Refused(Box<State>),
 }
 
 /// `LIGHT_DIRECTIONAL` of the library's WGSL.
@@ -58,7 +58,6 @@ pub struct Lights {
     pub has_new_poses: bool,
     /// The kinds that passes of the application write, by entity.
     passes: HashMap<Entity, u32>,
-    moves: Vec<(InstanceKey, Placement)>,
     has_new_names: bool,
     /// The edits of this frame, which were extracted and not yet applied.
     pub edits: Edits,
@@ -101,7 +100,6 @@ impl Default for Lights {
             posed: HashMap::new(),
             has_new_poses: false,
             passes: HashMap::new(),
-            moves: Vec::new(),
             has_new_names: false,
             edits: Edits::default(),
             counts: Counts::default(),
@@ -124,7 +122,7 @@ impl Lights {
                 warn_once!("girandole: a light was refused: {error}");
             }
         }
-        self.follow(&edits.moves);
+        self.follow(edits.moves);
         self.pose(edits.poses);
         self.counts.apply += started.elapsed();
     }
@@ -291,7 +289,7 @@ impl Lights {
     }
 
     fn slot(&self, light: u32) -> Slot {
-        self.slots.get(light as usize).copied().unwrap_or_default()
+        self.slots.get(light as usize).cloned().unwrap_or_default()
     }
 
     /// Adds a light. One that is refused leaves nothing in the world.
@@ -299,7 +297,7 @@ impl Lights {
         if self.slots.len() <= light as usize {
             self.slots.resize(light as usize + 1, Slot::Empty);
         }
-        self.slots[light as usize] = Slot::Refused(state);
+        self.slots[light as usize] = Slot::Refused(Box::new(state));
         let Some(tree) = self.trees.get(state.kind as usize).copied().flatten() else {
             // The log has the reason for which the kind was refused.
             self.counts.refused += 1;
@@ -330,7 +328,7 @@ impl Lights {
                 let result = self.adjust(key, state);
                 if result.is_err() {
                     self.remove(light)?;
-                    self.slots[light as usize] = Slot::Refused(state);
+                    self.slots[light as usize] = Slot::Refused(Box::new(state));
                 }
                 result
             }
@@ -390,18 +388,19 @@ impl Lights {
 
     /// Moves all lights in one call or, if one of the moves is refused, each by itself. Lights that
     /// were refused are tried again at their new place.
-    fn follow(&mut self, moves: &[(u32, Placement)]) {
-        let mut instances = std::mem::take(&mut self.moves);
-        instances.clear();
-        for &(light, placement) in moves {
-            match self.slot(light) {
-                Slot::Instance(key, _) => instances.push((key, placement)),
-                Slot::Refused(state) if state.placement != placement => {
-                    self.retry(light, State { placement, ..state });
-                }
-                _ => {}
+    fn follow(&mut self, moves: Vec<(u32, Placement)>) {
+        let mut retries = Vec::new();
+        // In the memory of the moves: both pairs have one size.
+        let instance = |(light, placement)| match self.slots.get(light as usize) {
+            Some(Slot::Instance(key, _)) => Some((*key, placement)),
+            Some(Slot::Refused(state)) if state.placement != placement => {
+                retries.push((light, State { placement, ..**state }));
+                None
             }
-        }
+            _ => None,
+        };
+        let instances: Vec<(InstanceKey, Placement)> = moves.into_iter().filter_map(instance).collect();
+        retries.into_iter().for_each(|(light, state)| self.retry(light, state));
         self.counts.moved += instances.len();
         if self.world.move_instances(&instances).is_err() {
             for &(key, placement) in &instances {
@@ -411,7 +410,6 @@ impl Lights {
                 }
             }
         }
-        self.moves = instances;
     }
 
     /// Tries to add a light that was refused before.
