@@ -24,6 +24,7 @@
 //! | 1300 to 1307 | [`SkyError`] |
 //! | 1400 to 1406 | [`ProfileError`] |
 //! | 1500 to 1502 | [`TextureError`] |
+//! | 1600 to 1603 | `DumpError` |
 
 use glam::{DVec3, Vec2, Vec3};
 

@@ -129,7 +129,7 @@
 //! | `gpu-plan` | with `gpu` | the module `plan`, for engines that have no wgpu device |
 //! | `parallel` | yes | builds and refits on rayon's threads, and builds in the background |
 //! | `gltf` | no | the module `gltf` |
-//! | `bake` | no | `LightTree::bake` and `from_baked`: trees as bytes |
+//! | `bake` | no | `LightTree::bake` and `from_baked`: trees as bytes; `LightWorld::write_dump` and `from_dump` |
 //! | `tracing` | no | spans of the crate tracing around updates, refits, rebuilds, plans and uploads |
 //! | `hdr` | no | `Sky::hdr`: skies from Radiance HDR files, with the crate image |
 
@@ -203,6 +203,8 @@ pub use world::{
     BackgroundReport, Changes, FrameReport, JobReport, LightWorld, OriginMode, RebuildState, RefusedRegion, Region,
     RegionInstance, RegionTree, RegionView, RemovedRegion, Revision, TreeSource, WorldMemory,
 };
+#[cfg(feature = "bake")]
+pub use world::{DumpError, LeftOut};
 
 /// The README's programs, compiled and run as documentation tests.
 #[cfg(all(doctest, feature = "gpu"))]
@@ -240,6 +242,9 @@ mod pages {
     #[doc = include_str!("../docs/streaming.md")]
     #[cfg(feature = "bake")]
     struct Streaming;
+    #[doc = include_str!("../docs/dumps.md")]
+    #[cfg(feature = "bake")]
+    struct Dumps;
     #[doc = include_str!("../docs/large-worlds.md")]
     struct LargeWorlds;
     #[doc = include_str!("../docs/memory.md")]

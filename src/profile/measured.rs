@@ -31,7 +31,7 @@ pub(super) struct Measured {
 }
 
 /// The greatest intensity, in candela.
-const MAX_CANDELA: f64 = 1.0e15;
+pub(super) const MAX_CANDELA: f64 = 1.0e15;
 
 /// The least difference of two angles, in degrees.
 const MIN_STEP: f64 = 1.0e-3;

@@ -9,6 +9,8 @@ mod grid;
 mod ies;
 mod interned;
 mod measured;
+#[cfg(feature = "bake")]
+mod record;
 #[cfg(feature = "gpu-plan")]
 mod stored;
 mod text;

@@ -23,6 +23,8 @@ mod refit_data;
 mod refitted;
 mod remove;
 mod openings;
+#[cfg(feature = "bake")]
+mod ordered;
 mod shape;
 mod stepped_build;
 mod tasks;

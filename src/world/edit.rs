@@ -337,15 +337,22 @@ impl LightWorld {
 
     /// Adds an instance that has been checked. O(1), but for a build of its tree if it is the first
     /// one; `builds_later` leaves that to later updates.
-    pub(super) fn insert_instance(&mut self, mut instance: Instance, builds_later: bool) -> InstanceKey {
+    pub(super) fn insert_instance(&mut self, instance: Instance, builds_later: bool) -> InstanceKey {
+        let key = self.insert_as_is(instance);
+        self.build_for_first(key, builds_later);
+        let (crowds, mut edit) = self.crowds();
+        crowds.add(key, &mut edit);
+        key
+    }
+
+    /// Adds an instance that has been checked, and leaves its tree as it is: neither built for it nor
+    /// opened. O(1).
+    pub(super) fn insert_as_is(&mut self, mut instance: Instance) -> InstanceKey {
         instance.birth = self.scene.births.next();
         let (tree, policy) = (instance.tree, instance.policy);
         self.effects.change(|counts| counts.add(instance.effects()));
         let key = self.scene.instances.insert(instance);
         self.attach(key, tree, policy);
-        self.build_for_first(key, builds_later);
-        let (crowds, mut edit) = self.crowds();
-        crowds.add(key, &mut edit);
         self.log.added(slot_of(key));
         self.top.take();
         key

@@ -7,6 +7,8 @@ mod births;
 mod build_thread;
 mod change_log;
 mod crowds;
+#[cfg(feature = "bake")]
+mod dump;
 mod edit;
 mod key_set;
 mod log;
@@ -52,6 +54,8 @@ pub(crate) use births::birth_of_directional;
 pub(crate) use births::{BIRTH_BITS, of_instance as birth_of_instance};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use change_log::TreeChanges;
+#[cfg(feature = "bake")]
+pub use dump::{DumpError, LeftOut};
 pub use log::{Changes, Revision};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use measures::{SourceMeasure, TreeVersion};
@@ -73,7 +77,7 @@ use crate::light::DirectionalLight;
 use crate::policy::Policy;
 use crate::scheduler::{Clock, SystemClock};
 use crate::top::TopLevel;
-use crate::tree::{LightTree, Opening};
+use crate::tree::{LightTree, Node, Opening};
 use crowds::Crowds;
 use log::WorldLog;
 use opening::OpeningEdit;
@@ -381,6 +385,13 @@ impl LightWorld {
             built.set_masks(|slot| self.instance_at(slot).map_or(0, |key| self.scene.instances[key].appearance.mask));
         }
         self.top.get_or_init(|| built)
+    }
+
+    /// The nodes of the top level on the CPU, for tools that look into it: the root first, and the boxes
+    /// relative to [`LightWorld::origin`]. The tree is built when it is first needed after a change, as by
+    /// [`LightWorld::sampler`].
+    pub fn top_nodes(&self) -> &[Node] {
+        &self.top_level().nodes
     }
 
     /// The memory that the world takes on the heap of the CPU, by use. O(1): the sums follow every

@@ -27,7 +27,7 @@ const SPARE_OPENINGS: usize = 131_072;
 const OPENINGS_PER_INSTANCE: usize = 4;
 
 /// No world has more openings, so that the buffers of the top level stay below WebGPU's default limit.
-const MAX_OPENINGS: usize = 1 << 20;
+pub(super) const MAX_OPENINGS: usize = 1 << 20;
 
 impl Sums {
     /// The largest number of openings of all instances together. While crowds and instances change, it

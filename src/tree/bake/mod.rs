@@ -34,7 +34,7 @@ pub use error::BakeError;
 
 use super::LightTree;
 use super::edited::Edited;
-use super::node::NO_LEAF;
+use super::node::{NO_LEAF, WIDTH};
 use crate::cluster::Linear;
 use crate::effects::EffectCounts;
 use crate::rare::Rare;
@@ -69,6 +69,11 @@ impl LightTree {
             built.rebuild();
             return built.bake();
         }
+        self.bytes()
+    }
+
+    /// The nodes as they are as bytes: of a tree that is up to date, whose nodes are depth first.
+    fn bytes(&self) -> Vec<u8> {
         let Self { lights, leaves, nodes, spans, light_counts, sides, .. } = self;
         let counts = Counts { lights: lights.len(), nodes: nodes.len(), sides: sides.len() };
         let header = Header {
@@ -77,7 +82,7 @@ impl LightTree {
             has_stale_sums: self.has_stale_sums,
             attributes: self.attributes,
             root: self.root,
-            reference: self.reference().map(|map| map.linear),
+            reference: self.weights.as_deref().map(|map| map.linear),
         };
         let mut bytes = Vec::with_capacity(counts.file_bytes() as usize);
         header.write(&mut bytes);
@@ -89,6 +94,21 @@ impl LightTree {
         }
         content::seal(&mut bytes);
         bytes
+    }
+
+    /// As [`LightTree::bake`] for a tree that is up to date, but nothing is built: the boxes and their
+    /// children stay as they are. Edits may have scattered the nodes, which the bytes hold in order;
+    /// also returns for each place in this tree the same place in the bytes.
+    pub(crate) fn bake_as_is(&self) -> (Vec<u8>, impl Fn(u32) -> u32 + use<>) {
+        let (bytes, numbers) = if self.edited.is_changed() {
+            let (ordered, numbers) = self.ordered();
+            (ordered.bytes(), numbers)
+        } else {
+            (self.bytes(), Vec::new())
+        };
+        let width = WIDTH as u32;
+        let number = move |node: u32| numbers.get(node as usize).copied().unwrap_or(node);
+        (bytes, move |place| number(place / width) * width + place % width)
     }
 
     /// Loads a tree that [`LightTree::bake`] has written, on this machine or another one.

@@ -1,0 +1,185 @@
+//! Reads a dump.
+
+use super::words::{Rest, WORD, to_point, to_vector};
+use super::{DumpError, LeftOut, MAGIC, SWITCHES, VERSION, record};
+use crate::error::WorldError;
+use crate::instance::placement::{Anchor, Placed, Placement};
+use crate::keys::{InstanceKey, TreeKey};
+use crate::light::DirectionalLight;
+use crate::policy::Policy;
+use crate::profile::Profile;
+use crate::tree::{LightTree, Opening, WIDTH};
+use crate::world::opening::MAX_OPENINGS;
+use crate::world::{Instance, LightWorld, OriginMode, TreeSource};
+
+/// Openings of all instances together, at most: what a world has while it changes.
+const MOST_OPENINGS: usize = 2 * MAX_OPENINGS;
+
+impl LightWorld {
+    /// Reads a world that [`LightWorld::write_dump`] has written, on any machine. Also returns what
+    /// the dump lacks.
+    ///
+    /// Trees and instances come in the order of the world that was dumped, with new keys. Instances
+    /// have the [slots](LightWorld::slot) that they had. Samples and probabilities are those of that
+    /// world, bit for bit, unless lights of a tree with other objects between its lights were added or
+    /// removed one by one: then trees of instances may come in another order into the top level.
+    /// Nothing is built until the world is edited: trees count as built, and stay opened as far as
+    /// they are until an instance is added.
+    ///
+    /// O(bytes).
+    ///
+    /// # Errors
+    /// [`DumpError`]. Whatever the bytes are, nothing panics, and a world that is returned can be
+    /// sampled and edited; see also [`LightTree::from_baked`]. It takes memory in proportion to the
+    /// bytes that were given.
+    pub fn from_dump(bytes: &[u8]) -> Result<(Self, LeftOut), DumpError> {
+        let (mut rest, version) = check(bytes)?;
+        if version != VERSION {
+            return Err(DumpError::Version { given: version, supported: VERSION });
+        }
+        let mut reader = Reader { world: Self::new(), trees: Vec::new() };
+        let header = reader.header(&mut rest)?;
+        let [profiles, trees, slots, directionals] = header.counts;
+        for index in 0..profiles as usize {
+            read_profile(&mut rest).ok_or(DumpError::Record { what: "profile", index })?;
+        }
+        for index in 0..trees as usize {
+            reader.tree(&mut rest, index)?;
+        }
+        reader.instances(&mut rest, slots as usize)?;
+        for index in 0..directionals as usize {
+            let words = rest.words::<6>().ok_or(DumpError::Record { what: "directional light", index })?;
+            let [direction, illuminance] = [0, 3].map(|at| to_vector([words[at], words[at + 1], words[at + 2]]));
+            let added = reader.world.add_directional(DirectionalLight { direction, illuminance });
+            added.map_err(|source| DumpError::World { what: "directional light", index, source })?;
+        }
+        if rest.0.is_empty() {
+            Ok((reader.world, header.left_out))
+        } else {
+            Err(DumpError::Record { what: "the end, byte", index: bytes.len() - WORD - rest.0.len() })
+        }
+    }
+}
+
+/// Checks that some bytes are a dump, whole and undamaged. Returns what follows its version.
+fn check(bytes: &[u8]) -> Result<(Rest<'_>, u32), DumpError> {
+    let content = bytes.strip_prefix(&MAGIC).ok_or(DumpError::NotADump)?;
+    // A file that is too short for both has no right checksum either.
+    let (content, stored) = content.split_at(content.len().saturating_sub(WORD));
+    let stored = Rest(stored).words::<1>().map_or(0, |[stored]| stored);
+    let summed = &bytes[..MAGIC.len() + content.len()];
+    let mut rest = Rest(content);
+    let version = rest.words::<1>();
+    let computed = crc32fast::hash(summed);
+    match version {
+        // Other versions may be sealed in another way.
+        Some([version]) if version != VERSION || stored == computed => Ok((rest, version)),
+        _ => Err(DumpError::Checksum { stored, computed }),
+    }
+}
+
+/// The values of the world as a whole.
+struct Header {
+    left_out: LeftOut,
+    /// Profiles, trees, slots of instances, directional lights.
+    counts: [u32; 4],
+}
+
+struct Reader {
+    world: LightWorld,
+    trees: Vec<TreeKey>,
+}
+
+impl Reader {
+    fn header(&mut self, rest: &mut Rest<'_>) -> Result<Header, DumpError> {
+        let refused = DumpError::Record { what: "the header, field", index: 0 };
+        let words = rest.words::<12>().ok_or(refused.clone())?;
+        let [mode, x, y, z, u, v, w, switches, skies, portals, waiting_trees, gpu_trees] = words;
+        let counts = rest.words::<4>().ok_or(refused.clone())?;
+        let modes = [OriginMode::Free, OriginMode::Grid, OriginMode::Following];
+        let mode = *modes.get(mode as usize).ok_or(refused.clone())?;
+        let world = &mut self.world;
+        let placed = world.set_origin_mode(mode).and_then(|()| world.set_origin(to_point([x, y, z, u, v, w])));
+        placed.map_err(|source| DumpError::World { what: "the header, field", index: 1, source })?;
+        if switches >> SWITCHES.len() != 0 {
+            return Err(refused);
+        }
+        SWITCHES.iter().zip(0..).for_each(|(effect, bit)| world.switch(*effect, switches >> bit & 1 == 1));
+        Ok(Header { left_out: LeftOut { skies, portals, waiting_trees, gpu_trees }, counts })
+    }
+
+    fn tree(&mut self, rest: &mut Rest<'_>, index: usize) -> Result<(), DumpError> {
+        let refused = DumpError::Record { what: "tree", index };
+        let (source, places, bytes) = read_tree(rest).ok_or(refused.clone())?;
+        let tree = LightTree::from_baked(bytes).map_err(|source| DumpError::Tree { index, source })?;
+        let openings = openings_at(&tree, &places).ok_or(refused)?;
+        let key = self.world.add_tree(tree);
+        let sourced = self.world.set_light_source(key, source);
+        sourced.map_err(|source| DumpError::World { what: "tree", index, source })?;
+        let LightWorld { scene, sums, .. } = &mut self.world;
+        scene.trees[key].openings = openings.into();
+        scene.trees[key].recount(sums);
+        self.trees.push(key);
+        Ok(())
+    }
+
+    /// Instances get their slots, because the top level depends on them. Empty slots are filled until
+    /// all have come.
+    fn instances(&mut self, rest: &mut Rest<'_>, slots: usize) -> Result<(), DumpError> {
+        let of_fillers = self.world.add_tree(LightTree::default());
+        let mut fillers: Vec<InstanceKey> = Vec::new();
+        let mut openings = 0;
+        for index in 0..slots {
+            let refused = DumpError::Record { what: "instance", index };
+            let wrong = |source: WorldError| DumpError::World { what: "instance", index, source };
+            let [number] = rest.words().ok_or(refused.clone())?;
+            if number == 0 {
+                let placed = Placed::new(&Placement::IDENTITY, Anchor::Sector).unwrap_or_default();
+                let filler = Instance::new(of_fillers, Placement::IDENTITY, Policy::Static, placed);
+                fillers.push(self.world.insert_as_is(filler));
+                continue;
+            }
+            let tree = *self.trees.get(number as usize - 1).ok_or(refused.clone())?;
+            let words = rest.words().ok_or(refused.clone())?;
+            let (placement, policy, appearance) = record::decode(&words).ok_or(refused.clone())?.map_err(wrong)?;
+            let placed = Placed::new(&placement, self.world.scene.origin.anchor());
+            let placed = placed.map_err(|source| wrong(source.into()))?;
+            let entry = &self.world.scene.trees[tree];
+            openings += if entry.is_loose { 0 } else { entry.openings.len() };
+            if openings > MOST_OPENINGS {
+                return Err(refused);
+            }
+            let instance = Instance { appearance, ..Instance::new(tree, placement, policy, placed) };
+            self.world.insert_as_is(instance);
+        }
+        let world = &mut self.world;
+        let removed = fillers.into_iter().try_for_each(|key| world.remove_instance(key));
+        let removed = removed.and_then(|()| world.remove_tree(of_fillers));
+        removed.map_err(|source| DumpError::World { what: "slot", index: 0, source })
+    }
+}
+
+fn read_profile(rest: &mut Rest<'_>) -> Option<Profile> {
+    let [count] = rest.words()?;
+    Profile::of_record(&rest.list(count as usize)?)
+}
+
+/// The source of a tree, the places of its openings, and the baked tree.
+fn read_tree<'a>(rest: &mut Rest<'a>) -> Option<(TreeSource, Vec<u32>, &'a [u8])> {
+    let [source, openings, low, high] = rest.words()?;
+    let places = rest.list(openings as usize)?;
+    let bytes = usize::try_from(u64::from(low) | u64::from(high) << 32).ok()?;
+    let sources = [TreeSource::Cpu, TreeSource::GpuMesh, TreeSource::GpuParticles];
+    Some((*sources.get(source as usize)?, places, rest.bytes(bytes)?))
+}
+
+/// The openings at some places; `None` if they are no cut of the tree.
+fn openings_at(tree: &LightTree, places: &[u32]) -> Option<Vec<Opening>> {
+    let opening = |place: &u32| {
+        let [node, slot] = [*place as usize / WIDTH, *place as usize % WIDTH];
+        Some(Opening { place: *place, child_bits: *tree.nodes().get(node)?.children.get(slot)? })
+    };
+    let openings: Vec<Opening> = places.iter().map(opening).collect::<Option<_>>()?;
+    let ascends = places.windows(2).all(|pair| pair[0] < pair[1]);
+    (ascends && (openings.is_empty() || tree.has_openings(&openings))).then_some(openings)
+}
