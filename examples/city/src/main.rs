@@ -9,7 +9,8 @@
 //! radiance (`frame_0000.exr`), and the costs of each frame (`frames.csv`). At the end it prints
 //! which effects the lights needed and how many shadow rays were traced. `--window` opens a window to
 //! fly through the scene, `--compare` renders the same view by other samplers in equal time, with
-//! their errors, and `--video FILE` writes a film. `docs/city.md` and `--help` tell the rest: other
+//! their errors, `--video FILE` writes a film, and `--open FILE` shows a dump of any engine's
+//! lights. `docs/city.md` and `--help` tell the rest: other
 //! sizes of city, glTF scenes, and the lamps, traffic, roads and buildings of a real city.
 //!
 //! Scenes and the renderer are in the package `testbed`, and `app` is the program. Each folder's `mod.rs` states the order in which to read its files; `app/session.rs` shows how
@@ -23,6 +24,9 @@ fn main() -> ExitCode {
     let result = match options {
         Ok(Parsed::Run(options)) if options.window => {
             city::window::shell::run(&options, &mut |line| testbed::say!("{line}"))
+        }
+        Ok(Parsed::Run(options)) if options.open.is_some() => {
+            city::window::still::run(&options, &mut |line| testbed::say!("{line}"))
         }
         Ok(Parsed::Run(options)) if options.compare => {
             city::app::compare::run::compare(&options, &mut |line| testbed::say!("{line}")).map(drop)

@@ -1,5 +1,6 @@
 //! The part of the command line that selects a scene, which other programs share.
 
+use super::scene::dump;
 use super::scene::dusk::{self, Dusk};
 use super::scene::festival;
 use super::scene::gltf_scene;
@@ -70,6 +71,9 @@ pub struct SceneOptions {
     /// The time after sunset, in place of the night.
     #[arg(skip)]
     pub dusk: Option<Dusk>,
+    /// A dump of a light world in place of a scene.
+    #[arg(skip)]
+    pub dump: Option<PathBuf>,
 }
 
 /// Where a screen hangs over the avenue at dusk, in sight of the camera.
@@ -78,10 +82,26 @@ const SCREEN: Vec3 = Vec3::new(0.0, 11.5, 84.0);
 impl SceneOptions {
     /// Loads the scene for pictures of this width and height.
     pub fn load(&self, (width, height): (u32, u32)) -> Result<Stage, SceneError> {
-        let Self { gltf, lamps, traffic, vtypes, net, buildings, seed, cars, world, lamps_columns, fire, dusk, .. } =
-            self.clone();
+        let Self {
+            gltf,
+            lamps,
+            traffic,
+            vtypes,
+            net,
+            buildings,
+            seed,
+            cars,
+            world,
+            lamps_columns,
+            fire,
+            dusk,
+            dump,
+            ..
+        } = self.clone();
         let lamp_profile = dusk.as_ref().map(Dusk::profile).transpose()?;
-        let mut stage = if let Some(path) = gltf {
+        let mut stage = if let Some(path) = dump {
+            dump::stage(&path, width as f32 / height as f32)?
+        } else if let Some(path) = gltf {
             gltf_scene::stage_in_frame(&path, self.camera(), width as f32 / height as f32)?
         } else if [&lamps, &traffic, &net, &buildings].into_iter().any(Option::is_some) {
             let (vehicle_types, lamp_columns) = (vtypes, lamps_columns.unwrap_or_default());
@@ -129,7 +149,7 @@ impl SceneOptions {
 
     /// The files of a scene that is not the procedural city.
     fn files(&self) -> impl Iterator<Item = &PathBuf> {
-        [&self.gltf, &self.lamps, &self.traffic, &self.net, &self.buildings].into_iter().flatten()
+        [&self.dump, &self.gltf, &self.lamps, &self.traffic, &self.net, &self.buildings].into_iter().flatten()
     }
 
     /// The camera of `--camera`.

@@ -61,6 +61,17 @@ pub struct Options {
     /// their lights. Cars stay away, unless --cars lets them in
     #[arg(long, conflicts_with_all = ["gltf", "lamps", "traffic", "net", "buildings", "sampler", "sum", "compare"])]
     pub fire: bool,
+    /// Show the lights and the trees of a dump, which `LightWorld::write_dump` has written in any engine: in a window
+    /// with --window, or else in the picture dump.png
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["gltf", "lamps", "traffic", "net", "buildings", "world", "cars", "dusk", "fire", "frames", "spp", "sampler", "sum", "compare", "video", "dump"])]
+    pub open: Option<PathBuf>,
+    /// What the view of trees shows: 0 the box of each instance, 1 and more the boxes of nodes below its root, -1 and
+    /// less those of the top level, from its lowest nodes to its root
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(i32).range(-64..=64), allow_negative_numbers = true)]
+    pub level: i32,
+    /// Write a dump of the light world after the last frame
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["window", "compare"])]
+    pub dump: Option<PathBuf>,
     /// Time that rebuilds of light trees may take per frame, in milliseconds
     #[arg(long, value_name = "MS", default_value_t = 1.0, value_parser = parse_budget, allow_negative_numbers = true)]
     pub budget_ms: f64,
@@ -120,7 +131,12 @@ impl Options {
                 if options.fire && options.backend == BackendChoice::Auto {
                     options.backend = BackendChoice::Gpu;
                 }
+                if options.open.is_some() && options.backend == BackendChoice::Auto {
+                    // There are no surfaces to render.
+                    options.backend = BackendChoice::Cpu;
+                }
                 options.scene.fire = options.fire;
+                options.scene.dump = options.open.clone();
                 options.scene.dusk = options.dusk.then(|| Dusk { ies: options.ies.clone() });
                 Ok(Parsed::Run(Box::new(options)))
             }
@@ -265,6 +281,11 @@ mod tests {
             "--vtypes a.rou.xml",
             "--buildings a.geojson --world S",
             "--gltf a.glb --buildings b.geojson",
+            "--open a.dump --gltf a.glb",
+            "--open a.dump --cars 5",
+            "--open a.dump --dump b.dump",
+            "--window --dump b.dump",
+            "--level 65",
             "--unknown",
         ] {
             let line = parse(bad).unwrap_err().0;
@@ -284,6 +305,8 @@ mod tests {
         assert_eq!(backend("--fire --backend cpu"), BackendChoice::Cpu, "which a run refuses");
         let cars = |args| parse(args).unwrap().scene.procedural_cars();
         assert_eq!(["", "--fire", "--fire --cars 7"].map(cars), [Some(Size::S.default_cars()), Some(0), Some(7)]);
+        let opened = parse("--open a.dump --level -2").unwrap();
+        assert_eq!((opened.backend, opened.level, opened.scene.procedural_cars()), (BackendChoice::Cpu, -2, None));
         let folder = |args| parse(args).unwrap().folder().map(|folder| folder.display().to_string());
         assert_eq!(folder("").as_deref(), Some("out"));
         assert_eq!(folder("--out a --video b.mp4").as_deref(), Some("a"));

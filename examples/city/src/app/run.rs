@@ -1,5 +1,6 @@
 //! The whole program: load a scene, choose a backend, render frames, write files.
 
+use super::files::write_file;
 use super::options::Options;
 use super::output::{Output, effect_names};
 use super::session::{Frame, FrameStats, Session};
@@ -60,6 +61,9 @@ pub fn run(options: &Options, print: &mut dyn FnMut(&str)) -> Result<(), SceneEr
         sum.add(&stats);
     }
     film.map_or(Ok(()), Film::finish)?;
+    if let Some(path) = &options.dump {
+        write_file(path, |file| session.world().write_dump(file).map(drop))?;
+    }
     bar.finish_and_clear();
     sum.print(options, print);
     Ok(())

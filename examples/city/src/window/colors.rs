@@ -8,6 +8,11 @@ pub const NOTHING: Rgb = [110, 110, 110];
 /// Trees that wait for a rebuild.
 pub const WAITING: Rgb = [255, 64, 64];
 
+/// Boxes of the top level.
+pub const TOP_LEVEL: Rgb = [110, 180, 255];
+/// The lines of the floor.
+pub const FLOOR: Rgb = [48, 48, 48];
+
 /// Anchors of the colour map Inferno (van der Walt and Smith, 2015), at equal distances.
 const INFERNO: [Rgb; 9] = [
     [0, 0, 4],

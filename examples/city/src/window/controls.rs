@@ -43,6 +43,10 @@ pub const SAMPLERS: [(LightChoice, &str); 6] = [
 pub struct Controls {
     /// What is shown.
     pub view: ViewKind,
+    /// The level of the trees that their view shows: see [`tree_boxes`](super::tree_boxes::tree_boxes).
+    pub level: i32,
+    /// Whether the view of trees shows lights.
+    pub has_lights: bool,
     /// How lights are chosen.
     pub sampler: LightChoice,
     /// Time that rebuilds may take per frame, milliseconds.

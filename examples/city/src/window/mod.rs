@@ -7,11 +7,13 @@
 //!
 //! 1. `controls`: what the panel changes;
 //! 2. `accumulation`: pictures of several frames become one with less noise;
-//! 3. `colors`, `overlay` and `noise_view`: the views that are not pictures;
+//! 3. `colors`, `overlay`, `tree_boxes`, `light_marks`, `looseness`, `drawing` and `noise_view`: the views that are not
+//!    pictures;
 //! 4. `viewer`: renders what the controls ask for;
 //! 5. `worker`: runs a viewer on a thread of its own;
 //! 6. `save`, `recording` and `panel`: saved pictures, the plots and the panel;
-//! 7. `presenter`, `shell`: the window itself.
+//! 7. `presenter`, `shell`: the window itself;
+//! 8. `still`: the picture of a dump, without a window.
 
 use super::app;
 
@@ -21,6 +23,10 @@ pub mod accumulation;
 
 pub mod colors;
 pub mod overlay;
+pub mod tree_boxes;
+pub mod light_marks;
+pub mod looseness;
+pub mod drawing;
 pub mod noise_view;
 
 pub mod viewer;
@@ -32,3 +38,5 @@ pub mod panel;
 
 pub mod presenter;
 pub mod shell;
+
+pub mod still;

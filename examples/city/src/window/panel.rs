@@ -1,11 +1,11 @@
 //! The panel at the side of the window: views, sliders, switches and plots.
 
 use super::app::stage_times::StageTimes;
-use super::colors::{NOTHING, Rgb, WAITING, inferno, viridis};
+use super::colors::{NOTHING, Rgb, TOP_LEVEL, WAITING, inferno, viridis};
 use super::controls::{Controls, SAMPLERS, ViewKind};
 use super::noise_view::RANGE;
-use super::overlay::OLD;
 use super::recording::{Record, Recording};
+use super::tree_boxes::{LOOSE, OLD, loose_color};
 use super::viewer::Shown;
 use egui::style::ScrollStyle;
 use egui::{Button, Color32, Rangef, Slider, SliderClamping, TextStyle, Ui};
@@ -42,6 +42,9 @@ const MAX_SPP: u32 = 16;
 /// Most cars that the slider offers.
 const MAX_CARS: usize = 2000;
 
+/// The farthest levels of trees from 0 that the panel offers.
+pub const MAX_LEVEL: i32 = 12;
+
 /// What the user did with a button.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Press {
@@ -65,6 +68,8 @@ pub struct Status<'a> {
     pub speed: f32,
     /// A message: a file that was saved, a warning.
     pub message: &'a str,
+    /// Whether a dump is shown.
+    pub is_dump: bool,
 }
 
 /// Shows the panel, changes the controls, and returns the button that was pressed.
@@ -79,7 +84,12 @@ pub fn show(ui: &mut Ui, controls: &mut Controls, status: &Status<'_>) -> Option
                 ui.selectable_value(&mut controls.view, view, view.name()).on_hover_text(format!("Key {key}"));
             }
         });
-        legend(ui, controls.view);
+        legend(ui, controls.view, status.is_dump);
+        if controls.view == ViewKind::Trees {
+            let level = Slider::new(&mut controls.level, -MAX_LEVEL..=MAX_LEVEL).clamping(SliderClamping::Edits);
+            ui.add(level.text("level")).on_hover_text("- and +; 0 are instances, below it is the top level");
+            ui.checkbox(&mut controls.has_lights, "lights").on_hover_text("L");
+        }
         ui.separator();
         sliders(ui, controls);
         ui.separator();
@@ -155,7 +165,7 @@ fn time_buttons(ui: &mut Ui, controls: &mut Controls) -> Option<Press> {
     press
 }
 
-fn legend(ui: &mut Ui, view: ViewKind) {
+fn legend(ui: &mut Ui, view: ViewKind, is_dump: bool) {
     let color = |[r, g, b]: Rgb| Color32::from_rgb(r, g, b);
     let scale = |ui: &mut Ui, map: fn(f32) -> Rgb, ends: [String; 2]| {
         ui.horizontal(|ui| {
@@ -181,10 +191,16 @@ fn legend(ui: &mut Ui, view: ViewKind) {
             scale(ui, inferno, RANGE.map(percent));
             key(ui, color(NOTHING), "sky or emissive surface");
         }
+        ViewKind::Trees if is_dump => {
+            ui.label("Boxes of the light trees, by their size over that of a fresh build.");
+            scale(ui, loose_color, ["1".into(), format!("{LOOSE}")]);
+            key(ui, color(TOP_LEVEL), "top level");
+        }
         ViewKind::Trees => {
             ui.label("Boxes of the light trees, by updates since the last build.");
             scale(ui, viridis, ["0".into(), format!("{OLD}")]);
             key(ui, color(WAITING), "waits for a rebuild");
+            key(ui, color(TOP_LEVEL), "top level");
         }
     }
 }

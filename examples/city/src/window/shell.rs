@@ -3,7 +3,7 @@
 use super::app::options::Options;
 use super::controls::{Controls, ViewKind};
 use super::overlay::Overlay;
-use super::panel::{self, Press, Status};
+use super::panel::{self, MAX_LEVEL, Press, Status};
 use super::presenter::Presenter;
 use super::recording::Recording;
 use super::save::save_picture;
@@ -46,8 +46,11 @@ pub fn run(options: &Options, print: &mut dyn FnMut(&str)) -> Result<(), SceneEr
 
 /// The controls at first.
 fn first_controls(options: &Options) -> Controls {
+    let is_dump = options.open.is_some();
     Controls {
-        view: ViewKind::Picture,
+        view: if is_dump { ViewKind::Trees } else { ViewKind::Picture },
+        level: options.level,
+        has_lights: is_dump,
         sampler: options.sampler,
         budget_ms: options.budget_ms,
         splits: options.splits.get(),
@@ -56,8 +59,8 @@ fn first_controls(options: &Options) -> Controls {
         cars: options.scene.procedural_cars(),
         exposure_ev: 0.0,
         pixel_size: PIXEL_SIZE,
-        is_filtered: true,
-        is_accumulated: true,
+        is_filtered: !is_dump,
+        is_accumulated: !is_dump,
         is_frozen: false,
     }
 }
@@ -68,6 +71,7 @@ struct Shell {
     window_size: (u32, u32),
     /// Receives saved pictures.
     folder: PathBuf,
+    is_dump: bool,
     worker: Worker,
     presenter: Option<Presenter>,
     controls: Controls,
@@ -109,6 +113,7 @@ impl Shell {
         Self {
             window_size,
             folder: options.folder().unwrap_or(Path::new(".")).to_owned(),
+            is_dump: options.open.is_some(),
             worker: Worker::start(options, controls, wake),
             presenter: None,
             controls,
@@ -215,6 +220,7 @@ impl Shell {
             recording: &self.recording,
             speed: self.flight.map_or(0.0, |flight| flight.speed()),
             message: &self.message,
+            is_dump: self.is_dump,
         };
         panel::show(ui, &mut self.controls, &status)
     }
@@ -263,6 +269,15 @@ impl Shell {
             if pressed(key) {
                 self.controls.view = view;
             }
+        }
+        if pressed(Key::Plus) || pressed(Key::Equals) {
+            self.controls.level = (self.controls.level + 1).min(MAX_LEVEL);
+        }
+        if pressed(Key::Minus) {
+            self.controls.level = (self.controls.level - 1).max(-MAX_LEVEL);
+        }
+        if pressed(Key::L) {
+            self.controls.has_lights = !self.controls.has_lights;
         }
         if pressed(Key::Space) {
             self.controls.is_frozen = !self.controls.is_frozen;

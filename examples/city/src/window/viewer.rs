@@ -5,9 +5,12 @@ use super::app::options::Options;
 use super::app::session::{FrameStats, Pace, Session};
 use super::app::stage_times::Laps;
 use super::controls::{Controls, ViewKind};
+use super::drawing::{Drawn, draw};
+use super::looseness::looseness;
 use super::noise_view::noise_picture;
-use super::overlay::{Overlay, tree_boxes};
-use girandole::{CandidateCount, FrameBudget, SplitCount};
+use super::overlay::Overlay;
+use girandole::{CandidateCount, FrameBudget, SplitCount, TreeKey};
+use std::collections::HashMap;
 use std::time::Duration;
 use testbed::render::backend::{self, BackendChoice};
 use testbed::render::image::Image;
@@ -76,6 +79,8 @@ pub struct Viewer {
     backend: String,
     accumulation: Accumulation,
     filtered: Option<Filtered>,
+    /// How loose the trees of a dump are.
+    looseness: Option<HashMap<TreeKey, f32>>,
     /// The controls of the last picture.
     last: Controls,
 }
@@ -95,7 +100,8 @@ impl Viewer {
         let backend = chosen.to_string();
         let session = Session::new(options.scene.load(options.size)?, options.settings(), options.pace(), chosen)?;
         let accumulation = Accumulation::default();
-        Ok(Self { options, session, backend, accumulation, filtered: None, last: *controls })
+        let looseness = options.open.is_some().then(|| looseness(session.world()));
+        Ok(Self { options, session, backend, accumulation, filtered: None, looseness, last: *controls })
     }
 
     /// Where frames are rendered.
@@ -223,7 +229,11 @@ impl Viewer {
         let view = View::new(&self.camera(), width, height);
         match controls.view {
             ViewKind::Picture | ViewKind::Noise => None,
-            ViewKind::Trees => Some(tree_boxes(self.session.world(), &view)),
+            ViewKind::Trees => {
+                let Controls { level, has_lights, .. } = *controls;
+                let drawn = Drawn { level, has_lights, looseness: self.looseness.as_ref() };
+                Some(draw(self.session.world(), &view, (width, height), &drawn))
+            }
         }
     }
 }
@@ -241,6 +251,8 @@ mod tests {
     fn controls() -> Controls {
         Controls {
             view: ViewKind::Picture,
+            level: 0,
+            has_lights: false,
             sampler: LightChoice::Girandole,
             budget_ms: 1.0,
             splits: 6,

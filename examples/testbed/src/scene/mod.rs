@@ -15,7 +15,8 @@
 //! 3. `designs`: buildings, street furniture, signs and vehicles;
 //! 4. `dusk`, `screen` and `festival`: what is added to a city, and `rooms`: a house for measurements;
 //! 5. the loaders, in any order; each folder's `mod.rs` states the order of its files;
-//! 6. `size_argument`: the sizes of the procedural city on a command line.
+//! 6. `dump`: a light world without surfaces, of any engine;
+//! 7. `size_argument`: the sizes of the procedural city on a command line.
 
 pub mod texture;
 mod stage;
@@ -36,6 +37,9 @@ pub mod gltf_scene;
 pub mod procedural;
 #[cfg(feature = "native")]
 pub mod real_city;
+
+#[cfg(feature = "native")]
+pub mod dump;
 
 #[cfg(feature = "native")]
 mod size_argument;

@@ -1,0 +1,122 @@
+//! A dump of a light world, which has no surfaces: what the window and `--open` show.
+
+use std::path::Path;
+
+use girandole::cluster::Aabb;
+use girandole::glam::{DVec3, Vec3};
+use girandole::{LeftOut, LightWorld, OriginMode};
+
+use super::{Camera, Scene, SceneError, Sky, Stage, Still};
+
+/// The vertical field of view of the camera, radians.
+const FIELD_OF_VIEW: f32 = 1.0;
+/// The shortest distance of the camera from the middle of the lights, metres.
+const NEAREST: f32 = 2.0;
+/// How much farther the camera is than it has to be.
+const MARGIN: f32 = 1.05;
+/// Where the camera is, from the middle of the lights.
+const DIRECTION: Vec3 = Vec3::new(0.5, 0.45, 0.74);
+
+/// Reads a dump. The camera sees all lights in pictures of this width over their height; its coordinates are relative to the origin of the world.
+pub fn stage(path: &Path, aspect: f32) -> Result<Stage, SceneError> {
+    let refuse = |error: &dyn std::fmt::Display| SceneError(format!("{}: {error}", path.display()));
+    let bytes = std::fs::read(path).map_err(|error| refuse(&error))?;
+    let (mut world, left_out) = LightWorld::from_dump(&bytes).map_err(|error| refuse(&error))?;
+    if world.origin_mode() == OriginMode::Following {
+        // It would follow the camera, which it is the origin of.
+        world.set_origin_mode(OriginMode::Grid)?;
+    }
+    let scene = Scene {
+        materials: Vec::new(),
+        textures: Vec::new(),
+        meshes: Vec::new(),
+        objects: Vec::new(),
+        festival: None,
+        camera: camera(&bounds(&world), aspect),
+        sky: Sky::default(),
+        lamp_clearance: 0.0,
+        exposure: 1.0,
+        is_metered: false,
+        warnings: warnings(&left_out, world.origin()),
+    };
+    Ok(Stage { scene, world, animation: Box::new(Still) })
+}
+
+/// The box around all lights that shine, relative to the origin of the world.
+pub fn bounds(world: &LightWorld) -> Aabb {
+    let root = world.top_nodes().first();
+    let boxes = root.into_iter().flat_map(|root| (0..root.count()).map(|slot| root.cluster(slot).aabb));
+    boxes.fold(Aabb::EMPTY, |all, one| all.union(&one))
+}
+
+/// A camera that sees a box in a picture of this width over its height.
+fn camera(bounds: &Aabb, aspect: f32) -> Camera {
+    let bounds = if bounds.is_empty() { Aabb::point(Vec3::ZERO) } else { *bounds };
+    let (target, half) = (bounds.center(), 0.5 * bounds.extent());
+    let back = DIRECTION.normalize();
+    let right = Vec3::Y.cross(back).normalize();
+    let slope = (0.5 * FIELD_OF_VIEW).tan();
+    let corner = |i: i32| half * Vec3::from_array([0, 1, 2].map(|axis| if i >> axis & 1 == 0 { -1.0 } else { 1.0 }));
+    let needed = |corner: Vec3| {
+        let [x, y] = [corner.dot(right) / (slope * aspect), corner.dot(back.cross(right)) / slope];
+        x.abs().max(y.abs()) + corner.dot(back)
+    };
+    let distance = MARGIN * (0..8).map(corner).map(needed).fold(NEAREST, f32::max);
+    Camera { eye: target + back * distance, target, vertical_fov: FIELD_OF_VIEW, up: Vec3::Y }
+}
+
+/// What the user should know: what the dump lacks, and where its coordinates begin.
+fn warnings(left_out: &LeftOut, origin: DVec3) -> Vec<String> {
+    let counted = [
+        (left_out.skies, "the sky"),
+        (left_out.portals, "portals"),
+        (left_out.waiting_trees, "trees whose changes waited for the next update"),
+        (left_out.gpu_trees, "trees whose lights a GPU moved, shown as the CPU knew them"),
+    ];
+    let mut warnings: Vec<String> = counted
+        .into_iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, what)| format!("the dump lacks: {what} ({count})"))
+        .collect();
+    if origin != DVec3::ZERO {
+        warnings.push(format!("coordinates are relative to the origin of the world, {origin} m"));
+    }
+    warnings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use girandole::{Light, LightTree, Placement, Policy};
+
+    #[test]
+    fn the_camera_sees_all_lights_and_the_user_learns_where_coordinates_begin() {
+        let mut world = LightWorld::new();
+        let lights = (0..300).map(|i| Light::point(Vec3::new(i as f32, (i % 7) as f32, (i % 90) as f32), Vec3::ONE));
+        let tree = world.add_tree(LightTree::new(lights.collect()).expect("valid lights"));
+        let origin = DVec3::new(2048.0e3, 0.0, 0.0);
+        world.set_origin_mode(OriginMode::Following).expect("zero is on the grid");
+        world.set_viewpoint(origin).expect("finite");
+        world.add_instance(tree, Placement::at(origin), Policy::Budgeted).expect("valid");
+        let path = std::env::temp_dir().join(format!("girandole-{}.dump", std::process::id()));
+        world.write_dump(&mut std::fs::File::create(&path).expect("a folder for temporary files")).expect("room");
+        let stage = stage(&path, 2.0);
+        std::fs::remove_file(&path).expect("it is there");
+        let Stage { scene, mut world, .. } = stage.expect("a dump");
+        assert_eq!(scene.warnings.len(), 1, "{:?}", scene.warnings);
+        let Camera { eye, target, vertical_fov, .. } = scene.camera;
+        let (forward, slope) = ((target - eye).normalize(), (0.5 * vertical_fov).tan());
+        let (right, mut most) = (forward.cross(Vec3::Y).normalize(), 0.0f32);
+        for light in world.tree(world.trees().next().expect("a tree")).expect("it lives").lights() {
+            let toward = light.aabb().center() - eye;
+            let [x, y, z] = [right, right.cross(forward), forward].map(|axis| toward.dot(axis));
+            let place = (x / (2.0 * slope * z)).abs().max((y / (slope * z)).abs());
+            assert!(z > 0.0 && place < 1.0, "{light:?}");
+            most = most.max(place);
+        }
+        assert!(most > 0.7, "they fill the picture: {most}");
+        // The camera does not take the origin along.
+        world.set_viewpoint(eye.as_dvec3()).expect("finite");
+        assert_eq!(world.origin(), origin);
+    }
+}
