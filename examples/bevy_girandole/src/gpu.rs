@@ -16,7 +16,7 @@ use girandole::{CutOptions, Effects, VisibilityOptions};
 use crate::kinds::KindRecord;
 use crate::pass::PassShaders;
 use crate::settings::{GirandoleReport, GirandoleSettings, GirandoleStats};
-use crate::shadows::GirandoleShadows;
+use crate::shadows::{GirandoleShadows, ShadowRays};
 use crate::world::Lights;
 
 /// What the lights of this plugin may call for: everything but segments, masks, origins on a grid,
@@ -35,8 +35,8 @@ pub fn effects() -> Effects {
 
 /// The storage buffers that a stage binds when it chooses from shared cuts: those of Bevy's view and six of this plugin.
 const STORAGE_BUFFERS: u32 = 16;
-/// Those that it binds as well when it traces shadow rays and learns from them.
-const SHADOW_BUFFERS: u32 = 4;
+/// Those that it binds as well when it learns from shadow rays.
+const LEARNING_BUFFERS: u32 = 2;
 
 /// The lights on the GPU, in the render world.
 #[derive(Resource)]
@@ -119,8 +119,8 @@ impl GirandoleGpu {
     }
 
     /// Replaces the table of shared cuts, if the settings ask for another one.
-    fn share_cuts(&mut self, wanted: Option<CutOptions>, shadows: bool, device: &RenderDevice) {
-        let needed = STORAGE_BUFFERS + if shadows { SHADOW_BUFFERS } else { 0 };
+    fn share_cuts(&mut self, wanted: Option<CutOptions>, shadows: Option<ShadowRays>, device: &RenderDevice) {
+        let needed = STORAGE_BUFFERS + shadows.map_or(0, |rays| LEARNING_BUFFERS + rays.storage_buffers());
         let has_room = device.limits().max_storage_buffers_per_shader_stage >= needed;
         let wanted = wanted.filter(|_| has_room);
         if wanted == self.asked {
@@ -217,7 +217,7 @@ pub fn prepare(
     let start = Instant::now();
     let (mut bytes, mut instances) = (0, 0);
     gpu.share_cuts(settings.cuts.filter(|_| shaders.sharing.is_some()), shaders.shadows, &device);
-    gpu.learn(settings.visibility.filter(|_| shaders.shadows));
+    gpu.learn(settings.visibility.filter(|_| shaders.shadows.is_some()));
     match gpu.lights.upload(&lights.world) {
         Ok(report) => (bytes, instances) = (report.bytes, report.instances),
         Err(error) => error_once!("girandole: {error}"),
@@ -233,9 +233,9 @@ pub fn prepare(
     gpu.source_numbers.clone_from(&lights.source_numbers());
     gpu.bind_group = Some(gpu.lights.bind_group().clone().into());
     gpu.frames += 1;
-    let (shadow_bytes, [casters, waiting_meshes], shadow_time) =
-        shadows.map_or_else(Default::default, |shadows| (shadows.bytes, shadows.counts(), shadows.took));
-    bytes += shadow_bytes;
+    let (updated, [casters, waiting_meshes], shadow_time) =
+        shadows.map_or_else(Default::default, |shadows| (shadows.updated, shadows.counts(), shadows.took));
+    bytes += updated.bytes;
     let counts = lights.take_counts();
     gpu.has_changed = counts.any() || frame.rebuilt_trees > 0 || frame.refit_trees > 0;
     gpu.counts = [lights.slot_count, lights.world.directional_count() as u32];
@@ -251,8 +251,10 @@ pub fn prepare(
         trees: lights.world.tree_count(),
         lights: lights.world.instance_count(),
         written: lights.written_trees(),
+        shadow_rays: shaders.shadows,
         casters,
         waiting_meshes,
+        structures: updated.structures,
         gather: counts.gather,
         apply: counts.apply,
         update,

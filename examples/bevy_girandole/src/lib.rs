@@ -45,7 +45,7 @@ pub use names::{GirandoleName, GirandoleNames};
 pub use plugin::{GirandolePlugin, GirandoleSystems};
 pub use settings::{GirandoleReport, GirandoleSettings, GirandoleStats};
 pub use shader::{LIGHTS_GROUP, SOURCES_GROUP};
-pub use shadows::GirandoleShadows;
+pub use shadows::{GirandoleShadows, ShadowRays};
 
 /// The program in the documents compiles.
 #[cfg(doctest)]

@@ -17,10 +17,10 @@ use bevy::shader::{Shader, ShaderDefVal};
 use bytemuck::{Pod, Zeroable};
 
 use crate::components::{Estimate, GirandoleCamera};
-use crate::gpu::{GirandoleGpu, READ, buffer_entry, cuts_layout, lights_layout, marks_layout};
+use crate::gpu::{GirandoleGpu, buffer_entry, cuts_layout, lights_layout, marks_layout};
 use crate::history::{DIST_FORMAT, FrameKey, History, MEAN_FORMAT};
 use crate::settings::GirandoleStats;
-use crate::shadows::GirandoleShadows;
+use crate::shadows::{GirandoleShadows, ShadowRays};
 
 /// Numbers for the pass of one camera. Twin of `GirandoleView` in pass.wgsl.
 #[repr(C)]
@@ -57,8 +57,8 @@ pub struct PassShaders {
     /// The shaders for a camera whose pixels share cuts: one marks cells, the others choose from their cuts. `None` if
     /// no camera may.
     pub sharing: Option<(Handle<Shader>, [Handle<Shader>; 2])>,
-    /// Whether they trace shadow rays.
-    pub shadows: bool,
+    /// How they trace shadow rays, if they do.
+    pub shadows: Option<ShadowRays>,
 }
 
 /// The pipelines of one camera.
@@ -81,6 +81,7 @@ pub fn start(
     mesh_pipeline: Res<MeshPipeline>,
     fullscreen: Res<FullscreenShader>,
     shaders: Res<PassShaders>,
+    shadows: Option<Res<GirandoleShadows>>,
 ) {
     let texture = |binding| BindGroupLayoutEntry {
         binding,
@@ -95,9 +96,7 @@ pub fn start(
     let kinds = buffer_entry(0, BufferBindingType::Storage { read_only: true });
     let view = buffer_entry(1, BufferBindingType::Uniform);
     let mut entries = vec![kinds, view, texture(2), texture(3)];
-    if shaders.shadows {
-        entries.extend([4, 5].map(|binding| buffer_entry(binding, READ)));
-    }
+    entries.extend(shadows.iter().flat_map(|shadows| shadows.layout_entries()));
     commands.insert_resource(PassPipelines {
         mesh_pipeline: mesh_pipeline.clone(),
         fullscreen: fullscreen.clone(),
@@ -125,9 +124,11 @@ impl SpecializedRenderPipeline for PassPipelines {
         let no_picture = ColorTargetState { format: DIST_FORMAT, blend: None, write_mask: ColorWrites::empty() };
         let (shader, lights, targets) = match (kind, &self.shaders.sharing) {
             (PassKind::Mark, Some((mark, _))) => (mark, marks_layout(), vec![Some(no_picture)]),
-            (PassKind::Draw { shares_cuts: true, .. }, Some((_, draw))) => {
-                (&draw[usize::from(is_heat_map)], cuts_layout(self.shaders.shadows), targets.map(target).to_vec())
-            }
+            (PassKind::Draw { shares_cuts: true, .. }, Some((_, draw))) => (
+                &draw[usize::from(is_heat_map)],
+                cuts_layout(self.shaders.shadows.is_some()),
+                targets.map(target).to_vec(),
+            ),
             _ => (&self.shaders.alone[usize::from(is_heat_map)], lights_layout(), targets.map(target).to_vec()),
         };
         RenderPipelineDescriptor {
@@ -231,11 +232,9 @@ pub fn draw(
     let Some(lit) = cache.get_render_pipeline(pipeline.draw) else { return };
     let Some(mark) = pipeline.mark.map_or(Some(None), |mark| cache.get_render_pipeline(mark).map(Some)) else { return };
     let (Some(kinds), Some(mut lights)) = (gpu.kinds().cloned(), gpu.bind_group().cloned()) else { return };
-    let casters = shadows.as_ref().filter(|_| pipelines.shaders.shadows).and_then(|shadows| shadows.buffers());
-    if pipelines.shaders.shadows && casters.is_none() {
-        return;
-    }
-    let has_new_shadows = shadows.as_ref().is_some_and(|shadows| shadows.has_changed);
+    let casters = shadows.as_ref().map_or(Some(Vec::new()), |shadows| shadows.bindings());
+    let Some(casters) = casters else { return };
+    let has_new_shadows = shadows.as_ref().is_some_and(|shadows| shadows.updated.has_changed);
     let frame = history.next_frame(FrameKey {
         frame: gpu.frames,
         setting: settings.history,
@@ -266,15 +265,14 @@ pub fn draw(
         contents: bytemuck::bytes_of(&uniform),
         usage: BufferUsages::UNIFORM,
     });
-    let mut resources = vec![
+    let resources = [
         kinds.as_entire_binding(),
         uniform.as_entire_binding(),
         BindingResource::TextureView(&frame.past.mean),
         BindingResource::TextureView(&frame.past.dist),
     ];
-    resources.extend(casters.into_iter().flatten().map(|buffer| buffer.as_entire_binding()));
-    let entries: Vec<_> =
-        (0..).zip(resources).map(|(binding, resource)| BindGroupEntry { binding, resource }).collect();
+    let entries = (0..).zip(resources).map(|(binding, resource)| BindGroupEntry { binding, resource });
+    let entries: Vec<_> = entries.chain(casters).collect();
     let own = device.create_bind_group("girandole pass", &cache.get_bind_group_layout(&pipelines.layout), &entries);
     let write = |view| {
         let ops = Operations { load: LoadOp::Clear(default()), store: StoreOp::Store };
@@ -300,7 +298,7 @@ pub fn draw(
         pass.draw(0..3, 0..1);
     };
     if let Some(mark) = mark {
-        let [marks, cuts] = gpu.cut_bind_groups(pipelines.shaders.shadows);
+        let [marks, cuts] = gpu.cut_bind_groups(pipelines.shaders.shadows.is_some());
         gpu.set_cut_view(extracted.world_from_view.translation(), pixel_size(extracted, camera));
         draw(&mut context, "girandole marks", &[write(&frame.present.dist)], mark, &marks);
         gpu.build_cuts(&mut context);

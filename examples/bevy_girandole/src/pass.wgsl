@@ -76,6 +76,9 @@ fn girandole_mean_at(place: vec2<f32>, dist: f32) -> vec4<f32> {
 
 @fragment
 fn girandole_fragment(@builtin(position) position: vec4<f32>) -> GirandoleOutput {
+    if !girandole_is_there() {
+        return GirandoleOutput(vec4(0.0), vec4(0.0), 0.0);
+    }
     let shown = girandole_pixel(position);
     if !shown.is_lit {
         return GirandoleOutput(vec4(0.0), vec4(0.0), 0.0);

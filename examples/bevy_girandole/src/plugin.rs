@@ -6,7 +6,7 @@ use bevy::pbr::MeshPipelineSystems;
 use bevy::pbr::deferred::deferred_lighting;
 use bevy::prelude::*;
 use bevy::render::render_resource::SpecializedRenderPipelines;
-use bevy::render::renderer::{RenderGraph, RenderGraphSystems};
+use bevy::render::renderer::{RenderDevice, RenderGraph, RenderGraphSystems};
 use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems};
 use bevy::shader::Shader;
 
@@ -14,7 +14,7 @@ use crate::names::{self, GirandoleNames};
 use crate::pass::{PassPipelines, PassShaders};
 use crate::posing::PoseShader;
 use crate::settings::{GirandoleSettings, GirandoleStats, RayTraced};
-use crate::shadows::{self, GirandoleShadows};
+use crate::shadows::{self, Casters, GirandoleShadows, ShadowRays};
 use crate::textures::DefaultWrap;
 use crate::world::Lights;
 use crate::{extract, gather, gpu, history, pass, posing, shader};
@@ -23,7 +23,7 @@ use crate::{extract, gather, gpu, history, pass, posing, shader};
 #[derive(Clone, Copy, Debug)]
 pub struct GirandolePlugin {
     /// Whether entities with a mesh cast shadows from the plugin's lights. It takes memory for trees over all
-    /// triangles, and a shadow ray for each sample.
+    /// triangles, and a shadow ray for each sample. Ray queries trace the rays on devices that have them.
     pub shadows: bool,
     /// Whether the pass imports the same modules as applications do. Otherwise it is one text, in which
     /// candidates are weighted by Bevy's BRDF and pixels share cuts. Importing is noisier and without
@@ -60,6 +60,12 @@ struct Modules {
     _handles: [Handle<Shader>; 4],
 }
 
+impl GirandolePlugin {
+    fn has_shadows(&self) -> bool {
+        self.shadows && !self.importing && !self.ray_traced
+    }
+}
+
 impl Plugin for GirandolePlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<GirandoleSettings>().init_resource::<GirandoleStats>();
@@ -69,34 +75,13 @@ impl Plugin for GirandolePlugin {
         }
         app.insert_resource(DefaultWrap::of(app)).insert_resource(RayTraced(self.ray_traced));
         gather::add_systems(app, self.ray_traced);
-        let shadows = self.shadows && !self.importing && !self.ray_traced;
-        if shadows {
-            app.init_resource::<shadows::Casters>();
+        if self.has_shadows() {
             gather::add_shadow_systems(app);
         }
-        let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
-        let pass_shaders = match self.importing {
-            true => PassShaders {
-                alone: [shader::importing(), shader::joined(false, false, true)].map(|text| shaders.add(text)),
-                sharing: None,
-                shadows,
-            },
-            false => {
-                let [alone, sharing] = [false, true].map(|shares_cuts| {
-                    [false, true].map(|is_heat_map| shaders.add(shader::joined(shares_cuts, shadows, is_heat_map)))
-                });
-                PassShaders { alone, sharing: Some((shaders.add(shader::marking()), sharing)), shadows }
-            }
-        };
-        let pose_shader = PoseShader(shaders.add(shader::posing()));
-        let modules = Modules { _handles: shader::modules().map(|module| shaders.add(module)) };
-        app.insert_resource(modules);
         let stats = app.world().resource::<GirandoleStats>().clone();
         let settings = app.world().resource::<GirandoleSettings>().clone();
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         render_app
-            .insert_resource(pass_shaders)
-            .insert_resource(pose_shader)
             .insert_resource(stats)
             .insert_resource(settings)
             .init_resource::<Lights>()
@@ -141,12 +126,45 @@ impl Plugin for GirandolePlugin {
                 .add_systems(ExtractSchedule, names::extract)
                 .add_systems(Render, names::prepare.in_set(GirandoleSystems::Upload).after(gpu::prepare));
         }
-        if shadows {
+        if self.has_shadows() {
             render_app
-                .init_resource::<GirandoleShadows>()
                 .add_systems(RenderStartup, shadows::start)
                 .add_systems(ExtractSchedule, shadows::extract)
                 .add_systems(Render, shadows::prepare.in_set(RenderSystems::PrepareResources).before(gpu::prepare));
+        }
+    }
+
+    /// Makes what depends on the device, which Bevy has opened by now.
+    fn finish(&self, app: &mut App) {
+        if app.get_sub_app(RenderApp).is_none() {
+            return;
+        }
+        let rays = app.world().get_resource::<RenderDevice>().map_or_else(ShadowRays::default, ShadowRays::of);
+        let shadows = self.has_shadows().then_some(rays);
+        let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
+        let pass_shaders = match self.importing {
+            true => PassShaders {
+                alone: [shader::importing(), shader::joined(false, None, true)].map(|text| shaders.add(text)),
+                sharing: None,
+                shadows,
+            },
+            false => {
+                let [alone, sharing] = [false, true].map(|shares_cuts| {
+                    [false, true].map(|is_heat_map| shaders.add(shader::joined(shares_cuts, shadows, is_heat_map)))
+                });
+                PassShaders { alone, sharing: Some((shaders.add(shader::marking()), sharing)), shadows }
+            }
+        };
+        let pose_shader = PoseShader(shaders.add(shader::posing()));
+        let modules = Modules { _handles: shader::modules(rays).map(|module| shaders.add(module)) };
+        app.insert_resource(modules);
+        if shadows.is_some() {
+            app.insert_resource(Casters::new(rays));
+        }
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+        render_app.insert_resource(pass_shaders).insert_resource(pose_shader);
+        if shadows.is_some() {
+            render_app.insert_resource(GirandoleShadows::new(rays));
         }
     }
 }

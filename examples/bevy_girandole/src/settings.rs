@@ -8,6 +8,8 @@ use bevy::camera::Exposure;
 use bevy::prelude::*;
 use girandole::{CutOptions, FrameBudget, VisibilityOptions};
 
+use crate::shadows::ShadowRays;
+
 /// Whether another renderer draws by ray tracing: see [`GirandolePlugin::ray_traced`](crate::GirandolePlugin::ray_traced).
 #[derive(Resource, Clone, Copy, Debug)]
 pub struct RayTraced(pub bool);
@@ -27,7 +29,7 @@ pub struct GirandoleSettings {
     /// How neighbouring pixels share cuts. A sample then takes about half of the time; its noise is lower with one
     /// candidate and many lights, and may be higher with several candidates. The cells follow the pixels of the first
     /// camera with a perspective. With `None`, or on a device that binds fewer than 20 storage buffers in a stage
-    /// (16 without shadows), every pixel splits for itself. See `docs/cuts.md`.
+    /// (18 with ray queries, 16 without shadows), every pixel splits for itself. See `docs/cuts.md`.
     pub cuts: Option<CutOptions>,
     /// Whether shared cuts learn from shadow rays which lights reach which places: 31 MB of GPU memory by default. Where
     /// walls hide most lights, noise falls to half; where nearly all is seen, a sample takes a little longer. It needs
@@ -74,10 +76,15 @@ pub struct GirandoleReport {
     pub lights: usize,
     /// Trees whose lights are written on the GPU, by the plugin for meshes that are posed or by passes of the application.
     pub written: usize,
+    /// How shadow rays are traced; `None` without shadows.
+    pub shadow_rays: Option<ShadowRays>,
     /// Entities that cast shadows.
     pub casters: usize,
-    /// Meshes that cast no shadows yet, since their trees are being built.
+    /// Meshes that cast no shadows yet, since they are being prepared.
     pub waiting_meshes: usize,
+    /// Acceleration structures that the device built for ray queries: one for each mesh that is new, and one over all
+    /// entities if any of them has changed.
+    pub structures: usize,
     /// Time in the main world: the search for changes.
     pub gather: Duration,
     /// Time in the render world: the edits of the light world.
@@ -86,7 +93,7 @@ pub struct GirandoleReport {
     pub update: Duration,
     /// Time in the render world: the upload.
     pub upload: Duration,
-    /// Time in both worlds: the search for what casts shadows, the trees over entities, and their upload.
+    /// Time in both worlds: the search for what casts shadows, the trees or the list of entities, and their upload.
     pub shadows: Duration,
     /// Lights and moves that were refused in all frames so far: see the log.
     pub refused: u64,

@@ -112,3 +112,9 @@ fn girandole_numbers(seed: u32) -> GirandoleNumbers {
     }
     return GirandoleNumbers(vec4(numbers[0], numbers[1], numbers[2], numbers[3]), numbers[4]);
 }
+
+// Whether there are lights. To be asked at the start of a shader that draws some: it also keeps Mesa 26's llvmpipe, which
+// merges reads of two buffers, from a read through no buffer when no invocation is left in a loop.
+fn girandole_is_there() -> bool {
+    return min(arrayLength(&light_top), arrayLength(&light_nodes)) > 0u;
+}

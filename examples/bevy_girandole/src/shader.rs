@@ -7,6 +7,7 @@ use bevy::shader::Shader;
 use girandole::plan::{self, CutFallback, ShaderParts, TargetHook};
 
 use crate::gpu::effects;
+use crate::shadows::ShadowRays;
 
 /// The bind group of [`GirandoleGpu::bind_group`](crate::GirandoleGpu::bind_group) in the modules.
 pub const LIGHTS_GROUP: u32 = 3;
@@ -20,29 +21,43 @@ use crate::naga_oil::{GIRANDOLE_IMPORTS, LIGHT_IMPORTS, PASS_IMPORTS, SHADING_IM
 #[cfg(feature = "wesl")]
 use crate::wesl::{GIRANDOLE_IMPORTS, LIGHT_IMPORTS, PASS_IMPORTS, SHADING_IMPORTS, module};
 
-/// Whether the light of a sample arrives, with and without shadows.
-const SHADOWS: &str = concat!(include_str!("shadow.wgsl"), include_str!("seen.wgsl"));
+/// Every sample arrives.
 const UNSHADOWED: &str = include_str!("unshadowed.wgsl");
+
+/// What traces shadow rays.
+fn shadow(rays: ShadowRays) -> &'static str {
+    match rays {
+        ShadowRays::Software => concat!(include_str!("shadow_walk.wgsl"), include_str!("shadow.wgsl")),
+        ShadowRays::RayQuery => concat!(include_str!("shadow_query.wgsl"), include_str!("shadow.wgsl")),
+    }
+}
+
+/// The extensions of WGSL that a text needs.
+fn extensions(rays: Option<ShadowRays>) -> &'static str {
+    match rays {
+        Some(ShadowRays::RayQuery) => "enable wgpu_ray_query;\n",
+        Some(ShadowRays::Software) | None => "",
+    }
+}
 
 /// The pass in one text. Candidates are kept in proportion to the light that Bevy's BRDF reflects
 /// of them. With `shares_cuts`, they come from the cuts of cells; with `shadows`, a ray looks whether the kept one is
 /// seen, and with both, what it finds is learnt. With `is_heat_map`, it shows how they are chosen.
-pub fn joined(shares_cuts: bool, shadows: bool, is_heat_map: bool) -> Shader {
+pub fn joined(shares_cuts: bool, shadows: Option<ShadowRays>, is_heat_map: bool) -> Shader {
     let hook = TargetHook::new("girandole_target", "LightingInput").expect("both are names");
     let parts = ShaderParts::default().with_target(hook);
     let parts = if shares_cuts { parts.with_cuts(CutFallback::Walk) } else { parts };
     // What is learnt is read when cuts are built.
-    let learns = shares_cuts && shadows;
+    let learns = shares_cuts && shadows.is_some();
     let parts = if learns { parts.with_learning() } else { parts };
     let parts = if is_heat_map { parts.with_heat_map() } else { parts };
     let library = plan::wgsl_with(LIGHTS_GROUP, effects(), &parts);
     let parts = [
-        SHADING_IMPORTS,
-        PASS_IMPORTS,
-        &library,
+        library.as_str(),
         include_str!("surface.wgsl"),
         include_str!("shade.wgsl"),
-        if shadows { SHADOWS } else { UNSHADOWED },
+        shadows.map_or("", shadow),
+        if shadows.is_some() { include_str!("seen.wgsl") } else { UNSHADOWED },
         if learns { include_str!("learn.wgsl") } else { include_str!("unlearnt.wgsl") },
         include_str!("joined.wgsl"),
         include_str!("pixel.wgsl"),
@@ -55,54 +70,43 @@ pub fn joined(shares_cuts: bool, shadows: bool, is_heat_map: bool) -> Shader {
         (false, true) => "girandole::heat_pass",
         (true, true) => "girandole::cut_heat_pass",
     };
-    module(path, parts.concat())
+    module(path, extensions(shadows), &[SHADING_IMPORTS, PASS_IMPORTS], &parts.concat())
 }
 
 /// The pass that marks the cells of pixels.
 pub fn marking() -> Shader {
     let library = plan::wgsl_of_marks(LIGHTS_GROUP, effects());
-    let parts = [
-        SHADING_IMPORTS,
-        PASS_IMPORTS,
-        &library,
-        include_str!("surface.wgsl"),
-        include_str!("pixel.wgsl"),
-        include_str!("mark.wgsl"),
-    ];
-    module("girandole::marks", parts.concat())
+    let parts = [&library, include_str!("surface.wgsl"), include_str!("pixel.wgsl"), include_str!("mark.wgsl")];
+    module("girandole::marks", "", &[SHADING_IMPORTS, PASS_IMPORTS], &parts.concat())
 }
 
 /// The same pass, which imports the modules. Candidates are kept by Girandole's own estimate of what
 /// the surface reflects, since a module cannot call functions of the text that imports it. It has no shadows.
 pub fn importing() -> Shader {
-    let imports = [SHADING_IMPORTS, PASS_IMPORTS, LIGHT_IMPORTS, GIRANDOLE_IMPORTS].concat();
+    let imports = [SHADING_IMPORTS, PASS_IMPORTS, LIGHT_IMPORTS, GIRANDOLE_IMPORTS];
     module(
         "girandole::pass",
-        imports + UNSHADOWED + include_str!("pixel.wgsl") + include_str!("pass.wgsl") + include_str!("light.wgsl"),
+        "",
+        &imports,
+        &[UNSHADOWED, include_str!("pixel.wgsl"), include_str!("pass.wgsl"), include_str!("light.wgsl")].concat(),
     )
 }
 
 /// The pass that poses meshes.
 pub fn posing() -> Shader {
-    module("girandole::poses", plan::wgsl_of_sources(SOURCES_GROUP) + include_str!("pose.wgsl"))
+    module("girandole::poses", "", &[], &(plan::wgsl_of_sources(SOURCES_GROUP) + include_str!("pose.wgsl")))
 }
 
 /// The modules for applications: `girandole`, with the functions that the documentation of
 /// [`LightShader`](girandole::gpu::LightShader) lists; `girandole::shading`, Bevy's lighting by one
 /// light; `girandole::shadows`, which traces shadow rays; and `girandole::sources`, with those of
 /// [`plan::wgsl_of_sources`].
-pub fn modules() -> [Shader; 4] {
-    let shading = [
-        SHADING_IMPORTS,
-        LIGHT_IMPORTS,
-        include_str!("surface.wgsl"),
-        include_str!("shade.wgsl"),
-        include_str!("module.wgsl"),
-    ];
+pub fn modules(rays: ShadowRays) -> [Shader; 4] {
+    let shading = [include_str!("surface.wgsl"), include_str!("shade.wgsl"), include_str!("module.wgsl")].concat();
     [
-        module("girandole", plan::wgsl(LIGHTS_GROUP, effects())),
-        module("girandole::shading", shading.concat()),
-        module("girandole::shadows", include_str!("shadow.wgsl").into()),
-        module("girandole::sources", plan::wgsl_of_sources(SOURCES_GROUP)),
+        module("girandole", "", &[], &plan::wgsl(LIGHTS_GROUP, effects())),
+        module("girandole::shading", "", &[SHADING_IMPORTS, LIGHT_IMPORTS], &shading),
+        module("girandole::shadows", extensions(Some(rays)), &[], shadow(rays)),
+        module("girandole::sources", "", &[], &plan::wgsl_of_sources(SOURCES_GROUP)),
     ]
 }

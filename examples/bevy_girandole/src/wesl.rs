@@ -14,17 +14,19 @@ pub const PASS_IMPORTS: &str = "import bevy_pbr::{
 
 pub const LIGHT_IMPORTS: &str = "import girandole::{
     LightShadingPoint, LightSample, LightPick, LIGHT_DIRECTIONAL, light_glossy_point, light_user_data, light_hash,
-    light_resample, light_sample_picked,
+    light_resample, light_sample_picked, light_top, light_nodes,
 };
 ";
 
 pub const GIRANDOLE_IMPORTS: &str = "import girandole::shading::{
     girandole_surface, girandole_shading_point, girandole_reflected, girandole_sample, girandole_numbers,
-    girandole_kinds,
+    girandole_kinds, girandole_is_there,
 };
 ";
 
-/// A text as the module of a path. Bevy derives the path of the module from the path of the file.
-pub fn module(path: &str, text: String) -> Shader {
+/// A text as the module of a path. Bevy derives the path of the module from the path of the file. Imports come before
+/// extensions in WESL.
+pub fn module(path: &str, extensions: &str, imports: &[&str], text: &str) -> Shader {
+    let text = format!("{}{extensions}{text}", imports.concat());
     Shader::from_wesl(text, format!("embedded://{}.wesl", path.replace("::", "/")))
 }

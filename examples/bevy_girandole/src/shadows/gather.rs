@@ -13,7 +13,7 @@ use bevy::mesh::skinning::SkinnedMesh;
 use bevy::prelude::*;
 use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
 
-use super::mesh::CasterMesh;
+use super::mesh::{CasterMesh, ShadowRays};
 use crate::gather::changed;
 use crate::numbers::Numbers;
 use crate::triangles;
@@ -37,7 +37,7 @@ fn forget(mut world: DeferredWorld, context: HookContext) {
 /// One change. Numbers name entities and meshes; the main world gives them out.
 #[derive(Clone, Debug)]
 pub enum CasterEdit {
-    /// A mesh was built, or built again.
+    /// A mesh was prepared, or prepared again.
     Mesh { mesh: u32, built: Arc<CasterMesh> },
     /// No entity has the mesh any more.
     RemoveMesh { mesh: u32 },
@@ -63,6 +63,8 @@ struct MeshUse {
 /// The changes since the last extraction, and what is known of meshes and materials.
 #[derive(Resource, Debug, Default)]
 pub struct Casters {
+    /// What meshes are prepared for.
+    rays: ShadowRays,
     pub edits: Vec<CasterEdit>,
     /// The time that the search took.
     pub took: Duration,
@@ -76,6 +78,11 @@ pub struct Casters {
 }
 
 impl Casters {
+    /// Nothing yet, whose meshes will be prepared for this kind of rays.
+    pub fn new(rays: ShadowRays) -> Self {
+        Self { rays, ..Self::default() }
+    }
+
     /// The number of meshes that are being built, and cast no shadows yet.
     pub fn waiting(&self) -> usize {
         self.building.len()
@@ -134,7 +141,8 @@ impl Casters {
             return;
         }
         let Some(triangles) = meshes.get(id).and_then(triangles::corners) else { return };
-        used.build = Some(AsyncComputeTaskPool::get().spawn(async move { CasterMesh::new(triangles) }));
+        let rays = self.rays;
+        used.build = Some(AsyncComputeTaskPool::get().spawn(async move { CasterMesh::new(rays, triangles) }));
         self.building.insert(id);
     }
 

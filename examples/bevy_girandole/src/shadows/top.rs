@@ -1,4 +1,4 @@
-//! The trees over all entities that cast shadows.
+//! The trees over all entities that cast shadows in software.
 //!
 //! They lie one after the other, and a walk that has ended with one goes on with the next. An entity that comes gets
 //! into a new tree, which takes in the trees before it that are not much larger. So each entity is in few builds, and
@@ -6,11 +6,11 @@
 
 use std::collections::BTreeMap;
 
-use bevy::math::{Affine3A, Vec3};
+use bevy::math::Affine3A;
 use obvhs::BvhBuildParams;
 
 use super::flat::{Bounds, Flat, FlatNode};
-use super::mesh::Word;
+use super::mesh::{Word, placed};
 
 /// The share by which the cost of a walk may grow before a tree is built again.
 const WORN: f32 = 1.3;
@@ -61,22 +61,12 @@ pub struct Top {
     words: Vec<Word>,
 }
 
-/// The box around a moved box.
-fn moved(bounds: Bounds, transform: &Affine3A) -> Bounds {
-    let corner = |i: usize| {
-        let pick = |axis: usize| if i >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
-        transform.transform_point3(Vec3::new(pick(0), pick(1), pick(2)))
-    };
-    Bounds::around((0..8).map(corner))
-}
-
 /// The record of an entity, and its box; `None` for one that no ray can hit.
 fn record(transform: &Affine3A, place: &MeshPlace) -> Option<(Record, Bounds)> {
-    let (inverse, bounds) = (transform.inverse(), moved(place.bounds, transform));
-    let is_sound = place.nodes > 0 && inverse.is_finite() && bounds.min.is_finite() && bounds.max.is_finite();
+    let (inverse, bounds) = placed(place.bounds, transform).filter(|_| place.nodes > 0)?;
     let columns = [inverse.matrix3.x_axis, inverse.matrix3.y_axis, inverse.matrix3.z_axis, inverse.translation];
     let row = |axis: usize| columns.map(|column| column[axis].to_bits());
-    is_sound.then_some(([row(0), row(1), row(2), [place.first, place.nodes, 0, 0]], bounds))
+    Some(([row(0), row(1), row(2), [place.first, place.nodes, 0, 0]], bounds))
 }
 
 impl Part {
@@ -219,6 +209,8 @@ impl Top {
 
 #[cfg(test)]
 mod tests {
+    use bevy::math::Vec3;
+
     use super::*;
 
     fn place() -> MeshPlace {

@@ -9,9 +9,9 @@ use bevy::pbr::DefaultOpaqueRendererMethod;
 use bevy::prelude::*;
 use bevy::render::gpu_readback::{Readback, ReadbackComplete};
 use bevy::render::pipelined_rendering::PipelinedRenderingPlugin;
-use bevy::render::render_resource::{PollType, TextureFormat, TextureUsages};
+use bevy::render::render_resource::{PollType, TextureFormat, TextureUsages, WgpuFeatures};
 use bevy::render::renderer::RenderDevice;
-use bevy::render::{RenderPlugin, settings::RenderCreation};
+use bevy::render::{RenderPlugin, settings::WgpuSettings};
 use bevy::window::{ExitCondition, WindowPlugin};
 use bevy::winit::WinitPlugin;
 use bevy_girandole::{GirandoleCamera, GirandolePlugin, GirandoleReport, GirandoleStats};
@@ -33,6 +33,8 @@ struct Pictures(Arc<Mutex<Vec<Picture>>>);
 pub struct Setup {
     pub plugin: GirandolePlugin,
     pub is_pipelined: bool,
+    /// Whether the device has no ray queries, even if it could.
+    pub no_ray_queries: bool,
     pub camera: GirandoleCamera,
 }
 
@@ -45,9 +47,10 @@ pub fn single_frames() -> GirandoleCamera {
 pub fn app(setup: Setup) -> App {
     let mut app = App::new();
     let window = WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() };
+    let disabled_features = setup.no_ray_queries.then_some(WgpuFeatures::EXPERIMENTAL_RAY_QUERY);
     let render = RenderPlugin {
         synchronous_pipeline_compilation: true,
-        render_creation: RenderCreation::default(),
+        render_creation: WgpuSettings { disabled_features, ..default() }.into(),
         ..default()
     };
     let mut plugins = DefaultPlugins.set(window).set(render).disable::<WinitPlugin>();

@@ -8,6 +8,7 @@ mod heat_map;
 mod lifecycle;
 mod names;
 mod refusals;
+mod shadow_rays;
 mod shadows;
 mod sky;
 mod textures;

@@ -9,11 +9,11 @@ use bevy_girandole::{Estimate, GirandoleCamera, GirandoleLight, GirandolePlugin,
 
 use crate::harness::{HEIGHT, Picture, Setup, WIDTH, app, pictures, report, settle};
 
-const LAMP: Vec3 = Vec3::new(-1.0, 4.0, 0.5);
+pub const LAMP: Vec3 = Vec3::new(-1.0, 4.0, 0.5);
 
 /// What casts a shadow, in its own space.
 #[derive(Clone, Copy)]
-enum Solid {
+pub enum Solid {
     /// A cube with edges of 1.
     Cube,
     /// A sphere with a radius of 1, whose triangles lie between this radius and 1.
@@ -22,7 +22,7 @@ enum Solid {
 
 impl Solid {
     /// Whether the way from one point to another leads through the solid, made smaller or larger by a share.
-    fn is_met(self, placed: &Affine3A, from: Vec3, to: Vec3, share: f32) -> bool {
+    pub fn is_met(self, placed: &Affine3A, from: Vec3, to: Vec3, share: f32) -> bool {
         let inverse = placed.inverse();
         let [from, to] = [from, to].map(|point| inverse.transform_point3(point));
         let way = to - from;
@@ -90,9 +90,13 @@ fn check(name: &str, (solid, placed): (Solid, &Transform), shadowed: &Picture, p
 /// A floor and a lamp, whose sums over all lights are drawn. The mean is of thousands of frames unless something
 /// changes, so a change that did not restart it would be seen to lag.
 fn floor(shadows: bool) -> App {
+    floor_of(Setup { plugin: GirandolePlugin { shadows, ..default() }, ..default() })
+}
+
+/// The same in another application.
+pub fn floor_of(setup: Setup) -> App {
     let camera = GirandoleCamera { estimate: Estimate::Exhaustive, moving_frames: 1, ..default() };
-    let plugin = GirandolePlugin { shadows, ..default() };
-    let mut app = app(Setup { plugin, camera, ..default() });
+    let mut app = app(Setup { camera, ..setup });
     let world = app.world_mut();
     let plane = world.resource_mut::<Assets<Mesh>>().add(Plane3d::default().mesh().size(12.0, 12.0));
     let plastic = world.resource_mut::<Assets<StandardMaterial>>().add(Color::WHITE);
@@ -102,18 +106,18 @@ fn floor(shadows: bool) -> App {
     app
 }
 
-fn add(app: &mut App, mesh: impl Into<Mesh>, placed: Transform) -> Entity {
+pub fn add(app: &mut App, mesh: impl Into<Mesh>, placed: Transform) -> Entity {
     let world = app.world_mut();
     let mesh = world.resource_mut::<Assets<Mesh>>().add(mesh);
     let material = world.resource_mut::<Assets<StandardMaterial>>().add(Color::BLACK);
     world.spawn((Mesh3d(mesh), MeshMaterial3d(material), placed)).id()
 }
 
-fn picture(app: &mut App) -> Picture {
+pub fn picture(app: &mut App) -> Picture {
     pictures(app, 1).remove(0)
 }
 
-fn turned() -> Transform {
+pub fn turned() -> Transform {
     let rotation = Quat::from_euler(EulerRot::XYZ, 0.4, 0.9, -0.3);
     Transform::from_xyz(-0.6, 1.6, 0.2).with_rotation(rotation).with_scale(Vec3::new(1.5, 0.4, 2.0))
 }

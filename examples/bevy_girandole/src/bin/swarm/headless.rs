@@ -6,16 +6,22 @@ use bevy::app::ScheduleRunnerPlugin;
 use bevy::camera::RenderTarget;
 use bevy::prelude::*;
 use bevy::render::RenderPlugin;
-use bevy::render::render_resource::TextureFormat;
+use bevy::render::render_resource::{TextureFormat, WgpuFeatures};
+use bevy::render::settings::WgpuSettings;
 use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured, save_to_disk};
 use bevy::window::{ExitCondition, WindowPlugin};
 use bevy::winit::WinitPlugin;
 
 use crate::options::Options;
 
-pub fn add_plugins(app: &mut App, _options: &Options) {
+pub fn add_plugins(app: &mut App, options: &Options) {
     let window = WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() };
-    let render = RenderPlugin { synchronous_pipeline_compilation: true, ..default() };
+    let disabled_features = options.no_ray_queries.then_some(WgpuFeatures::EXPERIMENTAL_RAY_QUERY);
+    let render = RenderPlugin {
+        synchronous_pipeline_compilation: true,
+        render_creation: WgpuSettings { disabled_features, ..default() }.into(),
+        ..default()
+    };
     app.add_plugins(DefaultPlugins.set(window).set(render).disable::<WinitPlugin>())
         .add_plugins(ScheduleRunnerPlugin::run_loop(Duration::ZERO))
         .add_systems(Startup, spawn_camera)

@@ -11,6 +11,7 @@ pub const USAGE: &str = "Options:
   --heat-map NAME  noise, cuts, misses or lights in place of the picture
   --size WxH       size of the picture (960x540)
   --no-shadows     nothing casts shadows
+  --no-ray-queries traces shadow rays in software, without a window
   --no-learning    shadows teach nothing
   --no-cuts        pixels share no cuts
   --bevy-lights    leaves the lamps to Bevy
@@ -24,6 +25,7 @@ pub struct Options {
     pub lamps: u32,
     pub rooms: bool,
     pub no_shadows: bool,
+    pub no_ray_queries: bool,
     pub no_learning: bool,
     pub candidates: u32,
     pub samples: u32,
@@ -43,6 +45,7 @@ impl Default for Options {
             lamps: 100_000,
             rooms: false,
             no_shadows: false,
+            no_ray_queries: false,
             no_learning: false,
             candidates: 8,
             samples: 1,
@@ -75,6 +78,7 @@ impl Options {
                 "--out" => options.out = Some(value()?),
                 "--rooms" => (options.rooms, options.lamps) = (true, 1000),
                 "--no-shadows" => options.no_shadows = true,
+                "--no-ray-queries" => options.no_ray_queries = true,
                 "--no-learning" => options.no_learning = true,
                 "--no-cuts" => options.no_cuts = true,
                 "--bevy-lights" => options.bevy_lights = true,

@@ -67,6 +67,6 @@ fn print(mut exits: MessageReader<AppExit>, frames: Res<Frames>) {
         part("refits and rebuilds, render world", |report| report.update);
         part("upload, render world", |report| report.upload);
         part("shadows, both worlds", |report| report.shadows);
-        println!("  {} bytes uploaded in the last of them", last.bytes);
+        println!("  {} bytes uploaded in the last of them, shadow rays: {:?}", last.bytes, last.shadow_rays);
     }
 }
