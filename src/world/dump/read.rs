@@ -31,7 +31,8 @@ impl LightWorld {
     /// # Errors
     /// [`DumpError`]. Whatever the bytes are, nothing panics, and a world that is returned can be
     /// sampled and edited; see also [`LightTree::from_baked`]. It takes memory in proportion to the
-    /// bytes that were given.
+    /// bytes that were given; the top level of a tree of particles then takes some for each light
+    /// of each instance.
     pub fn from_dump(bytes: &[u8]) -> Result<(Self, LeftOut), DumpError> {
         let (mut rest, version) = check(bytes)?;
         if version != VERSION {
