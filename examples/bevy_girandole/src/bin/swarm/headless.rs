@@ -1,4 +1,4 @@
-//! Renders frames without a window, and writes the last one to a file.
+//! Renders frames without a window, and writes the last one or all of them to files.
 
 use std::time::Duration;
 
@@ -46,6 +46,10 @@ fn finish(
     mut exit: MessageWriter<AppExit>,
 ) {
     *frame += 1;
+    if let Some(folder) = &options.film {
+        let file = format!("{folder}/frame_{:04}.png", *frame);
+        commands.spawn(Screenshot::image(target.0.clone())).observe(save_to_disk(file));
+    }
     if *frame != options.frames.max(1) {
         return;
     }

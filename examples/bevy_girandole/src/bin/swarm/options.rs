@@ -18,7 +18,8 @@ pub const USAGE: &str = "Options:
   --headless       draws without a window
   --frames N       frames to draw without a window (24)
   --settle N       frames after which the lamps stand still (never)
-  --out FILE.png   the file of the last frame without a window";
+  --out FILE.png   the file of the last frame without a window
+  --film FOLDER    with --out, the folder for files of all frames";
 
 #[derive(Resource, Clone, Debug, PartialEq)]
 pub struct Options {
@@ -37,6 +38,7 @@ pub struct Options {
     pub frames: u32,
     pub settle: u32,
     pub out: Option<String>,
+    pub film: Option<String>,
 }
 
 impl Default for Options {
@@ -57,6 +59,7 @@ impl Default for Options {
             frames: 24,
             settle: u32::MAX,
             out: None,
+            film: None,
         }
     }
 }
@@ -76,6 +79,7 @@ impl Options {
                 "--settle" => options.settle = number(&value()?)?,
                 "--size" => options.size = size(&value()?)?,
                 "--out" => options.out = Some(value()?),
+                "--film" => options.film = Some(value()?),
                 "--rooms" => (options.rooms, options.lamps) = (true, 1000),
                 "--no-shadows" => options.no_shadows = true,
                 "--no-ray-queries" => options.no_ray_queries = true,
