@@ -7,6 +7,7 @@ source scripts/common.sh
 step bash .ci/run
 # The plugin for Bevy 0.19 and 0.20.
 step bash examples/bevy_girandole/test.sh --all
+step bash examples/bevy_girandole/ray-queries.sh
 step bash examples/bevy_girandole/solari/test.sh
 # The npm package.
 step bash examples/girandole-npm/test.sh
