@@ -10,14 +10,14 @@ use crate::gathered::Changes;
 use crate::history::History;
 use crate::pass::PassPipeline;
 use crate::settings::GirandoleSettings;
-use crate::world::Lights;
+use crate::world::GirandoleLights;
 
 /// Takes the edits and the settings. This moves two lists; the render world applies the edits in
 /// `gpu::prepare`, while the main world continues.
 pub fn edits(
     mut commands: Commands,
     mut main_world: ResMut<MainWorld>,
-    mut lights: ResMut<Lights>,
+    mut lights: ResMut<GirandoleLights>,
     mut settings: ResMut<GirandoleSettings>,
 ) {
     settings.clone_from(main_world.resource::<GirandoleSettings>());

@@ -17,7 +17,7 @@ use crate::kinds::KindRecord;
 use crate::pass::PassShaders;
 use crate::settings::{GirandoleReport, GirandoleSettings, GirandoleStats};
 use crate::shadows::{GirandoleShadows, ShadowRays};
-use crate::world::Lights;
+use crate::world::GirandoleLights;
 
 /// What the lights of this plugin may call for: everything but segments, masks, origins on a grid,
 /// and sampling by solid angle. The shader text supports the effects that are returned.
@@ -199,7 +199,7 @@ pub fn start(mut commands: Commands, device: Res<RenderDevice>, queue: Res<Rende
 
 /// Updates the light world and uploads what changed.
 pub fn prepare(
-    mut lights: ResMut<Lights>,
+    mut lights: ResMut<GirandoleLights>,
     gpu: Option<ResMut<GirandoleGpu>>,
     settings: Res<GirandoleSettings>,
     device: Res<RenderDevice>,

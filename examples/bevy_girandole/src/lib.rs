@@ -46,6 +46,7 @@ pub use plugin::{GirandolePlugin, GirandoleSystems};
 pub use settings::{GirandoleReport, GirandoleSettings, GirandoleStats};
 pub use shader::{LIGHTS_GROUP, SOURCES_GROUP};
 pub use shadows::{GirandoleShadows, ShadowRays};
+pub use world::GirandoleLights;
 
 /// The program in the documents compiles.
 #[cfg(doctest)]

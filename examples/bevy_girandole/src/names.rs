@@ -6,7 +6,7 @@ use bevy::prelude::*;
 use bevy::render::Extract;
 
 use crate::gathered::Gathered;
-use crate::world::Lights;
+use crate::world::GirandoleLights;
 
 /// The lights of entities, by the names that shaders know them by. In the render world, with
 /// [`GirandolePlugin::ray_traced`](crate::GirandolePlugin::ray_traced).
@@ -50,7 +50,7 @@ pub fn extract(mut names: ResMut<GirandoleNames>, lights: Extract<Query<(Entity,
 }
 
 /// Finds the names, if any light has been added, removed or changed. O(lights).
-pub fn prepare(mut names: ResMut<GirandoleNames>, mut lights: ResMut<Lights>) {
+pub fn prepare(mut names: ResMut<GirandoleNames>, mut lights: ResMut<GirandoleLights>) {
     if !lights.take_new_names() {
         return;
     }

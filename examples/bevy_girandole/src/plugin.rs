@@ -16,7 +16,7 @@ use crate::posing::PoseShader;
 use crate::settings::{GirandoleSettings, GirandoleStats, RayTraced};
 use crate::shadows::{self, Casters, GirandoleShadows, ShadowRays};
 use crate::textures::DefaultWrap;
-use crate::world::Lights;
+use crate::world::GirandoleLights;
 use crate::{extract, gather, gpu, history, pass, posing, shader};
 
 /// Adds Girandole to an application, after Bevy's own plugins.
@@ -84,7 +84,7 @@ impl Plugin for GirandolePlugin {
         render_app
             .insert_resource(stats)
             .insert_resource(settings)
-            .init_resource::<Lights>()
+            .init_resource::<GirandoleLights>()
             .init_gpu_resource::<SpecializedRenderPipelines<PassPipelines>>()
             .add_systems(
                 RenderStartup,

@@ -13,7 +13,7 @@ use bevy::shader::Shader;
 
 use crate::gpu::{GirandoleGpu, READ, layout, sources_layout};
 use crate::rigs::PosedMesh;
-use crate::world::Lights;
+use crate::world::GirandoleLights;
 
 /// The most workgroups of a dispatch in one dimension.
 const MAX_GROUPS: usize = 65_535;
@@ -48,7 +48,12 @@ struct PosedEntities {
 }
 
 /// Creates the pass on a device.
-pub fn start(mut commands: Commands, cache: Res<PipelineCache>, shader: Res<PoseShader>, mut lights: ResMut<Lights>) {
+pub fn start(
+    mut commands: Commands,
+    cache: Res<PipelineCache>,
+    shader: Res<PoseShader>,
+    mut lights: ResMut<GirandoleLights>,
+) {
     let layout = layout("girandole poses", &[READ; 5]);
     let pipeline = cache.queue_compute_pipeline(ComputePipelineDescriptor {
         label: Some("girandole poses".into()),
@@ -67,7 +72,7 @@ pub fn start(mut commands: Commands, cache: Res<PipelineCache>, shader: Res<Pose
 
 /// Uploads the poses of this frame, if any has changed, and the triangles of new meshes.
 pub fn prepare(
-    mut lights: ResMut<Lights>,
+    mut lights: ResMut<GirandoleLights>,
     posing: Option<ResMut<Posing>>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,

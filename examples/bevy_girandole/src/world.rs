@@ -40,28 +40,29 @@ pub struct Posed {
     pub pose: Pose,
 }
 
-/// The lights of the render world.
+/// The lights, in the render world. After [`GirandoleSystems::Upload`](crate::GirandoleSystems::Upload) they are those of
+/// the frame.
 #[derive(Resource, Debug)]
-pub struct Lights {
-    pub world: LightWorld,
+pub struct GirandoleLights {
+    pub(crate) world: LightWorld,
     trees: Vec<Option<TreeKey>>,
     slots: Vec<Slot>,
     /// Slots of instances in use, free ones between them included.
-    pub slot_count: u32,
+    pub(crate) slot_count: u32,
     /// What the shader knows of each kind.
-    pub records: Vec<KindRecord>,
+    pub(crate) records: Vec<KindRecord>,
     /// Whether `records` have changed since the last upload.
-    pub has_new_records: bool,
+    pub(crate) has_new_records: bool,
     /// Meshes that are posed, by kind.
-    pub posed: HashMap<u32, Posed>,
+    pub(crate) posed: HashMap<u32, Posed>,
     /// Whether `posed` has changed since the last upload.
-    pub has_new_poses: bool,
+    pub(crate) has_new_poses: bool,
     /// The kinds that passes of the application write, by entity.
     passes: HashMap<Entity, u32>,
     has_new_names: bool,
     /// The edits of this frame, which were extracted and not yet applied.
-    pub edits: Edits,
-    pub counts: Counts,
+    pub(crate) edits: Edits,
+    pub(crate) counts: Counts,
 }
 
 /// What was done with the edits since the last report.
@@ -84,7 +85,7 @@ impl Counts {
     }
 }
 
-impl Default for Lights {
+impl Default for GirandoleLights {
     fn default() -> Self {
         Self {
             world: {
@@ -107,9 +108,14 @@ impl Default for Lights {
     }
 }
 
-impl Lights {
+impl GirandoleLights {
+    /// The light world, to look at, to sample on the CPU, or to write into a dump. Keys are those of the plugin.
+    pub fn world(&self) -> &LightWorld {
+        &self.world
+    }
+
     /// Applies the edits that were extracted, and adds to the counts.
-    pub fn apply(&mut self) {
+    pub(crate) fn apply(&mut self) {
         let started = Instant::now();
         let edits = std::mem::take(&mut self.edits);
         self.counts.gather += edits.gather;
@@ -128,13 +134,13 @@ impl Lights {
     }
 
     /// Returns the counts since the last call. Only `refused` goes on.
-    pub fn take_counts(&mut self) -> Counts {
+    pub(crate) fn take_counts(&mut self) -> Counts {
         let refused = self.counts.refused;
         std::mem::replace(&mut self.counts, Counts { refused, ..Counts::default() })
     }
 
     /// Refits and rebuilds trees within a budget.
-    pub fn update(&mut self, budget: FrameBudget) -> FrameReport {
+    pub(crate) fn update(&mut self, budget: FrameBudget) -> FrameReport {
         self.world.update(budget)
     }
 
@@ -245,18 +251,18 @@ impl Lights {
     }
 
     /// The number by which kernels know the tree of a kind.
-    pub fn source_number(&self, kind: u32) -> Option<u32> {
+    pub(crate) fn source_number(&self, kind: u32) -> Option<u32> {
         let tree = self.trees.get(kind as usize).copied().flatten()?;
         self.world.light_source(tree).map(|(_, number)| number)
     }
 
     /// The numbers of the sources that passes of the application write, by entity.
-    pub fn source_numbers(&self) -> HashMap<Entity, u32> {
+    pub(crate) fn source_numbers(&self) -> HashMap<Entity, u32> {
         self.passes.iter().filter_map(|(entity, kind)| Some((*entity, self.source_number(*kind)?))).collect()
     }
 
     /// Trees whose lights are written on the GPU.
-    pub fn written_trees(&self) -> usize {
+    pub(crate) fn written_trees(&self) -> usize {
         self.posed.len() + self.passes.len()
     }
 
@@ -272,12 +278,12 @@ impl Lights {
     }
 
     /// Whether lights may have other names than at the last call.
-    pub fn take_new_names(&mut self) -> bool {
+    pub(crate) fn take_new_names(&mut self) -> bool {
         std::mem::take(&mut self.has_new_names)
     }
 
     /// The slot of the instance of a light and 0, or `LIGHT_DIRECTIONAL` and the number of a directional light.
-    pub fn name(&self, light: u32) -> Option<(u32, u32)> {
+    pub(crate) fn name(&self, light: u32) -> Option<(u32, u32)> {
         match self.slot(light) {
             Slot::Instance(key, _) => self.world.slot(key).map(|slot| (slot, 0)),
             Slot::Directional(Some(key)) => {

@@ -6,14 +6,14 @@ fn even_sky(nits: f32) -> Box<Sky> {
     Box::new(Sky::equirectangular(16, &[Vec3::splat(nits); 128]).expect("the map is sound"))
 }
 
-fn apply(lights: &mut Lights, edits: impl IntoIterator<Item = Edit>) {
+fn apply(lights: &mut GirandoleLights, edits: impl IntoIterator<Item = Edit>) {
     lights.edits.edits.extend(edits);
     lights.apply();
 }
 
 #[test]
 fn a_sky_comes_turns_and_goes() {
-    let mut lights = Lights::default();
+    let mut lights = GirandoleLights::default();
     let turn = Quat::from_rotation_y(0.5);
     apply(
         &mut lights,
@@ -43,7 +43,7 @@ fn a_sky_comes_turns_and_goes() {
 
 #[test]
 fn a_sky_that_is_refused_is_dark_until_it_is_right() {
-    let mut lights = Lights::default();
+    let mut lights = GirandoleLights::default();
     let adjust = |factor| Edit::AdjustSky { rotation: Quat::IDENTITY, factor };
     apply(&mut lights, [Edit::SetSky { kind: 1, map: even_sky(800.0) }, adjust(-1.0)]);
     let (key, _) = lights.world.sky().expect("there is a sky");

@@ -3,6 +3,7 @@
 
 mod agrees_with_bevy;
 mod changes;
+mod dump;
 mod harness;
 mod heat_map;
 mod lifecycle;

@@ -10,6 +10,7 @@
 //! ends with a report of what each frame took. In the window, the arrow keys turn and zoom, and the
 //! space bar stops the lamps.
 
+mod dump;
 mod field;
 mod headless;
 mod lamps;
@@ -42,6 +43,7 @@ fn main() -> AppExit {
         window::add_plugins(&mut app, &options);
     }
     app.add_plugins(GirandolePlugin { shadows: !options.no_shadows, ..default() });
+    dump::add_systems(&mut app, &options);
     if options.no_learning {
         app.world_mut().resource_mut::<GirandoleSettings>().visibility = None;
     }

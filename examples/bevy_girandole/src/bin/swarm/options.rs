@@ -19,7 +19,8 @@ pub const USAGE: &str = "Options:
   --frames N       frames to draw without a window (24)
   --settle N       frames after which the lamps stand still (never)
   --out FILE.png   the file of the last frame without a window
-  --film FOLDER    with --out, the folder for files of all frames";
+  --film FOLDER    with --out, the folder for files of all frames
+  --dump FILE      a file with the lights of the last frame without a window, for the city";
 
 #[derive(Resource, Clone, Debug, PartialEq)]
 pub struct Options {
@@ -39,6 +40,7 @@ pub struct Options {
     pub settle: u32,
     pub out: Option<String>,
     pub film: Option<String>,
+    pub dump: Option<String>,
 }
 
 impl Default for Options {
@@ -60,6 +62,7 @@ impl Default for Options {
             settle: u32::MAX,
             out: None,
             film: None,
+            dump: None,
         }
     }
 }
@@ -80,6 +83,7 @@ impl Options {
                 "--size" => options.size = size(&value()?)?,
                 "--out" => options.out = Some(value()?),
                 "--film" => options.film = Some(value()?),
+                "--dump" => options.dump = Some(value()?),
                 "--rooms" => (options.rooms, options.lamps) = (true, 1000),
                 "--no-shadows" => options.no_shadows = true,
                 "--no-ray-queries" => options.no_ray_queries = true,
