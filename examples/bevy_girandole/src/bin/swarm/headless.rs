@@ -46,11 +46,12 @@ fn finish(
     mut exit: MessageWriter<AppExit>,
 ) {
     *frame += 1;
-    if let Some(folder) = &options.film {
-        let file = format!("{folder}/frame_{:04}.png", *frame);
-        commands.spawn(Screenshot::image(target.0.clone())).observe(save_to_disk(file));
-    }
     if *frame != options.frames.max(1) {
+        // Bevy takes one picture of a camera in a frame.
+        if let Some(folder) = options.film.as_ref().filter(|_| *frame < options.frames) {
+            let file = format!("{folder}/frame_{:04}.png", *frame);
+            commands.spawn(Screenshot::image(target.0.clone())).observe(save_to_disk(file));
+        }
         return;
     }
     let Some(out) = &options.out else {

@@ -19,7 +19,7 @@ pub const USAGE: &str = "Options:
   --frames N       frames to draw without a window (24)
   --settle N       frames after which the lamps stand still (never)
   --out FILE.png   the file of the last frame without a window
-  --film FOLDER    with --out, the folder for files of all frames
+  --film FOLDER    a folder for files of all frames before the last
   --dump FILE      a file with the lights of the last frame without a window, for the city";
 
 #[derive(Resource, Clone, Debug, PartialEq)]
