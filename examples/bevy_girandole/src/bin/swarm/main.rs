@@ -64,7 +64,8 @@ fn main() -> AppExit {
 fn camera(options: &Options) -> impl Bundle {
     let samples = if options.bevy_lights { 0 } else { options.samples };
     let estimate = options.heat_map.map_or(Estimate::Sampled, Estimate::HeatMap);
-    let view = GirandoleCamera { candidates: options.candidates, samples, estimate, ..default() };
+    let (candidates, moving_frames) = (options.candidates, options.moving_frames);
+    let view = GirandoleCamera { candidates, samples, moving_frames, estimate, ..default() };
     // Colours of a heat map are shown as they are.
     let (tonemapping, bloom) = match options.heat_map {
         None => (Tonemapping::AcesFitted, Bloom::NATURAL),

@@ -8,6 +8,7 @@ pub const USAGE: &str = "Options:
   --rooms          a hundred rooms with 1000 lamps in place of the field; --lamps may follow
   --candidates N   candidates for each sample (8)
   --samples N      samples for each pixel and frame (1)
+  --mean N         frames whose mean is taken while lamps move (12)
   --heat-map NAME  noise, cuts, misses or lights in place of the picture
   --size WxH       size of the picture (960x540)
   --no-shadows     nothing casts shadows
@@ -31,6 +32,7 @@ pub struct Options {
     pub no_learning: bool,
     pub candidates: u32,
     pub samples: u32,
+    pub moving_frames: u32,
     pub heat_map: Option<HeatMap>,
     pub size: [u32; 2],
     pub no_cuts: bool,
@@ -53,6 +55,7 @@ impl Default for Options {
             no_learning: false,
             candidates: 8,
             samples: 1,
+            moving_frames: 12,
             heat_map: None,
             size: [960, 540],
             no_cuts: false,
@@ -77,6 +80,7 @@ impl Options {
                 "--lamps" => options.lamps = number(&value()?)?,
                 "--candidates" => options.candidates = number(&value()?)?,
                 "--samples" => options.samples = number(&value()?)?,
+                "--mean" => options.moving_frames = number(&value()?)?,
                 "--heat-map" => options.heat_map = Some(heat_map(&value()?)?),
                 "--frames" => options.frames = number(&value()?)?,
                 "--settle" => options.settle = number(&value()?)?,
