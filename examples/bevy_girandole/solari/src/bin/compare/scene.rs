@@ -14,11 +14,25 @@ pub enum SceneName {
     Interior,
 }
 
+impl SceneName {
+    /// Corners of the part of the floor around the camera.
+    pub fn floor(self) -> [Vec3; 2] {
+        match self {
+            Self::Spheres => [Vec3::new(-60.0, 0.0, -100.0), Vec3::new(60.0, 0.0, 40.0)],
+            Self::Interior => [Vec3::new(-8.0, 0.0, -30.0), Vec3::new(8.0, 0.0, 1.0)],
+        }
+    }
+}
+
 /// Random numbers in [0, 1), always the same.
-struct Random(u32);
+pub struct Random(u32);
 
 impl Random {
-    fn next(&mut self) -> f32 {
+    pub fn new(seed: u32) -> Self {
+        Self(seed)
+    }
+
+    pub fn next(&mut self) -> f32 {
         self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
         let word = ((self.0 >> ((self.0 >> 28) + 4)) ^ self.0).wrapping_mul(277_803_737);
         ((word >> 22 ^ word) >> 8) as f32 / 16_777_216.0
@@ -49,7 +63,7 @@ fn spawn(world: &mut World, mesh: &Handle<Mesh>, material: StandardMaterial, tra
 }
 
 fn add_spheres(world: &mut World) -> Transform {
-    let mut random = Random(42);
+    let mut random = Random::new(42);
     let plane = add_mesh(world, Plane3d::default().mesh().size(400.0, 400.0).build());
     let cube = add_mesh(world, Cuboid::default().mesh().build());
     let sphere = add_mesh(world, Sphere::new(1.0).mesh().build());
@@ -77,7 +91,7 @@ fn add_spheres(world: &mut World) -> Transform {
 const ROOMS: usize = 5;
 
 fn add_interior(world: &mut World) -> Transform {
-    let mut random = Random(7);
+    let mut random = Random::new(7);
     let cube = add_mesh(world, Cuboid::default().mesh().build());
     let bulb = add_mesh(world, Sphere::new(0.06).mesh().ico(1).expect("it is not too fine"));
     let tube = add_mesh(world, Cylinder::new(0.02, 1.2).mesh().resolution(12).build());
