@@ -15,7 +15,7 @@ mkdir -p "$programs"
 built() {
     cargo "$@" --locked --message-format=json | sed -n 's/.*"kind":\["\(bin\|bench\)"\].*"name":"\([^"]*\)".*"executable":"\([^"]*\)".*/\1 \2 \3/p'
 }
-packages=(figures variance accuracy budget flight paper shader_stats gpu_timings)
+packages=(figures variance accuracy budget flight kernel_lights paper shader_stats gpu_timings)
 {
     built build --release "${packages[@]/#/--package=}"
     built bench --no-run --package girandole --features bake

@@ -86,4 +86,14 @@ mod tests {
             assert!(FIGURES.iter().any(|figure| figure.runs().contains(&run.name)), "nothing shows {}", run.name);
         }
     }
+
+    #[test]
+    fn the_script_builds_every_program() {
+        let script = include_str!("../../../../scripts/figures.sh");
+        let line = script.lines().find(|line| line.starts_with("packages=(")).expect("it has a list");
+        let packages: Vec<_> = line.split(['(', ' ', ')']).collect();
+        for run in RUNS.iter().filter(|run| !run.program.starts_with("bench_")) {
+            assert!(packages.contains(&run.program), "{} is not built", run.program);
+        }
+    }
 }
