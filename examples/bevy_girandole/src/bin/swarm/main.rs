@@ -43,7 +43,10 @@ fn main() -> AppExit {
         window::add_plugins(&mut app, &options);
     }
     app.add_plugins(GirandolePlugin { shadows: !options.no_shadows, ..default() });
-    dump::add_systems(&mut app, &options);
+    if let Err(message) = dump::add_systems(&mut app, &options) {
+        eprintln!("{message}");
+        return AppExit::error();
+    }
     if options.no_learning {
         app.world_mut().resource_mut::<GirandoleSettings>().visibility = None;
     }
