@@ -366,3 +366,36 @@ pub(crate) struct RestartedPool {
 fn limit_of(limit_bytes: u64, stored: &Stored) -> u32 {
     u32::try_from(limit_bytes / stored.bytes() as u64).unwrap_or(u32::MAX)
 }
+
+#[cfg(all(test, feature = "parallel"))]
+mod tests {
+    use super::super::buffers::Ids;
+    use super::super::layout::InstanceRecord;
+    use super::super::stored::missing_of_instance;
+    use super::*;
+    use crate::effects::Effects;
+
+    #[test]
+    fn threads_write_the_bytes_of_one_thread() {
+        const SHARED: u32 = 4 * RECORDS_PER_TASK as u32;
+        for effects in [Effects::empty(), Effects::all()] {
+            let mut pool = Pool::<InstanceRecord>::new("instances", 20 * SHARED, u64::MAX, missing_of_instance);
+            pool.buffer = Some(Ids::default().storage("instances", 0).id);
+            pool.stored = Stored::instances(effects);
+            let record =
+                |index: u32| bytemuck::cast(std::array::from_fn::<u32, 40, _>(|word| 100 * index + word as u32));
+            for length in [1, SHARED - 1, SHARED, SHARED + 1, 10 * SHARED + 7] {
+                let written = |threads| {
+                    let mut commands = Commands::default();
+                    let write = || pool.write_each(&mut commands, &mut Scattered::default(), 5..5 + length, record);
+                    let threads = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+                    threads.install(write);
+                    commands
+                };
+                let [one, two] = [1, 2].map(written);
+                assert_eq!(one.bytes_written(), u64::from(length) * pool.stride());
+                assert!(one.iter().eq(two.iter()), "{length} records of {} bytes", pool.stride());
+            }
+        }
+    }
+}

@@ -56,12 +56,10 @@ impl Instance {
         if *placement == self.placement {
             return Ok(false);
         }
-        let is_turned = placement.linear != self.placement.linear;
-        let former = self.effects();
+        // Effects depend on the linear part alone.
+        let former = (placement.linear != self.placement.linear).then(|| self.effects());
         Placed::move_to(&mut self.placed, &mut self.placement, placement, anchor)?;
-        if !is_turned {
-            return Ok(true);
-        }
+        let Some(former) = former else { return Ok(true) };
         let present = self.effects();
         if former != present {
             effects.present.add(present);
