@@ -22,6 +22,10 @@ pub struct UploadReport {
     pub waiting_bytes: u64,
     /// Trees of which shaders see stand-ins.
     pub stand_ins: usize,
+    /// Instances of trees that the world opens, and of which shaders see one part each, because the parts of
+    /// all would not fit into [`PlanLimits::largest_buffer`](super::PlanLimits). Their light is right, and
+    /// noisier. They are opened again once there is room.
+    pub held_back_instances: usize,
 }
 
 /// Slots to be written: those that changed in the world since the last plan, and those that change
@@ -61,6 +65,11 @@ impl Slots {
     pub fn sort(&mut self) {
         self.0.sort_unstable();
         self.0.dedup();
+    }
+
+    /// Drops the slots from `end` on, of slots in order.
+    pub fn cut_to(&mut self, end: u32) {
+        self.0.truncate(self.0.partition_point(|slot| *slot < end));
     }
 
     /// The slots, in ascending order if they were sorted.

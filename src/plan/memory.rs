@@ -34,8 +34,9 @@ impl LightPlanner {
     /// little is ever copied. While it grows, the old and the new buffer together exceed the share
     /// by at most a sixteenth. Without a limit, buffers double. A lower limit than before may send
     /// all trees again. A limit below 131,072 counts as 131,072. Instances and the top level do not
-    /// count towards the limit: they take about 270 bytes for each instance, and up to twice as
-    /// much because their buffers double.
+    /// count towards the limit: they take about 270 bytes for each instance of a whole tree, about 190
+    /// for each part of an instance of an opened tree ([`UpdateReport::parts`](crate::UpdateReport)
+    /// counts them), and up to twice as much because their buffers double.
     ///
     /// A plan fails with [`PlanError::Full`](super::PlanError::Full) if there is not even room for
     /// stand-ins, of up to 3.5 KB for each tree, and for trees of up to 16 lights, which are always
@@ -112,7 +113,29 @@ mod tests {
     use super::*;
     use crate::plan::PlanLimits;
     use crate::tree::LightTree;
-    use crate::{Light, LightWorld, Placement, Policy};
+    use crate::{FrameBudget, Light, LightWorld, Placement, Policy, TreeSource};
+
+    #[test]
+    fn parts_of_opened_trees_take_the_bytes_that_the_documents_state() {
+        for count in [1 << 6, 1 << 8] {
+            let mut world = LightWorld::new();
+            let lights: Vec<Light> = (0..1024).map(|i| Light::point(Vec3::X * i as f32, Vec3::ONE)).collect();
+            let tree = world.add_tree(LightTree::new(lights).expect("valid"));
+            world.set_light_source(tree, TreeSource::GpuParticles).expect("it has instances of any kind");
+            for i in 0..count {
+                let placement = Placement::at(DVec3::Y * f64::from(i));
+                world.add_instance(tree, placement, Policy::Static).expect("valid");
+            }
+            let report = world.update(FrameBudget::NONE);
+            let parts = 1024 * count as usize;
+            assert_eq!(report.parts, parts);
+            let mut planner = LightPlanner::new(PlanLimits::default());
+            let _ = planner.reserve(&world).expect("it fits").plan();
+            let memory = planner.memory();
+            let bytes = (memory.buffers - memory.trees) as f64 / parts as f64;
+            assert!((bytes - 190.0).abs() < 10.0, "{bytes} bytes for each of {parts} parts");
+        }
+    }
 
     #[test]
     fn instances_take_the_bytes_that_the_documents_state() {

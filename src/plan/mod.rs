@@ -75,6 +75,7 @@ mod limits;
 mod memory;
 mod module;
 pub(crate) mod node_record;
+mod opened;
 mod parts;
 mod place;
 pub(crate) mod pool;
@@ -395,7 +396,7 @@ impl LightPlanner {
     /// The parameters of shaders after a frame.
     fn params_of(&self, world: &LightWorld, effects: Effects) -> ParamsRecord {
         ParamsRecord {
-            slots: world.slot_count() as u32,
+            slots: self.instances.count,
             directional_base: self.trees.directionals.start,
             directional_count: self.trees.directionals.len() as u32,
             sky: self.sky_slot(world).unwrap_or(NO_INSTANCE),

@@ -10,7 +10,7 @@ use super::buffers::BufferId;
 use super::commands::Commands;
 use super::error::PlanError;
 use super::layout::PartRecord;
-use super::pool::{Growth, Pool};
+use super::pool::{Growth, Pool, RestartedPool};
 use super::runs::runs;
 use super::scatter::Scattered;
 use super::stored::Missing;
@@ -27,6 +27,13 @@ pub(super) struct PartTable {
 /// New ranges for the parts of some slots, which nothing refers to yet.
 #[derive(Debug, Default)]
 pub(super) struct NewParts(Vec<(u32, Range<u32>)>);
+
+/// The ranges of all parts before a restart.
+#[derive(Debug)]
+pub(super) struct RestartedParts {
+    pool: RestartedPool,
+    ranges: Vec<Range<u32>>,
+}
 
 impl PartTable {
     /// An empty table in a buffer of at most `limit_bytes`.
@@ -79,6 +86,17 @@ impl PartTable {
     /// Gives reserved ranges back.
     pub fn release(&mut self, new: NewParts) {
         new.0.into_iter().for_each(|(_, range)| self.pool.free(range));
+    }
+
+    /// Forgets all ranges, so that the parts of all slots are placed anew, without gaps.
+    pub fn restart(&mut self) -> RestartedParts {
+        RestartedParts { pool: self.pool.restart(), ranges: std::mem::take(&mut self.ranges) }
+    }
+
+    /// Takes a restart back, after the pool was undone.
+    pub fn restore(&mut self, former: RestartedParts) {
+        self.pool.restore(former.pool);
+        self.ranges = former.ranges;
     }
 
     /// Makes the next write send all parts again.

@@ -71,20 +71,22 @@ struct Subject<'a> {
     slot: u32,
     key: TreeKey,
     entry: &'a TreeEntry,
-    /// How many openings the tree has.
+    /// How many openings the tree has for shaders.
     openings: usize,
 }
 
 impl<'a> Subject<'a> {
-    /// The tree of a slot; `None` if it has none.
-    fn of(world: &'a LightWorld, slot: u32) -> Option<Self> {
-        let key = world.tree_at(slot)?;
-        let entry = world.tree_entry(key)?;
-        Some(Self { slot, key, entry, openings: entry.openings.len() })
-    }
-
     fn tree(&self) -> &'a LightTree {
         &self.entry.tree
+    }
+
+    fn is_opened(&self) -> bool {
+        self.openings > 0
+    }
+
+    /// A write of the tree as shaders are to see it, to these places in the pools.
+    fn write(&self, source: Source, bases: [u32; 2], has_new_records: bool) -> TreeWrite {
+        TreeWrite { slot: self.slot, source, is_opened: self.is_opened(), bases, has_new_records }
     }
 
     fn counts(&self) -> [usize; 2] {
@@ -103,13 +105,26 @@ impl<'a> Subject<'a> {
         if usefulness > 0.0 { usefulness.to_bits() } else { 0 }
     }
 
-    /// The runs of nodes and lights that changed after a revision. If the tree changed as a whole,
-    /// all of them and `true`.
-    fn changes_since(&self, revision: u64) -> ([Vec<Range<u32>>; 2], bool) {
-        match self.entry.log.since(revision) {
-            Some(TreeChanges { nodes, lights }) => ([runs(nodes, NODE_GAP), runs(lights, LIGHT_GAP)], false),
-            None => (self.counts().map(all), true),
+    /// The runs of nodes and lights that differ from those of the tree that was written at a revision with so
+    /// many openings. If the tree changed as a whole, all of them and `true`.
+    fn changes_since(&self, revision: u64, openings: usize) -> ([Vec<Range<u32>>; 2], bool) {
+        let Some(TreeChanges { mut nodes, mut lights }) = self.entry.log.since(revision) else {
+            return (self.counts().map(all), true);
+        };
+        if openings != self.openings {
+            // The log has what the world has opened, and not what the planner has.
+            for opening in &self.entry.openings {
+                match opening.light() {
+                    Some(light) => lights.push(light),
+                    None => nodes.push(opening.child_bits),
+                }
+            }
+            for changed in [&mut nodes, &mut lights] {
+                changed.sort_unstable();
+                changed.dedup();
+            }
         }
+        ([runs(nodes, NODE_GAP), runs(lights, LIGHT_GAP)], false)
     }
 }
 
@@ -129,6 +144,24 @@ fn length(runs: &[Range<u32>]) -> usize {
 }
 
 impl TreeStore {
+    /// The tree of a slot; `None` if it has none.
+    fn subject<'a>(&self, world: &'a LightWorld, slot: u32) -> Option<Subject<'a>> {
+        let key = world.tree_at(slot)?;
+        let entry = world.tree_entry(key)?;
+        Some(Subject { slot, key, entry, openings: self.opened.openings(entry) })
+    }
+
+    /// The slots of the trees that shaders see whole, and that are to be opened or closed for them.
+    pub fn slots_to_reopen(&self, world: &LightWorld) -> impl Iterator<Item = u32> {
+        let is_due = |slot: &u32| {
+            self.subject(world, *slot).is_some_and(|subject| {
+                let state = self.residency.get(*slot);
+                state.form == Form::Whole && state.key == Some(subject.key) && state.openings != subject.openings
+            })
+        };
+        (0..world.tree_slot_count()).filter(is_due)
+    }
+
     /// Reserves ranges for trees whose size has changed and for trees that waited, and lists what
     /// the frame writes of all trees.
     pub fn place_trees(
@@ -181,7 +214,7 @@ impl TreeStore {
 
     /// Decides what to send of the tree of a slot that was added, changed or removed.
     fn follow(&mut self, world: &LightWorld, slot: u32, room: &mut TreeRoom) -> Result<(), PlanError> {
-        let subject = Subject::of(world, slot);
+        let subject = self.subject(world, slot);
         let key = subject.map(|subject| subject.key);
         let incoming = room.incoming.as_ref().filter(|incoming| incoming.slot == slot);
         let is_coming = incoming.is_some_and(|incoming| Some(incoming.key) == key);
@@ -205,7 +238,7 @@ impl TreeStore {
             return if state.form == Form::Whole { Ok(()) } else { self.show_stand_ins(world, &subject, state, room) };
         }
         if is_known && present.form == Form::Whole && has_room_for(present, &subject) {
-            let (runs, is_all) = subject.changes_since(present.revision);
+            let (runs, is_all) = subject.changes_since(present.revision, present.openings);
             let bytes = self.bytes([length(&runs[0]), length(&runs[1])]);
             if !is_all || is_small || is_lost || bytes <= room.left {
                 room.left = room.left.saturating_sub(bytes);
@@ -267,7 +300,7 @@ impl TreeStore {
             let state = TreeState { waits: false, ..state.clone() };
             self.set_state(world, subject, state, subject.openings, room)?;
         }
-        room.writes.add(TreeWrite { slot: subject.slot, source: Source::Tree, bases, has_new_records }, runs);
+        room.writes.add(subject.write(Source::Tree, bases, has_new_records), runs);
         Ok(())
     }
 
@@ -283,10 +316,7 @@ impl TreeStore {
         let bases = [nodes.start, lights.start];
         let state = TreeState { form: Form::Whole, waits: false, nodes, lights, ..state };
         self.set_state(world, subject, state, subject.openings, room)?;
-        room.writes.add(
-            TreeWrite { slot: subject.slot, source: Source::Tree, bases, has_new_records: true },
-            subject.counts().map(all),
-        );
+        room.writes.add(subject.write(Source::Tree, bases, true), subject.counts().map(all));
         Ok(())
     }
 
@@ -309,10 +339,7 @@ impl TreeStore {
         let bytes = self.bytes(subject.counts());
         let state = TreeState { form: Form::StandIns, waits: true, bytes, nodes, lights, ..state };
         self.set_state(world, subject, state, 0, room)?;
-        room.writes.add(
-            TreeWrite { slot: subject.slot, source: Source::StandIns(Box::new(few)), bases, has_new_records: true },
-            counts.map(all),
-        );
+        room.writes.add(subject.write(Source::StandIns(Box::new(few)), bases, true), counts.map(all));
         Ok(())
     }
 
@@ -355,7 +382,7 @@ impl TreeStore {
                 continue;
             }
             let is_same = |subject: &Subject| self.residency.get(slot).key == Some(subject.key);
-            let Some(subject) = Subject::of(world, slot).filter(is_same) else { continue };
+            let Some(subject) = self.subject(world, slot).filter(is_same) else { continue };
             if !may_stand_in(subject.tree()) {
                 // It has just become small, and does not wait any more.
                 continue;
@@ -391,7 +418,7 @@ impl TreeStore {
 
     /// Computes the usefulness of the tree of a slot again.
     fn weigh(&mut self, world: &LightWorld, slot: u32) {
-        if let Some(subject) = Subject::of(world, slot)
+        if let Some(subject) = self.subject(world, slot)
             && self.residency.get(slot).key == Some(subject.key)
         {
             self.residency.set_usefulness(slot, subject.usefulness(world));
@@ -418,7 +445,8 @@ impl TreeStore {
             let [nodes, lights] = ranges;
             let revision = subject.entry.log.revision();
             let (slot, key) = (subject.slot, subject.key);
-            let incoming = Incoming { slot, key, nodes, lights, sent: [0; 2], revision, restarts: 0 };
+            let is_opened = subject.is_opened();
+            let incoming = Incoming { slot, key, nodes, lights, is_opened, sent: [0; 2], revision, restarts: 0 };
             self.go_on(world, incoming, room)?;
         }
         Ok(true)
@@ -426,7 +454,7 @@ impl TreeStore {
 
     /// Sends the next piece of a tree. With the last one, shaders see the tree.
     fn go_on(&mut self, world: &LightWorld, mut incoming: Incoming, room: &mut TreeRoom) -> Result<(), PlanError> {
-        let subject = Subject::of(world, incoming.slot).filter(|subject| subject.key == incoming.key);
+        let subject = self.subject(world, incoming.slot).filter(|subject| subject.key == incoming.key);
         let Some(subject) = subject else { return Ok(()) };
         let counts = subject.counts();
         let has_room = has_room(&incoming.nodes, counts[0]) && has_room(&incoming.lights, counts[1]);
@@ -434,8 +462,10 @@ impl TreeStore {
             let Ok(ranges) = self.alloc(with_growth(counts), Demand::May, room.growth) else { return Ok(()) };
             [incoming.nodes, incoming.lights] = ranges;
         }
-        if !has_room || subject.entry.log.since(incoming.revision).is_none() {
+        let is_reopened = incoming.is_opened != subject.is_opened();
+        if !has_room || is_reopened || subject.entry.log.since(incoming.revision).is_none() {
             incoming.sent = [0; 2];
+            incoming.is_opened = subject.is_opened();
             incoming.revision = subject.entry.log.revision();
             incoming.restarts += 1;
         }
@@ -454,17 +484,17 @@ impl TreeStore {
             room.left = room.left.saturating_sub(bytes);
         }
         let bases = [incoming.nodes.start, incoming.lights.start];
-        room.writes.add(TreeWrite { slot: subject.slot, source: Source::Piece, bases, has_new_records: false }, pieces);
+        room.writes.add(subject.write(Source::Piece, bases, false), pieces);
         if (0..2).any(|pool| (incoming.sent[pool] as usize) < counts[pool]) {
             room.incoming = Some(incoming);
             return Ok(());
         }
-        let (runs, _) = subject.changes_since(incoming.revision);
+        let (runs, _) = subject.changes_since(incoming.revision, subject.openings);
         let Incoming { nodes, lights, .. } = incoming;
         let state = self.residency.get(subject.slot).clone();
         let state = TreeState { form: Form::Whole, waits: false, nodes, lights, ..state };
         self.set_state(world, &subject, state, subject.openings, room)?;
-        room.writes.add(TreeWrite { slot: subject.slot, source: Source::Tree, bases, has_new_records: true }, runs);
+        room.writes.add(subject.write(Source::Tree, bases, true), runs);
         Ok(())
     }
 
@@ -499,7 +529,7 @@ impl TreeStore {
             // What has just become small is sent whole: nothing would bring it back.
             let may_fall =
                 |subject: &Subject| self.residency.get(slot).key == Some(subject.key) && may_stand_in(subject.tree());
-            let Some(subject) = Subject::of(world, slot).filter(may_fall) else { continue };
+            let Some(subject) = self.subject(world, slot).filter(may_fall) else { continue };
             let state = self.residency.get(slot).clone();
             match self.show_stand_ins(world, &subject, state, room) {
                 // Without room for stand-ins the tree stays.
@@ -521,7 +551,7 @@ impl TreeStore {
             let last: Vec<u32> = self.residency.places_from_last(pool).take(MAX_MOVES).collect();
             for slot in last {
                 let state = self.residency.get(slot).clone();
-                let Some(subject) = Subject::of(world, slot) else { continue };
+                let Some(subject) = self.subject(world, slot) else { continue };
                 let is_current = state.key == Some(subject.key)
                     && state.form == Form::Whole
                     && state.openings == subject.openings
@@ -542,7 +572,7 @@ impl TreeStore {
                 let bases = [ranges[0].start, ranges[1].start];
                 let [nodes, lights] = ranges;
                 self.set_state(world, &subject, TreeState { nodes, lights, ..state }, subject.openings, room)?;
-                room.writes.add(TreeWrite { slot, source: Source::Piece, bases, has_new_records: false }, runs);
+                room.writes.add(subject.write(Source::Piece, bases, false), runs);
             }
         }
         Ok(has_moved)

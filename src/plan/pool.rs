@@ -37,8 +37,8 @@ pub(crate) enum Demand {
     May,
 }
 
-/// This share of the limit of a pool is kept for [`Demand::Must`].
-const SPARE: u64 = 8;
+/// One part in this many of the limit of a pool is kept for [`Demand::Must`].
+pub(super) const SPARE: u64 = 8;
 
 /// A pool of limited memory grows by steps of this factor, up to its whole share. So it copies no
 /// more than a sixteenth of its share.
@@ -340,6 +340,11 @@ impl<T: bytemuck::NoUninit> Pool<T> {
     /// Records that there will be room for.
     fn room(&self) -> u32 {
         self.ranges.end() as u32
+    }
+
+    /// The most records after this frame.
+    pub(crate) fn most(&self) -> u64 {
+        self.limit(&self.next)
     }
 
     /// The most records in this layout.

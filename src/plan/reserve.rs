@@ -8,6 +8,7 @@ use super::buffers::NewBuffer;
 use super::changes::FrameChanges;
 use super::error::PlanError;
 use super::layout::{ParamsRecord, PartRecord, Strides, TreeRecord};
+use super::opened::Opened;
 use super::pool::Growth;
 use super::relayout::RELAYOUT_STRIDE;
 use super::residency::TreeState;
@@ -39,6 +40,17 @@ pub struct Reservation<'a> {
     pub(super) room: Room,
     /// The room was taken into use, so that there is nothing to undo.
     pub(super) is_used: bool,
+}
+
+/// Which pools had too little room for a frame.
+#[derive(Clone, Copy, Debug)]
+enum Shortage {
+    /// Those of nodes, of lights and of the records of trees.
+    Trees,
+    /// Those whose sizes follow the number of parts.
+    Parts,
+    /// Those that no other order makes room in.
+    Others,
 }
 
 impl Reservation<'_> {
@@ -108,20 +120,51 @@ impl LightPlanner {
         self.trees.divide_memory(world, effects);
         let mut room = self.new_room(growth);
         room.is_idle = is_idle;
+        if !is_idle {
+            room.trees.formerly_opened = self.decide_openings((world, effects), &mut changes);
+        }
         let mut result = if is_idle { Ok(()) } else { self.make_room((world, effects), &mut changes, &mut room) };
-        if result.is_err() {
-            // Without gaps, and with stand-ins in place of the less useful trees, they may fit.
+        if let Err((shortage @ (Shortage::Trees | Shortage::Parts), _)) = result {
+            let formerly_opened = room.trees.formerly_opened.take();
             self.undo(std::mem::take(&mut room));
-            changes = FrameChanges::everything(world);
+            let all = FrameChanges::everything(world);
             room = self.new_room(growth);
-            room.trees.restarted = Some(self.trees.restart(world, effects));
+            room.trees.formerly_opened = formerly_opened;
+            // Without gaps they may fit.
+            room.restarted_parts = Some(self.instances.parts.restart());
+            changes = match shortage {
+                Shortage::Parts => FrameChanges { trees: changes.trees, ..all },
+                // With stand-ins in place of the less useful trees as well.
+                _ => {
+                    room.trees.restarted = Some(self.trees.restart(world, effects));
+                    all
+                }
+            };
             result = self.make_room((world, effects), &mut changes, &mut room);
         }
-        if let Err(error) = result {
+        if let Err((_, error)) = result {
             self.undo(room);
             return Err(error);
         }
         Ok(Reservation { planner: self, world, changes, effects, room, is_used: false })
+    }
+
+    /// Decides which trees are opened for shaders, and adds those to the changes that are not as decided. Returns
+    /// the former decision if it is another one.
+    fn decide_openings(
+        &mut self,
+        (world, effects): (&LightWorld, Effects),
+        changes: &mut FrameChanges,
+    ) -> Option<Opened> {
+        let limit = self.trees.limits.largest_buffer;
+        let records = size_of::<TreeRecord>().max(size_of::<PartRecord>()) as u64;
+        let room = (limit / records).min(self.top.most_parts(map_sizes(world, effects)).into());
+        let decided = self.trees.opened.decided(world, room)?;
+        let former = std::mem::replace(&mut self.trees.opened, decided);
+        let slots: Vec<u32> = self.trees.slots_to_reopen(world).collect();
+        changes.trees.extend(slots);
+        changes.trees.sort();
+        Some(former)
     }
 
     /// Whether trees wait that this frame may send.
@@ -150,54 +193,77 @@ impl LightPlanner {
         (world, effects): (&LightWorld, Effects),
         changes: &mut FrameChanges,
         room: &mut Room,
+    ) -> Result<(), (Shortage, PlanError)> {
+        self.instances.pool.begin(Stored::instances(effects)).map_err(|error| (Shortage::Others, error))?;
+        self.instances.parts.pool().begin(Stored::whole::<PartRecord>()).map_err(|error| (Shortage::Parts, error))?;
+        self.make_room_of_trees((world, effects), changes, room).map_err(|error| (Shortage::Trees, error))?;
+        self.trees.add_placed_instances(world, &room.trees, changes);
+        self.make_room_of_parts((world, effects), changes, room).map_err(|error| (Shortage::Parts, error))?;
+        let others = self.make_room_of_others((world, effects), changes, room);
+        others.map_err(|error| (Shortage::Others, error))?;
+        self.find_runs(world, changes, room);
+        self.name_buffers(room);
+        Ok(())
+    }
+
+    fn make_room_of_trees(
+        &mut self,
+        (world, effects): (&LightWorld, Effects),
+        changes: &FrameChanges,
+        room: &mut Room,
     ) -> Result<(), PlanError> {
-        let growth = room.trees.growth;
         self.trees.nodes.begin(Stored::nodes(effects))?;
         self.trees.lights.begin(Stored::lights(effects))?;
-        self.instances.pool.begin(Stored::instances(effects))?;
         self.trees.records.begin(Stored::whole::<TreeRecord>())?;
-        self.instances.parts.pool().begin(Stored::whole::<PartRecord>())?;
         self.trees.place_trees(world, changes, &mut room.trees)?;
-        self.trees.add_placed_instances(world, &room.trees, changes);
         let directionals = world.directional_count() as u32;
         if changes.directionals && directionals as usize != self.trees.directionals.len() {
-            room.directionals = Some(self.trees.lights.alloc(directionals, growth)?);
+            room.directionals = Some(self.trees.lights.alloc(directionals, room.trees.growth)?);
         }
+        Ok(())
+    }
+
+    fn make_room_of_parts(
+        &mut self,
+        (world, effects): (&LightWorld, Effects),
+        changes: &FrameChanges,
+        room: &mut Room,
+    ) -> Result<(), PlanError> {
+        let growth = room.trees.growth;
         let slots = changes.parts.as_slice().iter();
         let counts: Vec<_> = slots.map(|slot| (*slot, self.part_count(*slot, world, &room.trees.placed))).collect();
         room.parts = self.instances.parts.reserve(counts.into_iter(), growth)?;
+        let parts = self.instances.parts.count();
+        let maps = map_sizes(world, effects);
+        self.top.reserve(parts, maps, growth, (&mut self.buffers.ids, &mut room.new_buffers))
+    }
+
+    fn make_room_of_others(
+        &mut self,
+        (world, effects): (&LightWorld, Effects),
+        changes: &mut FrameChanges,
+        room: &mut Room,
+    ) -> Result<(), PlanError> {
+        let growth = room.trees.growth;
         // Nothing of the table is ever given back, so every reservation continues the last one.
-        let more_slots = (world.slot_count() as u32).saturating_sub(self.instances.count);
+        let more_slots = self.slots_of(world).saturating_sub(self.instances.count);
         room.slots = self.instances.pool.alloc(more_slots, growth)?;
-        let has_masks = effects.contains(Effects::MASKS);
-        let map_quads = MapQuads {
-            // Shaders that know portals read their number wherever there is a sky.
-            portals: match effects.contains(Effects::PORTALS) {
-                true => PORTAL_QUADS,
-                false => u32::from(world.sky().is_some()),
-            },
-            profiles: match effects.contains(Effects::PROFILES) {
-                // In steps, so that not each new profile takes another buffer.
-                true => stored_quads().next_multiple_of(PROFILE_QUADS),
-                false => 0,
-            },
-            sky: world.sky().map_or(0, |(_, sky)| sky.stored_quads()),
-        };
-        self.top.reserve(
-            self.instances.parts.count(),
-            (has_masks, map_quads),
-            growth,
-            (&mut self.buffers.ids, &mut room.new_buffers),
-        )?;
+        // Shaders read no slots beyond the table.
+        changes.instances.cut_to(self.instances.count.max(room.slots.end));
         self.sources.reserve(
             (world, changes),
             (&|slot| self.trees.state_after(slot, &room.trees.placed), &room.trees.placed),
             (Strides::of(effects), growth),
             &mut room.sources,
-        )?;
-        self.find_runs(world, changes, room);
-        self.name_buffers(room);
-        Ok(())
+        )
+    }
+
+    /// The length of the table of instances: all slots of the world, or those up to the last one in use where the
+    /// table has no room for all. O(free slots at the end) then.
+    fn slots_of(&self, world: &LightWorld) -> u32 {
+        let all = world.slot_count() as u32;
+        let last = || (0..all).rev().find(|slot| world.instance_at(*slot).is_some());
+        if u64::from(all) > self.instances.pool.most() { last().map_or(0, |slot| slot + 1) } else { all }
     }
 
     /// The number of parts of the instance in a slot: as many as its tree has records, once the
@@ -297,11 +363,32 @@ impl LightPlanner {
         self.instances.parts.pool().undo();
         self.top.undo();
         self.sources.undo(room.sources);
+        if let Some(restarted) = room.restarted_parts {
+            self.instances.parts.restore(restarted);
+        }
         if let Some(restarted) = room.trees.restarted {
-            self.trees.nodes.restore(restarted.nodes);
-            self.trees.lights.restore(restarted.lights);
-            self.trees.residency = restarted.residency;
-            self.trees.directionals = restarted.directionals;
+            self.trees.restore(*restarted);
+        }
+        if let Some(opened) = room.trees.formerly_opened {
+            self.trees.opened = opened;
         }
     }
+}
+
+/// Whether there are masks, and the quads of maps, beside the top level.
+fn map_sizes(world: &LightWorld, effects: Effects) -> (bool, MapQuads) {
+    let quads = MapQuads {
+        // Shaders that know portals read their number wherever there is a sky.
+        portals: match effects.contains(Effects::PORTALS) {
+            true => PORTAL_QUADS,
+            false => u32::from(world.sky().is_some()),
+        },
+        profiles: match effects.contains(Effects::PROFILES) {
+            // In steps, so that not each new profile takes another buffer.
+            true => stored_quads().next_multiple_of(PROFILE_QUADS),
+            false => 0,
+        },
+        sky: world.sky().map_or(0, |(_, sky)| sky.stored_quads()),
+    };
+    (effects.contains(Effects::MASKS), quads)
 }

@@ -106,6 +106,8 @@ pub(super) struct Incoming {
     pub key: TreeKey,
     pub nodes: Range<u32>,
     pub lights: Range<u32>,
+    /// The tree is sent as an opened one.
+    pub is_opened: bool,
     /// The numbers of nodes and lights that were sent.
     pub sent: [u32; 2],
     /// The revision of the tree when the first of them were sent.
@@ -268,17 +270,11 @@ impl Residency {
         self.trees[slot as usize].revision = revision;
     }
 
-    /// Forgets the ranges of nodes and lights of all trees, but not those of records. Returns the
-    /// former state.
+    /// Forgets the ranges of all trees. Returns the former state.
     pub fn restart(&mut self) -> Self {
         let mut restarted = Self { next: self.next, ..Self::new(self.is_sorted()) };
-        let state = |former: &TreeState| TreeState {
-            key: former.key,
-            records: former.records.clone(),
-            openings: former.openings,
-            usefulness: former.usefulness,
-            ..TreeState::NONE
-        };
+        let state =
+            |former: &TreeState| TreeState { key: former.key, usefulness: former.usefulness, ..TreeState::NONE };
         restarted.trees = self.trees.iter().map(state).collect();
         std::mem::replace(self, restarted)
     }

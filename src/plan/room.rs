@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::buffers::NewBuffer;
-use super::parts::NewParts;
+use super::opened::Opened;
+use super::parts::{NewParts, RestartedParts};
 use super::pool::{Growth, RestartedPool};
 use super::previous::Copies;
 use super::residency::{Incoming, Residency, TreeState};
@@ -23,6 +24,8 @@ pub(super) struct Room {
     pub trees: TreeRoom,
     /// New ranges for the parts of instances.
     pub parts: NewParts,
+    /// The ranges of parts before they were begun anew.
+    pub restarted_parts: Option<RestartedParts>,
     /// The continuation of the table of instances.
     pub slots: Range<u32>,
     pub directionals: Option<Range<u32>>,
@@ -49,7 +52,9 @@ pub(super) struct TreeRoom {
     pub is_packed: bool,
     pub writes: TreeRuns,
     /// What was in the pools of trees before they were begun anew.
-    pub restarted: Option<Box<Restarted>>,
+    pub restarted: Option<Box<RestartedTrees>>,
+    /// Which trees were opened before, if that changes.
+    pub formerly_opened: Option<Opened>,
 }
 
 /// The runs of records that are written, and which of them are staged.
@@ -90,9 +95,10 @@ impl ReusedLists {
 
 /// The trees and their pools before a restart.
 #[derive(Debug)]
-pub(super) struct Restarted {
+pub(super) struct RestartedTrees {
     pub nodes: RestartedPool,
     pub lights: RestartedPool,
+    pub records: RestartedPool,
     pub residency: Residency,
     pub directionals: Range<u32>,
 }

@@ -112,14 +112,7 @@ impl SortBuffers {
     /// more than [`MAX_KEYS`].
     pub(crate) fn new(ids: &mut Ids, new: &mut Vec<NewBuffer>, capacity: u32, limit: u64) -> Result<Self, PlanError> {
         let capacity = capacity.max(1);
-        let keys_bytes = u64::from(capacity) * 4;
-        // The counts of few keys are larger than the keys.
-        let histogram_bytes = u64::from(PASSES) * 4 * counts(max_blocks(capacity));
-        let needed = keys_bytes.max(histogram_bytes);
-        let limit = limit.min(u64::from(MAX_KEYS) * 4);
-        if needed > limit {
-            return Err(PlanError::Full { what: "sorted keys", needed, limit });
-        }
+        let [keys_bytes, histogram_bytes] = Self::fit(capacity, limit)?;
         let mut add = |buffer: NewBuffer| {
             new.push(buffer);
             buffer.id
@@ -134,6 +127,19 @@ impl SortBuffers {
             capacity,
             count: 0,
         })
+    }
+
+    /// The bytes of the keys and of the counts of so many keys, unless they are more than `limit`.
+    pub(crate) fn fit(capacity: u32, limit: u64) -> Result<[u64; 2], PlanError> {
+        let keys_bytes = u64::from(capacity) * 4;
+        // The counts of few keys are larger than the keys.
+        let histogram_bytes = u64::from(PASSES) * 4 * counts(max_blocks(capacity));
+        let needed = keys_bytes.max(histogram_bytes);
+        let limit = limit.min(u64::from(MAX_KEYS) * 4);
+        if needed > limit {
+            return Err(PlanError::Full { what: "sorted keys", needed, limit });
+        }
+        Ok([keys_bytes, histogram_bytes])
     }
 
     /// All buffers.

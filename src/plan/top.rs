@@ -24,7 +24,7 @@ mod passes;
 mod stage;
 
 pub(crate) use buffers::MapQuads;
-use buffers::{BOUNDS_BYTES, TopBuffers};
+use buffers::{BOUNDS_BYTES, TopBuffers, most_parts};
 use passes::{MAX_PASSES, Passes, Places, TopPass};
 pub(super) use stage::NODE_LANES;
 use stage::{LANES, Stage};
@@ -83,6 +83,8 @@ pub(super) const NODE: Kernel = kernel(&stage::NODE, "nodes", || stage::NODE.tex
 #[derive(Debug)]
 pub(crate) struct TopBuild {
     limit: u64,
+    /// The most parts that fit beside some masks and maps, once that was asked for.
+    most_parts: Option<((bool, MapQuads), u32)>,
     /// `None` before the first plan.
     buffers: Option<TopBuffers>,
     uniforms: Option<BufferId>,
@@ -103,6 +105,7 @@ impl TopBuild {
     pub(crate) fn new(limit: u64) -> Self {
         Self {
             limit,
+            most_parts: None,
             buffers: None,
             uniforms: None,
             replacement: None,
@@ -110,6 +113,15 @@ impl TopBuild {
             passes: None,
             is_due: true,
             sizes: CommandSizes::default(),
+        }
+    }
+
+    /// The greatest number of parts that there can be room for, beside masks and maps.
+    pub(crate) fn most_parts(&mut self, (has_masks, map_quads): (bool, MapQuads)) -> u32 {
+        let maps = (has_masks || self.masks() != 0, map_quads);
+        match self.most_parts {
+            Some((of, most)) if of == maps => most,
+            _ => self.most_parts.insert((maps, most_parts(maps, self.limit))).1,
         }
     }
 

@@ -6,9 +6,10 @@ use std::ops::Range;
 use super::PlanLimits;
 use super::layout::{LightRecord, TreeRecord};
 use super::node_record::NodeRecord;
+use super::opened::Opened;
 use super::pool::Pool;
 use super::residency::{Incoming, Residency, TreeState};
-use super::room::Restarted;
+use super::room::RestartedTrees;
 use super::stored::{self, Missing, Stored};
 use crate::effects::Effects;
 use crate::world::LightWorld;
@@ -35,6 +36,7 @@ pub(super) struct TreeStore {
     /// A range of the light pool.
     pub directionals: Range<u32>,
     pub residency: Residency,
+    pub opened: Opened,
     /// The bytes of a limited memory that nodes and lights may take.
     pub shares: Option<[u64; 2]>,
     /// The limit of memory has changed since the last plan.
@@ -54,6 +56,7 @@ impl TreeStore {
             records: Pool::new("light trees", FIRST_RECORDS / 4, limit, none),
             directionals: 0..0,
             residency: Residency::new(limits.tree_memory.is_some()),
+            opened: Opened::ALL,
             shares: None,
             is_resized: false,
         }
@@ -89,16 +92,26 @@ impl TreeStore {
     }
 
     /// Forgets where trees are, so that all of them are placed anew.
-    pub fn restart(&mut self, world: &LightWorld, effects: Effects) -> Box<Restarted> {
-        let restarted = Restarted {
+    pub fn restart(&mut self, world: &LightWorld, effects: Effects) -> Box<RestartedTrees> {
+        let restarted = RestartedTrees {
             nodes: self.nodes.restart(),
             lights: self.lights.restart(),
+            records: self.records.restart(),
             residency: self.residency.restart(),
             directionals: std::mem::take(&mut self.directionals),
         };
         self.shares = None;
         self.divide_memory(world, effects);
         Box::new(restarted)
+    }
+
+    /// Takes a restart back, after the pools were undone.
+    pub fn restore(&mut self, former: RestartedTrees) {
+        self.nodes.restore(former.nodes);
+        self.lights.restore(former.lights);
+        self.records.restore(former.records);
+        self.residency = former.residency;
+        self.directionals = former.directionals;
     }
 
     /// The state of a tree once those in `placed` replace the present ones.

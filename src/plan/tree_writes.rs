@@ -18,6 +18,8 @@ pub(super) struct TreeRuns {
 pub(super) struct TreeWrite {
     pub slot: u32,
     pub source: Source,
+    /// Shaders see the openings of the tree, unless they see stand-ins.
+    pub is_opened: bool,
     /// The places in the pools of the first node and the first light of the tree.
     pub bases: [u32; 2],
     /// The records of all parts are written, and not only those that change with the nodes and lights.

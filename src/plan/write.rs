@@ -187,6 +187,7 @@ impl LightPlanner {
             waiting_trees: self.trees.residency.waiting_count(),
             waiting_bytes: self.trees.residency.waiting_bytes(),
             stand_ins: self.trees.residency.stand_in_count(),
+            held_back_instances: self.trees.opened.held_back(),
             ..UploadReport::default()
         }
     }
@@ -229,7 +230,8 @@ impl LightPlanner {
             // Of a tree, indices of lights are those of the tree. Those of stand-ins follow on `STAND_IN`.
             let (tree, offset, openings) = match &write.source {
                 Source::StandIns(few) => (&**few, STAND_IN, [].as_slice()),
-                Source::Tree | Source::Piece => (&entry.tree, 0, &entry.openings[..]),
+                Source::Tree | Source::Piece if write.is_opened => (&entry.tree, 0, &entry.openings[..]),
+                Source::Tree | Source::Piece => (&entry.tree, 0, [].as_slice()),
             };
             let sky = world
                 .sky()

@@ -350,6 +350,12 @@ impl LightWorld {
         &self.scene.trees[tree].openings
     }
 
+    /// The number of parts of all instances.
+    #[cfg(feature = "gpu-plan")]
+    pub(crate) fn part_count(&self) -> usize {
+        self.sums.parts
+    }
+
     /// The parts of all instances, in the order of the slots, with their clusters.
     pub(crate) fn parts(&self) -> Vec<(Part, Cluster)> {
         self.scene.parts()

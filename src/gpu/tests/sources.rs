@@ -15,7 +15,7 @@ use crate::light::UNLIMITED_RANGE;
 use crate::plan::layout::{LightRecord, TreeRecord};
 use crate::plan::node_record::NodeRecord;
 use crate::plan::sources::MeasureRecord;
-use crate::plan::{BufferId, Command, MeasureReadback, ShaderBuffers};
+use crate::plan::{BufferId, Command, LightPlanner, MeasureReadback, PlanLimits, ShaderBuffers};
 use crate::scheduler::VirtualClock;
 use crate::tree::{LightTree, NO_LEAF, Node, WIDTH};
 use crate::{
@@ -406,15 +406,21 @@ fn mean_and_sum(lights: &mut GpuLights, world: &LightWorld, all: &LightWorld) ->
 
 #[test]
 fn samples_of_lights_that_kernels_write_have_the_mean_of_the_sum() {
-    for source in [TreeSource::GpuMesh, TreeSource::GpuParticles] {
-        let sizes = [500, 90];
+    // Buffers of any size, and of a size in which not all particles can be parts: the large tree is whole then.
+    let [large, small] = [PlanLimits::default(), PlanLimits::new(0)];
+    for (source, limits) in
+        [(TreeSource::GpuMesh, large), (TreeSource::GpuParticles, large), (TreeSource::GpuParticles, small)]
+    {
+        let sizes = [1500, 90];
         let placement = |index: u32| Placement::at(DVec3::X * 30.0 * f64::from(index));
         let (mut world, trees) = world_of(&sizes, placement);
         let (mut twin, twins) = world_of(&sizes, placement);
         trees.iter().for_each(|tree| world.set_light_source(*tree, source).expect("no profiles"));
         world.update(FrameBudget::NONE);
         let mut lights = gpu_lights();
-        lights.upload(&world).expect("room");
+        lights.planner = LightPlanner::new(limits);
+        let report = lights.upload(&world).expect("room");
+        assert_eq!(report.held_back_instances, usize::from(limits == small));
         let mut puts = Vec::new();
         for (number, (tree, size)) in (0..).zip(twins.iter().zip(sizes)) {
             let moved = lights_of(size, 2);

@@ -152,7 +152,8 @@ impl SourceStore {
             // Shaders see an older version.
             return (present, false);
         }
-        let has_pieces = source == TreeSource::GpuMesh;
+        // The parts of particles are their lights, unless the tree is one part.
+        let has_pieces = source == TreeSource::GpuMesh || state.openings == 0;
         let record = SourceRecord {
             light_base: state.lights.start,
             light_count: entry.tree.lights().len() as u32,

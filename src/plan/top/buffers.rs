@@ -78,19 +78,8 @@ impl TopBuffers {
         (has_masks, map_quads): (bool, MapQuads),
         limit: u64,
     ) -> Result<Self, PlanError> {
-        let passes = Passes::new(capacity, capacity, Places::default(), Strides::of(Effects::all()));
-        let nodes = u64::from(passes.nodes) * size_of::<NodeRecord>() as u64;
-        let parts = nodes + 16 * u64::from(map_quads.portals);
-        let masks = parts + u64::from(capacity) * size_of::<LeafRecord>() as u64;
-        let profiles = masks + if has_masks { u64::from(passes.nodes) * MASK_BYTES } else { 0 };
-        let sky_map = profiles + 16 * u64::from(map_quads.profiles);
-        let nodes_bytes = sky_map + 16 * u64::from(map_quads.sky);
-        let clusters = (u64::from(capacity) + u64::from(passes.nodes)) * size_of::<ClusterRecord>() as u64;
-        for (what, needed) in [("top-level clusters", clusters), ("top-level nodes", nodes_bytes)] {
-            if needed > limit {
-                return Err(PlanError::Full { what, needed, limit });
-            }
-        }
+        let sizes = Sizes::of(capacity, (has_masks, map_quads));
+        sizes.check(limit)?;
         let sort = SortBuffers::new(ids, new, capacity, limit)?;
         let mut add = |what, bytes| {
             let buffer = ids.storage(what, bytes);
@@ -101,17 +90,17 @@ impl TopBuffers {
             capacity,
             // Within the limit of the buffer.
             places: Places {
-                parts: (parts / 16) as u32,
-                masks: if has_masks { (masks / 16) as u32 } else { 0 },
-                sky_map: (sky_map / 16) as u32,
+                parts: (sizes.parts / 16) as u32,
+                masks: if has_masks { (sizes.masks / 16) as u32 } else { 0 },
+                sky_map: (sizes.sky_map / 16) as u32,
             },
             map_quads,
             sort,
             bounds: add("top level bounds", u64::from(SPACE_WORDS) * 4),
-            nodes: add("top level nodes", nodes_bytes),
-            nodes_bytes,
-            clusters: add("top level clusters", clusters),
-            units: add("top level units", u64::from(passes.words) * 4),
+            nodes: add("top level nodes", sizes.nodes),
+            nodes_bytes: sizes.nodes,
+            clusters: add("top level clusters", sizes.clusters),
+            units: add("top level units", sizes.units),
         })
     }
 
@@ -119,4 +108,54 @@ impl TopBuffers {
     pub(super) fn ids(&self) -> impl Iterator<Item = BufferId> {
         [self.bounds, self.nodes, self.clusters, self.units].into_iter().chain(self.sort.ids())
     }
+}
+
+/// The bytes of the buffers for a number of parts, and where the ranges of the buffer of the nodes begin.
+struct Sizes {
+    parts: u64,
+    masks: u64,
+    sky_map: u64,
+    nodes: u64,
+    clusters: u64,
+    units: u64,
+}
+
+impl Sizes {
+    fn of(capacity: u32, (has_masks, map_quads): (bool, MapQuads)) -> Self {
+        let passes = Passes::new(capacity, capacity, Places::default(), Strides::of(Effects::all()));
+        let nodes = u64::from(passes.nodes) * size_of::<NodeRecord>() as u64;
+        let parts = nodes + 16 * u64::from(map_quads.portals);
+        let masks = parts + u64::from(capacity) * size_of::<LeafRecord>() as u64;
+        let profiles = masks + if has_masks { u64::from(passes.nodes) * MASK_BYTES } else { 0 };
+        let sky_map = profiles + 16 * u64::from(map_quads.profiles);
+        Self {
+            parts,
+            masks,
+            sky_map,
+            nodes: sky_map + 16 * u64::from(map_quads.sky),
+            clusters: (u64::from(capacity) + u64::from(passes.nodes)) * size_of::<ClusterRecord>() as u64,
+            units: u64::from(passes.words) * 4,
+        }
+    }
+
+    /// Fails if a buffer would be larger than `limit`. The others are smaller than these two.
+    fn check(&self, limit: u64) -> Result<(), PlanError> {
+        for (what, needed) in [("top-level clusters", self.clusters), ("top-level nodes", self.nodes)] {
+            if needed > limit {
+                return Err(PlanError::Full { what, needed, limit });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The greatest number of parts for which all buffers stay within `limit`; 0 if none do.
+pub(super) fn most_parts(maps: (bool, MapQuads), limit: u64) -> u32 {
+    let fits = |parts| Sizes::of(parts, maps).check(limit).is_ok() && SortBuffers::fit(parts, limit).is_ok();
+    let (mut most, mut too_many) = (0, u32::MAX);
+    while too_many - most > 1 {
+        let middle = most.midpoint(too_many);
+        if fits(middle) { most = middle } else { too_many = middle }
+    }
+    most
 }

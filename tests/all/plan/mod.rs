@@ -2,6 +2,7 @@
 //! ones. The kernels run on GPUs in other tests, by way of `GpuLights`, which plays these plans.
 
 mod anew;
+mod full;
 mod limits;
 mod readers;
 mod same_frame;

@@ -146,14 +146,19 @@ fn part_records(played: &Played, slot: u32, tree: u32) -> Vec<u8> {
 /// Nodes that a tree has spare, and slots without an instance, are read by nobody, so they may hold
 /// what was there before.
 pub fn check_as_new(played: &Played, world: &LightWorld) -> Found {
+    check_as_new_within(PlanLimits::default(), played, world)
+}
+
+/// As [`check_as_new`], with a new planner within these limits.
+pub fn check_as_new_within(limits: PlanLimits, played: &Played, world: &LightWorld) -> Found {
     let new = |limits| {
         let mut new = Played { planner: LightPlanner::new(limits), device: Device::default() };
         new.frame(world);
         new
     };
-    let whole = new(PlanLimits::default());
+    let whole = new(limits);
     let few = world.trees().any(|tree| played.planner.stands_in(tree));
-    let few = few.then(|| new(PlanLimits::default().with_frame_bytes(0)));
+    let few = few.then(|| new(limits.with_frame_bytes(0)));
     let [params, _, instances, _] = records(played);
     let [expected, ..] = records(&whole);
     let [ours, new] = [&params, &expected].map(|params| without(params.words(0), &PLACES_OF_PARAMS));
