@@ -3,7 +3,8 @@
 //! Based on edge-avoiding a-trous wavelets [Dammertz et al. 2010], guided by surfaces and by the
 //! noise of each pixel as in SVGF [Schied et al. 2017]. Differs: the caller passes an estimate of
 //! the noise with the picture, so that the filter fades as the number of samples grows, and the
-//! filter itself uses no earlier frames.
+//! filter itself uses no earlier frames. Pixels that show emissive surfaces are filtered too, apart from
+//! the others: few samples of one that also shows part of a thin frame are light or dark by chance.
 
 use girandole::glam::{IVec2, Vec2, Vec3};
 use girandole::light::luminance;
@@ -29,6 +30,19 @@ const OUTLIER: f32 = 2.5;
 const CERTAINTY: f32 = 4.0;
 /// Specular reflectance of dielectrics, added to the albedo.
 const SPECULAR: f32 = 0.04;
+/// The share of the luminance of emission that is added to each of its channels, since some emit none.
+const GREY: f32 = 0.05;
+
+/// What a pixel shows. Pixels are averaged with others of their kind.
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    /// The sky, in part at least, which is not filtered.
+    Sky,
+    /// Surfaces that reflect.
+    Reflecting,
+    /// Emissive surfaces, in part at least.
+    Emissive,
+}
 
 /// What is visible in a pixel: the surface through its centre, and the mean colour through its
 /// centre and four more points, so that edges between colours stay smooth.
@@ -36,12 +50,11 @@ const SPECULAR: f32 = 0.04;
 struct Guide {
     position: Vec3,
     normal: Vec3,
-    /// Light is divided by this before the filter and multiplied by it afterwards.
+    /// Light is divided by this before the filter and multiplied by it afterwards: the mean colour, or emission.
     albedo: Vec3,
     /// Width of the pixel on the surface, metres.
     footprint: f32,
-    /// False for pixels that show sky or an emissive surface, which have no noise.
-    is_filtered: bool,
+    kind: Kind,
 }
 
 /// The light of a pixel, divided by its albedo, and the square of the standard error of its
@@ -85,7 +98,7 @@ pub fn denoise(image: &Image, scene: &Scene, geometry: &Geometry) -> Image {
         .iter()
         .zip(&filter.guides)
         .zip(&image.pixels)
-        .map(|((sample, guide), &pixel)| if guide.is_filtered { sample.light * guide.albedo } else { pixel })
+        .map(|((sample, guide), &pixel)| if guide.kind == Kind::Sky { pixel } else { sample.light * guide.albedo })
         .collect();
     Image { pixels, ..image.clone() }
 }
@@ -94,29 +107,37 @@ fn guides(image: &Image, scene: &Scene, geometry: &Geometry) -> Vec<Guide> {
     let size = Vec2::new(image.width as f32, image.height as f32);
     let view = View::new(&scene.camera, image.width, image.height);
     let spread = view.up.length() * 2.0 / size.y;
+    // What is hit through a place of the picture, its base colour and what it emits.
     let visible = |place: Vec2| {
-        let hit = geometry.nearest(view.eye, view.direction(place, size))?;
-        Some((hit, geometry.material(scene, &hit)))
+        let direction = view.direction(place, size);
+        let hit = geometry.nearest(view.eye, direction)?;
+        let material = geometry.material(scene, &hit);
+        let shines = geometry.normal(&hit).dot(direction) <= 0.0 || material.two_sided_emission;
+        let scale = if shines { geometry.objects[hit.object as usize].emission_scale } else { 0.0 };
+        Some((hit, material.base_color, material.emission * scale))
     };
     let guide = |index: usize| {
         let middle = Vec2::new((index % image.width as usize) as f32, (index / image.width as usize) as f32) + 0.5;
         let nothing =
-            Guide { position: Vec3::ZERO, normal: Vec3::Y, albedo: Vec3::ONE, footprint: 1.0, is_filtered: false };
-        let Some((hit, material)) = visible(middle) else { return nothing };
-        let mut albedo = material.base_color;
+            Guide { position: Vec3::ZERO, normal: Vec3::Y, albedo: Vec3::ONE, footprint: 1.0, kind: Kind::Sky };
+        let Some((hit, mut color, mut emission)) = visible(middle) else { return nothing };
         for corner in [Vec2::new(-0.3, -0.3), Vec2::new(0.3, -0.3), Vec2::new(-0.3, 0.3), Vec2::new(0.3, 0.3)] {
-            match visible(middle + corner) {
-                Some((_, other)) if other.emission == Vec3::ZERO => albedo += other.base_color,
-                _ => return nothing,
-            }
+            let Some((_, other_color, other_emission)) = visible(middle + corner) else { return nothing };
+            color += other_color;
+            emission += other_emission;
         }
+        let (albedo, kind) = if emission == Vec3::ZERO {
+            (color / 5.0 + SPECULAR, Kind::Reflecting)
+        } else {
+            ((emission + GREY * luminance(emission)) / 5.0, Kind::Emissive)
+        };
         let direction = view.direction(middle, size);
         Guide {
             position: view.eye + direction * hit.distance,
             normal: geometry.shading_normal(&hit),
-            albedo: albedo / 5.0 + SPECULAR,
+            albedo,
             footprint: hit.distance * spread,
-            is_filtered: material.emission == Vec3::ZERO,
+            kind,
         }
     };
     (0..image.pixels.len()).into_par_iter().map(guide).collect()
@@ -151,7 +172,7 @@ impl Filter {
             }
             let index = self.index(at);
             let other = &self.guides[index];
-            if !own.is_filtered || !other.is_filtered {
+            if own.kind != other.kind || own.kind == Kind::Sky {
                 return None;
             }
             let off_plane = own.normal.dot(other.position - own.position).abs() / (own.footprint * step as f32);

@@ -31,7 +31,7 @@ fn write(name: &str, text: &str) -> PathBuf {
     path
 }
 
-fn stage(name: &str, text: &str) -> Stage {
+pub fn stage(name: &str, text: &str) -> Stage {
     gltf_scene::stage(&write(name, text), None).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 

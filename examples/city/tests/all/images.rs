@@ -19,7 +19,7 @@ use girandole::{CandidateCount, Effects, FrameBudget, SplitCount};
 
 pub const PACE: Pace = Pace { fps: 24.0, start: 0.0, budget: FrameBudget::UNLIMITED };
 
-fn settings(width: u32, height: u32, spp: u32, seed: u64) -> Settings {
+pub fn settings(width: u32, height: u32, spp: u32, seed: u64) -> Settings {
     Settings {
         width,
         height,
@@ -36,18 +36,18 @@ fn small_scene_session(is_still: bool, settings: Settings, choice: BackendChoice
     session(stage, settings, choice)
 }
 
-fn session(stage: Stage, settings: Settings, choice: BackendChoice) -> Session {
+pub fn session(stage: Stage, settings: Settings, choice: BackendChoice) -> Session {
     let chosen = backend::choose(choice).unwrap_or_else(|e| panic!("this test needs an adapter: {e}"));
     Session::new(stage, settings, PACE, chosen).expect("a scene that fits any device")
 }
 
-fn frame(session: &mut Session) -> Frame {
+pub fn frame(session: &mut Session) -> Frame {
     session.frame(&|_| {}).expect("a scene that renders")
 }
 
 /// The mean over all pixels of the squared relative difference. Differences of pixels that are
 /// darker than a hundredth of the mean are relative to that hundredth.
-fn rel_mse(image: &Image, reference: &Image) -> f64 {
+pub fn rel_mse(image: &Image, reference: &Image) -> f64 {
     let luminance = |p: Vec3| f64::from(p.dot(Vec3::new(0.2126, 0.7152, 0.0722)));
     let count = reference.pixels.len() as f64;
     let mean = reference.pixels.iter().map(|&p| luminance(p)).sum::<f64>() / count;

@@ -3,6 +3,7 @@
 mod compare;
 mod dumps;
 mod films;
+mod filter;
 mod gltf;
 mod images;
 mod refusals;
