@@ -221,6 +221,14 @@ mod tests {
         assert_eq!(bytes(Effects::MOVING | Effects::TWO_SIDED), [160, 32, 80]);
         assert_eq!(bytes(Effects::RANGES), [224, 64, 80]);
         assert_eq!(bytes(Effects::CONES), [224, 64, 80]);
+        // What docs/memory.md says of nodes and lights.
+        let [[least_node, least_light, _], [node, light, _]] = [Effects::empty(), Effects::CONES].map(bytes);
+        for row in [
+            format!("| node of a tree | {least_node}; {node} with cones or ranges |"),
+            format!("| light | {least_light} if there are only points without range, else {light} |"),
+        ] {
+            assert!(include_str!("../../docs/memory.md").contains(&row), "{row}");
+        }
         assert_eq!(bytes(Effects::AREAS | Effects::NON_RIGID), [160, 64, 128]);
         assert_eq!(bytes(Effects::DIRECTIONAL), [160, 64, 80]);
         assert_eq!(bytes(Effects::FACTORS), [160, 32, 96]);
