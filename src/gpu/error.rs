@@ -241,6 +241,7 @@ mod tests {
             GpuError::OutOfMemory { what: "lights", bytes: 64 },
         ];
         assert_eq!(errors.map(|error| error.code()), [600, 601, 602, 603]);
+        assert_eq!(errors[2].to_string(), "the device was lost");
         assert_eq!(errors[3].to_string(), "the device has no memory for lights (64 bytes)");
     }
 }

@@ -1,5 +1,5 @@
-//! Creates buffers, and turns a refusal for lack of memory into a [`GpuError`] instead of a panic
-//! in wgpu's default error handler.
+//! Creates buffers, and turns a refusal for lack of memory and the loss of the device into a
+//! [`GpuError`] instead of a panic in wgpu's default error handler.
 //!
 //! On native backends an error scope answers as soon as it is popped. In browsers it answers later,
 //! after the call that needs the answer has returned. This file therefore opens no scope there, and
@@ -7,11 +7,13 @@
 
 use super::bindings::label_of;
 use super::error::GpuError;
+use super::probe;
 
 /// Creates a buffer of `bytes` bytes. `what` names its content, in errors and, with the library's name, in graphics
 /// debuggers.
 ///
-/// Fails with [`GpuError::OutOfMemory`]; never in browsers.
+/// Fails with [`GpuError::OutOfMemory`] and [`GpuError::DeviceLost`]; never in browsers. A buffer that it returns is
+/// valid even if the device is lost later, and wgpu reports no error where commands name it.
 pub(super) fn create_buffer(
     device: &wgpu::Device,
     what: &'static str,
@@ -23,7 +25,11 @@ pub(super) fn create_buffer(
     let (buffer, is_refused) = scoped(device, wgpu::ErrorFilter::OutOfMemory, || device.create_buffer(&descriptor));
     #[cfg(test)]
     let is_refused = is_refused | refusals::is_due(refusals::Kind::Buffer);
-    if is_refused { Err(GpuError::OutOfMemory { what, bytes }) } else { Ok(buffer) }
+    if is_refused {
+        return Err(GpuError::OutOfMemory { what, bytes });
+    }
+    probe::check(device)?;
+    Ok(buffer)
 }
 
 /// Runs `work`, and also returns whether the device refused it memory other than for a buffer by

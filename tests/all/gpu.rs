@@ -569,30 +569,6 @@ fn an_upload_that_does_not_fit_in_its_longer_layout_leaves_the_last_one_in_place
 }
 
 #[test]
-fn a_lost_device_is_reported_by_the_next_upload_and_by_new_lights() {
-    let (device, queue) = limited_gpu(wgpu::Limits::default().max_storage_buffer_binding_size);
-    let mut rng = Rng(51);
-    let world = rng.world(2, 20, 3, 10.0);
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    for _ in 0..3 {
-        lights.upload(&world).expect("the device works");
-        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        lights.build_top(&mut encoder);
-        queue.submit([encoder.finish()]);
-    }
-    lights.upload(&world).expect("the device works");
-    device.destroy();
-    assert_eq!(lights.upload(&world), Err(GpuError::DeviceLost));
-    assert_eq!(lights.upload(&world), Err(GpuError::DeviceLost));
-    // The other calls of a frame do no harm.
-    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    lights.build_top(&mut encoder);
-    drop(encoder);
-    assert_eq!(GpuLights::new(&device, &queue).err(), Some(GpuError::DeviceLost));
-    assert_eq!(GpuError::DeviceLost.to_string(), "the device was lost");
-}
-
-#[test]
 fn the_shader_function_for_a_pmf_gives_the_probabilities_of_the_cpu() {
     let (device, queue) = gpu();
     let mut rng = Rng(48);

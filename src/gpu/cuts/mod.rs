@@ -26,8 +26,8 @@ impl GpuLights {
     /// 4. The engine's other shaders choose lights: see [`GpuLights::cut_shader`].
     ///
     /// # Errors
-    /// [`GpuError::OutOfMemory`], and [`GpuError::Full`] if the device cannot bind so many cells. The present table
-    /// stays.
+    /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`], and [`GpuError::Full`] if the device cannot bind so many
+    /// cells. The present table stays.
     pub fn share_cuts(&mut self, options: Option<CutOptions>) -> Result<(), GpuError> {
         if options.is_none() && self.planner.cut_table().is_none() {
             return Ok(());

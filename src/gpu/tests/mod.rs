@@ -3,6 +3,7 @@
 mod batch;
 mod heat_map;
 mod lights;
+mod lost;
 mod pool;
 mod profile;
 mod relayout;

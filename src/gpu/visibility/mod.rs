@@ -21,8 +21,8 @@ impl GpuLights {
     /// when to use one, what it learns and how it forgets; the GPU does the same.
     ///
     /// # Errors
-    /// [`GpuError::OutOfMemory`], and [`GpuError::Full`] if the device cannot bind so many cells. The present table
-    /// stays.
+    /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`], and [`GpuError::Full`] if the device cannot bind so many
+    /// cells. The present table stays.
     pub fn learn_visibility(&mut self, options: Option<VisibilityOptions>) -> Result<(), GpuError> {
         if options.is_none() && self.planner.visibility_table().is_none() {
             return Ok(());

@@ -1,0 +1,194 @@
+//! A lost device, without a handler of uncaptured errors: wgpu's own panics.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use crate::gpu::measure::{KeySort, NodeCounter, build_top_timed, record_bytes};
+use crate::gpu::testing::{limited_gpu, mixed_world};
+use crate::gpu::*;
+use crate::sampling::counts::CandidateCount;
+use crate::sampling::cuts::CutOptions;
+use crate::scheduler::FrameBudget;
+use crate::tree::LightTree;
+use crate::visibility::VisibilityOptions;
+use crate::{Light, Placement, Policy, TreeKey, TreeSource};
+
+/// What a call gets.
+struct Scene {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    lights: GpuLights,
+    world: LightWorld,
+    tree: TreeKey,
+    encoder: wgpu::CommandEncoder,
+    /// Requests, and room for what is written.
+    buffers: [wgpu::Buffer; 2],
+    counter: Arc<NodeCounter>,
+    sort: KeySort,
+}
+
+impl Scene {
+    /// On a device that works. With the counter of another scene, everything has been made that is made at first use.
+    fn new((device, queue): &(wgpu::Device, wgpu::Queue), counter: Option<Arc<NodeCounter>>) -> Self {
+        let mut world = mixed_world();
+        let lamps = (0..40).map(|i| Light::point(glam::Vec3::X * i as f32, glam::Vec3::ONE)).collect();
+        let tree = world.add_tree(LightTree::new(lamps).expect("valid"));
+        world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+        world.set_light_source(tree, TreeSource::GpuMesh).expect("no profiles");
+        let buffer = |usage| {
+            device.create_buffer(&wgpu::BufferDescriptor { label: None, size: 4096, usage, mapped_at_creation: false })
+        };
+        let lights = GpuLights::new(device, queue).expect("default limits are enough");
+        let is_used = counter.is_some();
+        let mut scene = Self {
+            counter: counter.unwrap_or_else(|| NodeCounter::new(&lights).into()),
+            sort: KeySort::new(device, queue, 100).expect("room enough"),
+            device: device.clone(),
+            queue: queue.clone(),
+            lights,
+            world,
+            tree,
+            encoder: device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default()),
+            buffers: [buffer(wgpu::BufferUsages::STORAGE), buffer(wgpu::BufferUsages::STORAGE)],
+        };
+        if is_used {
+            scene.lights.upload(&scene.world).expect("room enough");
+            // Those that make something new take long.
+            for (name, call) in CALLS.iter().filter(|(name, _)| !name.ends_with("new")) {
+                assert!(call(&mut scene).is_none_or(|made| made.is_ok()), "{name}");
+            }
+            scene.submit();
+            // Something to send.
+            let moved = scene.world.instances().next().expect("there are some");
+            scene.world.move_instance(moved, Placement::at(DVec3::Y)).expect("valid");
+        }
+        scene
+    }
+
+    /// Submits what was recorded.
+    fn submit(&mut self) {
+        let next = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        self.queue.submit([std::mem::replace(&mut self.encoder, next).finish()]);
+    }
+}
+
+/// What a call returns; `None` if it has no result.
+type Answer = Option<Result<(), GpuError>>;
+
+fn nothing<T>(_: T) -> Answer {
+    None
+}
+
+fn result<T>(result: Result<T, GpuError>) -> Answer {
+    Some(result.map(drop))
+}
+
+fn eight() -> CandidateCount {
+    CandidateCount::new(8).expect("few")
+}
+
+/// All public calls, by name.
+const CALLS: &[(&str, fn(&mut Scene) -> Answer)] = &[
+    ("new", |s| result(GpuLights::new(&s.device, &s.queue))),
+    ("share_cuts", |s| result(s.lights.share_cuts(Some(CutOptions::default())))),
+    ("learn_visibility", |s| result(s.lights.learn_visibility(Some(VisibilityOptions::default())))),
+    ("set_cut_view", |s| nothing(s.lights.set_cut_view(DVec3::ZERO, 0.001))),
+    ("keep_previous", |s| nothing(s.lights.keep_previous(true))),
+    ("set_tree_memory", |s| nothing(s.lights.set_tree_memory(None))),
+    ("set_frame_bytes", |s| nothing(s.lights.set_frame_bytes(None))),
+    ("upload", |s| result(s.lights.upload(&s.world))),
+    ("sync", |s| result(s.lights.sync(&mut s.world, FrameBudget::NONE, &mut s.encoder))),
+    ("follow_sources", |s| nothing(s.lights.follow_sources(&mut s.world))),
+    ("source_group", |s| nothing(s.lights.source_group())),
+    ("source_layout", |s| nothing(s.lights.source_layout())),
+    ("source_shader", |s| nothing(s.lights.source_shader(1))),
+    ("build_top", |s| {
+        s.lights.top_status.invalidate();
+        nothing(s.lights.build_top(&mut s.encoder))
+    }),
+    ("build_top_timed", |s| nothing(build_top_timed(&mut s.lights, &mut s.encoder, None))),
+    ("build_cuts", |s| nothing(s.lights.build_cuts(&mut s.encoder))),
+    ("fold_visibility", |s| nothing(s.lights.fold_visibility(&mut s.encoder))),
+    ("sample", |s| nothing(s.lights.sample(&mut s.encoder, &s.buffers[0], &s.buffers[1], 64))),
+    ("resample", |s| nothing(s.lights.resample(&mut s.encoder, &s.buffers[0], &s.buffers[1], 64, eight()))),
+    ("shader", |s| nothing(s.lights.shader(1, Effects::all()))),
+    ("mark_shader", |s| nothing(s.lights.mark_shader(1, Effects::all()))),
+    ("cut_shader", |s| nothing(s.lights.cut_shader(1, Effects::all(), CutFallback::Walk))),
+    ("visibility_shader", |s| nothing(s.lights.visibility_shader(1, Effects::all()))),
+    ("learning_cut_shader", |s| nothing(s.lights.learning_cut_shader(1, Effects::all(), CutFallback::Walk))),
+    ("bind_group", |s| nothing(s.lights.bind_group())),
+    ("bind_group_layout", |s| nothing(s.lights.bind_group_layout())),
+    ("previous_bind_group", |s| nothing(s.lights.previous_bind_group())),
+    ("mark_bind_group", |s| nothing(s.lights.mark_bind_group())),
+    ("cut_bind_group", |s| nothing(s.lights.cut_bind_group())),
+    ("visibility_bind_group", |s| nothing(s.lights.visibility_bind_group())),
+    ("learning_cut_bind_group", |s| nothing(s.lights.learning_cut_bind_group())),
+    ("cut_report", |s| nothing(s.lights.cut_report())),
+    ("effects", |s| nothing(s.lights.effects())),
+    ("revision", |s| nothing(s.lights.revision())),
+    ("memory", |s| nothing(s.lights.memory())),
+    ("stands_in", |s| nothing(s.lights.stands_in(s.tree))),
+    ("is_waiting", |s| nothing(s.lights.is_waiting(s.tree))),
+    ("NodeCounter::new", |s| nothing(NodeCounter::new(&s.lights))),
+    ("NodeCounter::record", |s| {
+        nothing(s.counter.record(&s.lights, &mut s.encoder, (&s.buffers[0], &s.buffers[1]), 64, eight()))
+    }),
+    ("KeySort::new", |s| result(KeySort::new(&s.device, &s.queue, 100))),
+    ("KeySort::record", |s| nothing(s.sort.record(&mut s.encoder, None))),
+    ("record_bytes", |s| nothing(record_bytes(&s.lights))),
+];
+
+/// The names of the public functions of [`GpuLights`] below a folder, as they are in the text.
+fn public_calls(folder: &Path, names: &mut Vec<String>) {
+    for entry in folder.read_dir().expect("the sources are here").map(|entry| entry.expect("readable").path()) {
+        if entry.is_dir() {
+            public_calls(&entry, names);
+        } else {
+            let text = std::fs::read_to_string(&entry).expect("a source file");
+            let blocks = text.split("\nimpl GpuLights {\n").skip(1).filter_map(|block| block.split("\n}\n").next());
+            let lines = blocks.flat_map(|block| block.lines().filter_map(|line| line.strip_prefix("    pub fn ")));
+            names.extend(lines.filter_map(|line| Some(line.split_once('(')?.0.to_owned())));
+        }
+    }
+}
+
+#[test]
+fn every_call_on_a_lost_device_returns_that_it_is_lost_or_does_nothing() {
+    let limits = wgpu::Limits::default();
+    let gpu = limited_gpu(&limits, wgpu::Features::empty());
+    let unused = Scene::new(&gpu, None);
+    let used = Scene::new(&gpu, Some(Arc::clone(&unused.counter)));
+    gpu.0.destroy();
+    gpu.0.poll(wgpu::PollType::Poll).expect("nothing to wait for");
+    // Each call records into an encoder from before the loss, and into one that is made later.
+    let mut panics = Vec::new();
+    for (mut scene, which) in [(unused, "unused"), (used, "used")] {
+        for encoder in ["its encoder", "a later encoder"] {
+            for (name, call) in CALLS {
+                match catch_unwind(AssertUnwindSafe(|| call(&mut scene))) {
+                    Ok(None | Some(Err(GpuError::DeviceLost))) => {}
+                    Ok(other) => panics.push(format!("{name} ({which}, {encoder}): {other:?}")),
+                    Err(_) => panics.push(format!("{name} ({which}, {encoder}) panics")),
+                }
+            }
+            if catch_unwind(AssertUnwindSafe(|| scene.submit())).is_err() {
+                panics.push(format!("submit ({which}, {encoder}) panics"));
+            }
+        }
+        assert_eq!(scene.lights.share_cuts(None), Ok(()), "nothing is made");
+        assert_eq!(scene.lights.learn_visibility(None), Ok(()));
+    }
+    assert_eq!(panics, [""; 0]);
+}
+
+#[test]
+fn the_test_of_a_lost_device_makes_every_call() {
+    let mut names = Vec::new();
+    public_calls(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src/gpu"), &mut names);
+    assert!(names.len() > 30, "{names:?}");
+    names.retain(|name| !CALLS.iter().any(|(call, _)| call == name));
+    assert_eq!(names, [""; 0], "they are in no row of CALLS");
+}
