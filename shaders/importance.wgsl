@@ -12,7 +12,7 @@ struct LightLocalShadingPoint {
     has_normal: bool,
     margin: f32,
     // The bit of child bits that marks a single light: LIGHT_LEAF in a tree, LIGHT_SINGLE in the top
-    // level.
+    // level, and either in the tree of the sky, which is at one distance from every shading point.
     light_bit: u32,
     // #if GLOSSY
     gloss: LightGloss,
@@ -239,16 +239,26 @@ fn light_importance(packed: LightPackedChild, local: LightLocalShadingPoint, vie
 }
 
 fn light_estimate(child: LightChild, is_light: bool, local: LightLocalShadingPoint) -> LightImportance {
-    let dist_sq = max(child.dist_sq, LIGHT_MIN_IMPORTANCE);
-    let dist = sqrt(dist_sq);
+    var dist_sq = max(child.dist_sq, LIGHT_MIN_IMPORTANCE);
     let spread = child.variance / (dist_sq + child.variance);
 
-    let mean_sq = dist_sq + LIGHT_VARIANCE_SHARE * child.variance;
-    let nearer = mean_sq / max(child.gap_sq + LIGHT_NEAR_VARIANCE * child.variance, LIGHT_MIN_GAP * mean_sq);
-    var doubt = select(spread * nearer, 0.0, is_light);
-    let nearness = 1.0 + LIGHT_NEAR_GAIN * doubt;
+    var mean_sq = dist_sq + LIGHT_VARIANCE_SHARE * child.variance;
+    var near_sq = max(child.gap_sq + LIGHT_NEAR_VARIANCE * child.variance, LIGHT_MIN_GAP * mean_sq);
+    var gain = LIGHT_NEAR_GAIN;
+    var width_sq = LIGHT_COSINE_WIDTH_SQ * child.normal_variance * (1.0 - spread);
+    // #if SKY
+    if local.light_bit == LIGHT_SKY_BITS {
+        mean_sq = dist_sq + child.variance;
+        near_sq = mean_sq;
+        dist_sq = mean_sq;
+        gain = 0.0;
+        width_sq = LIGHT_COSINE_WIDTH_SQ * child.normal_variance;
+    }
+    // #endif
+    let dist = sqrt(dist_sq);
+    var doubt = select(spread * (mean_sq / near_sq), 0.0, is_light);
+    let nearness = 1.0 + gain * doubt;
 
-    let width_sq = LIGHT_COSINE_WIDTH_SQ * child.normal_variance * (1.0 - spread);
     let rounded = 0.5 * (child.along + sqrt(child.along * child.along + width_sq));
     let limited = min(rounded, max(child.along, 0.0) + LIGHT_HORIZON_SHARE * child.highest);
     let cosine = select(dist, max(limited, LIGHT_MIN_COSINE * dist), local.has_normal);

@@ -74,6 +74,9 @@ fn light_local_to_tree(instance: u32, shading_point: LightShadingPoint) -> Light
     local.has_normal = any(local.normal != vec3(0.0));
     local.margin = LIGHT_POSITION_MARGIN + LIGHT_RIGID_TOLERANCE;
     local.light_bit = LIGHT_LEAF;
+    // #if SKY
+    local.light_bit = select(LIGHT_LEAF, LIGHT_SKY_BITS, is_sky);
+    // #endif
     // #if GLOSSY
     local.gloss = shading_point.gloss;
     local.gloss.tangent = light_transposed(axes, shading_point.gloss.tangent);

@@ -3,6 +3,8 @@
 // buffers that sample.wgsl binds; binds nothing itself.
 
 // #if SKY
+// What marks the sky in shading points: see LightLocalShadingPoint.
+const LIGHT_SKY_BITS: u32 = LIGHT_LEAF | LIGHT_SINGLE;
 // The link of the sky's root, which no child of a node of the cut has.
 const LIGHT_SKY_LINK: u32 = 63u;
 

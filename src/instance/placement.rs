@@ -188,6 +188,7 @@ impl Placed {
             has_normal: normal != Vec3::ZERO,
             margin: POSITION_MARGIN + RIGID_TOLERANCE,
             light_bit: LEAF,
+            is_sky: false,
             candela_per_lumen: CANDELA_PER_LUMEN * brightness,
             gloss: LocalShadingPoint::gloss_of(shading_point).map(|gloss| gloss.carried(&axes)),
             segment: LocalSegment::of(shading_point).map(|segment| segment.carried(&into)),

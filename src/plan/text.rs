@@ -895,7 +895,7 @@ mod tests {
                  light_shared_exponent light_sky_texel light_sky_luminance light_sky_lux light_sky_choose \
                  light_sky_direction light_sky_row light_sky_arriving light_sky_incident light_sky_texel_at \
                  light_sky_from light_sky_pdf light_in_order light_patch_of LightSquare LightSquare.level \
-                 LightSquare.at LIGHT_SKY_LINK LIGHT_KIND_SKY LIGHT_SKY_LEVELS",
+                 LightSquare.at LIGHT_SKY_BITS LIGHT_SKY_LINK LIGHT_KIND_SKY LIGHT_SKY_LEVELS",
             ),
             (Effects::PORTALS, PORTAL_NAMES),
             (

@@ -632,7 +632,7 @@ impl<'a> LightSampler<'a> {
         let local = if instance.is_sky {
             // It is as far from every point.
             let here = ShadingPoint { position: placed.translation(home), segment: Vec3::ZERO, ..*shading_point };
-            placed.local_shading_point(&here, home, brightness)
+            LocalShadingPoint { is_sky: true, ..placed.local_shading_point(&here, home, brightness) }
         } else {
             placed.local_shading_point(shading_point, home, brightness)
         };

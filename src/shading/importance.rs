@@ -34,6 +34,8 @@ pub(crate) struct LocalShadingPoint<'a> {
     /// The bit of [`Node::children`] that marks single lights: [`LEAF`] in a tree,
     /// `part::SINGLE` in a top level, whose leaves are parts of instances.
     pub light_bit: u32,
+    /// The tree is that of the sky, which is at one distance from every shading point.
+    pub is_sky: bool,
     /// The intensity of a light that shines to all sides, per unit of flux and after the factor of
     /// the instance: [`CANDELA_PER_LUMEN`] without a factor.
     pub candela_per_lumen: f32,
@@ -56,6 +58,7 @@ impl LocalShadingPoint<'_> {
             has_normal: normal != Vec3::ZERO,
             margin: POSITION_MARGIN,
             light_bit: LEAF,
+            is_sky: false,
             candela_per_lumen: CANDELA_PER_LUMEN,
             map: None,
             gloss: Self::gloss_of(shading_point),
@@ -288,17 +291,21 @@ fn estimate(
     gloss: Option<&LocalGloss>,
     position_error_sq: f32,
 ) -> (f32, f32) {
-    let dist_sq = max(view.dist_sq, MIN_IMPORTANCE);
-    let dist = dist_sq.sqrt();
     let variance = child.variance;
+    let toward_sq = max(view.dist_sq, MIN_IMPORTANCE);
     // The angular size of the cluster, from 0 (far away) to 1 (the shading point is inside).
-    let spread = variance / (dist_sq + variance);
+    let spread = variance / (toward_sq + variance);
 
-    // A cluster whose box is nearer than its mean position may have lights that are, too.
-    let mean_sq = dist_sq + VARIANCE_SHARE * variance;
-    let doubt = spread * (mean_sq / max(view.gap_sq + NEAR_VARIANCE * variance, MIN_GAP * mean_sq));
+    // A cluster whose box is nearer than its mean position may have lights that are, too. All of the
+    // sky is at the same distance, which is the root of the mean square.
+    let mean_sq = toward_sq + variance * if local.is_sky { 1.0 } else { VARIANCE_SHARE };
+    let near_sq = max(view.gap_sq + NEAR_VARIANCE * variance, MIN_GAP * mean_sq);
+    let near_sq = if local.is_sky { mean_sq } else { near_sq };
+    let doubt = spread * (mean_sq / near_sq);
     let doubt = if is_light { 0.0 } else { doubt };
-    let nearness = 1.0 + NEAR_GAIN * doubt;
+    let nearness = 1.0 + if local.is_sky { 0.0 } else { NEAR_GAIN } * doubt;
+    let dist_sq = if local.is_sky { mean_sq } else { toward_sq };
+    let dist = dist_sq.sqrt();
 
     // Cosines stay multiplied by the distance until the end, which need not wait for a division.
     // The cosine at the shading point is a hyperbola that follows max(cos, 0), rounded off over the
@@ -306,7 +313,8 @@ fn estimate(
     // that faces another one, or a ceiling over a floor, has none. The hyperbola falls off too
     // slowly where the mean position is below the horizon and only a part of the box rises above
     // it.
-    let width_sq = COSINE_WIDTH_SQ * view.normal_variance * (1.0 - spread);
+    let nearby = if local.is_sky { 0.0 } else { spread };
+    let width_sq = COSINE_WIDTH_SQ * view.normal_variance * (1.0 - nearby);
     let cosine = 0.5 * (view.along + (view.along * view.along + width_sq).sqrt());
     let cosine = min(cosine, max(view.along, 0.0) + HORIZON_SHARE * view.highest);
     let cosine = if local.has_normal { max(cosine, MIN_COSINE * dist) } else { dist };
