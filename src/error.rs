@@ -22,7 +22,7 @@
 //! | 1100 to 1107 | `tree::BakeError` |
 //! | 1200 to 1201 | [`CutError`] |
 //! | 1300 to 1307 | [`SkyError`] |
-//! | 1400 to 1406 | [`ProfileError`] |
+//! | 1400 to 1408 | [`ProfileError`] |
 //! | 1500 to 1502 | [`TextureError`] |
 //! | 1600 to 1603 | `DumpError` |
 
@@ -663,6 +663,17 @@ pub enum ProfileError {
         /// What the angles need.
         expected: usize,
     },
+    /// A number follows the last one that a file may have.
+    #[error("line {line}: {value:?} follows the last number (commas separate numbers, so a decimal comma makes two)")]
+    LeftOver {
+        /// The line, from 1 on.
+        line: usize,
+        /// The number.
+        value: f64,
+    },
+    /// The text is UTF-16.
+    #[error("the file is UTF-16; files in ASCII or UTF-8 are read")]
+    Utf16,
 }
 
 impl ProfileError {
@@ -676,6 +687,8 @@ impl ProfileError {
             Self::Turn { .. } => 1404,
             Self::Size { .. } => 1405,
             Self::Candela { .. } => 1406,
+            Self::LeftOver { .. } => 1407,
+            Self::Utf16 => 1408,
         }
     }
 }

@@ -17,7 +17,7 @@ const MAX_SETS: usize = 100;
 
 /// The table of a file. Where a file has several sets of lamps, they are the first.
 pub(super) fn read(text: &[u8]) -> Result<Measured, ProfileError> {
-    let mut reader = Reader::new(text);
+    let mut reader = Reader::new(text)?;
     reader.skip(2, "the maker and the kind of lamp")?;
     let symmetry = reader.number_of_line("the symmetry")?.count(0, 4)?;
     let planes = reader.number_of_line("the number of C planes")?.count(1, MAX_ANGLES)?;

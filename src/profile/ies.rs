@@ -17,7 +17,7 @@ const MAX_NUMBER: f64 = 1.0e15;
 
 /// The table of a file.
 pub(super) fn read(text: &[u8]) -> Result<Measured, ProfileError> {
-    let mut reader = Reader::new(text);
+    let mut reader = Reader::new(text)?;
     let factor_of_file = has_ballast_factor(&mut reader)?;
     // How many lamps and their lumens say nothing about directions.
     reader.number("the number of lamps")?;
@@ -40,19 +40,22 @@ pub(super) fn read(text: &[u8]) -> Result<Measured, ProfileError> {
     let vertical = reader.numbers(vertical, "a vertical angle")?;
     let horizontal = reader.numbers(horizontal, "a horizontal angle")?;
     let candela = reader.numbers(check_size(&vertical, &horizontal)?, "a candela value")?;
+    reader.end()?;
     Ok(Measured { coordinates, vertical, horizontal, candela, factor })
 }
 
 /// Passes the head of a file. Returns whether the number after the ballast factor is a factor as well: later
 /// versions have a number there that says how the file was made.
 fn has_ballast_factor(reader: &mut Reader<'_>) -> Result<bool, ProfileError> {
-    let mut is_early = true;
+    // Of the first line that is not blank.
+    let mut names_later_version = None;
     loop {
-        let (line, text) =
+        let (_, text) =
             reader.line().ok_or(ProfileError::Missing { line: 1, what: "a line that begins with TILT=" })?;
         let upper = text.to_ascii_uppercase();
-        if line == 1 {
-            is_early = ![&b"LM-63-1995"[..], b"LM-63-2002", b"LM-63-2019"].iter().any(|name| upper.ends_with(name));
+        if !text.is_empty() && names_later_version.is_none() {
+            let later = [&b"LM-63-1995"[..], b"LM-63-2002", b"LM-63-2019"];
+            names_later_version = Some(later.iter().any(|name| upper.ends_with(name)));
         }
         let Some(tilt) = upper.strip_prefix(b"TILT=") else { continue };
         // How much the lamps emit when the luminaire is tilted; the tilt of an instance does not change it.
@@ -61,6 +64,6 @@ fn has_ballast_factor(reader: &mut Reader<'_>) -> Result<bool, ProfileError> {
             let count = reader.number("the number of tilts")?.count(0, MAX_ANGLES)?;
             (0..2 * count).try_for_each(|_| reader.number("a tilt or its factor").map(drop))?;
         }
-        return Ok(is_early);
+        return Ok(names_later_version != Some(true));
     }
 }

@@ -71,7 +71,8 @@ impl Profile {
     /// # Errors
     /// [`ProfileError`], with the line:
     ///
-    /// - a file that ends early, and a word that is no number;
+    /// - a file that ends early, a word that is no number, and a number after the last one, as decimal commas leave;
+    /// - UTF-16;
     /// - angles that do not ascend by 0.001 degrees, or are out of range: vertical ones from 0 to 180 for type C, all
     ///   angles from -90 to 90 for types A and B, planes from -180 to 360;
     /// - less than two vertical angles, for types A and B also less than two horizontal ones, and more than 4,096;
@@ -88,7 +89,7 @@ impl Profile {
     /// O(intensities).
     ///
     /// # Errors
-    /// As for [`Profile::ies`], with at most 1,024 planes and angles of a plane.
+    /// As for [`Profile::ies`], with at most 1,024 planes and angles of a plane. Numbers may follow the last one.
     pub fn eulumdat(file: &[u8]) -> Result<Self, ProfileError> {
         Self::of(eulumdat::read(file)?)
     }

@@ -260,6 +260,19 @@ fn what_ies_files_of_all_versions_say_is_read() {
     }
 }
 
+#[test]
+fn blank_lines_before_the_version_of_an_ies_file_are_passed_over() {
+    let body = "TILT=NONE\n1 -1 1 4 1 1 2 0 0 0\n1 1.10001 10\n0 30 60 90\n0\n500 600 300 0\n";
+    for head in ["\nIESNA:LM-63-2019\n", "\u{feff} \r\n\r\n\tIESNA:LM-63-1995 \r\n"] {
+        assert_eq!(Profile::ies(format!("{head}{body}").as_bytes()).unwrap().greatest_candela(), 600.0);
+    }
+    // Files of the earlier versions name none, or name one in a later line.
+    for head in ["\n", "\n[OTHER] as\nLM-63-2002\n"] {
+        let early = Profile::ies(format!("{head}{body}").as_bytes()).unwrap();
+        assert!(close(early.greatest_candela(), 660.006, 1.0e-6));
+    }
+}
+
 /// A EULUMDAT file of planes at multiples of 90 degrees.
 fn eulumdat_file(symmetry: usize, planes: usize, columns: &[[f32; 3]]) -> String {
     let mut file = format!("A maker\n1\n{symmetry}\n{planes}\n90\n3\n45\n");
@@ -319,6 +332,15 @@ fn errors_name_the_line_and_what_is_wrong() {
     assert_eq!(error("1 3 2 1", "1 1 2 1"), "line 4: the number of vertical angles is 1.0, outside 2.0 to 4096.0");
     assert_eq!(error("1 3 2 1", "1 4096 4096 1"), "line 10: a vertical angle is missing");
     assert_eq!(error("TILT=NONE", "NONE"), "line 1: a line that begins with TILT= is missing");
+    // Decimal commas make two numbers of one.
+    let left = |value| {
+        format!("line 9: {value} follows the last number (commas separate numbers, so a decimal comma makes two)")
+    };
+    assert_eq!(error("60.5", "60,5"), left("0.001"));
+    assert_eq!(error("60.5 1e-3\n", "60.5 1e-3\n7,5"), left("7.0").replace("line 9", "line 10"));
+    for text in ["\u{1a}", "\0\0", "END 5", "\n , \n"] {
+        assert!(Profile::ies(format!("{IES}{text}").as_bytes()).is_ok(), "{text:?}");
+    }
     let mut codes = Vec::new();
     for (from, to) in
         [("90\n0", "90\n"), ("60.5", "six"), ("-1 1", "-1 -1"), ("1 3 2", "1 3 1.5"), ("0 90\n", "0 80\n")]
@@ -332,6 +354,24 @@ fn errors_name_the_line_and_what_is_wrong() {
     );
     assert_eq!(Profile::new(&[0.0, 1.0], &[], &[]), Err(ProfileError::Missing { line: 1, what: "a plane" }));
     assert_eq!(Profile::new(&[0.0, 1.0], &[0.0], &[1.0]), Err(ProfileError::Candela { found: 1, expected: 2 }));
+}
+
+#[test]
+fn files_in_utf16_are_refused_by_their_encoding() {
+    let lamp = eulumdat_file(1, 4, &[[100.0, 50.0, 0.0]]);
+    type Reader = fn(&[u8]) -> Result<Profile, ProfileError>;
+    for (text, read) in [(IES, Profile::ies as Reader), (&lamp, Profile::eulumdat)] {
+        let of = |mark: &str, bytes: fn(u16) -> [u8; 2]| -> Vec<u8> {
+            format!("{mark}{text}").encode_utf16().flat_map(bytes).collect()
+        };
+        for mark in ["", "\u{feff}"] {
+            for file in [of(mark, u16::to_le_bytes), of(mark, u16::to_be_bytes)] {
+                let error = read(&file).expect_err("UTF-16");
+                assert_eq!((error.code(), error.to_string().contains("UTF-16")), (1408, true), "{error}");
+            }
+        }
+        assert!(read(format!("\u{feff}{text}").as_bytes()).is_ok());
+    }
 }
 
 #[test]
@@ -385,7 +425,7 @@ fn broken_files_are_refused_or_read_and_never_more() {
                 Err(error) => {
                     refused += 1;
                     longest = longest.max(error.to_string().len());
-                    assert!((1400..=1406).contains(&error.code()));
+                    assert!((1400..=1408).contains(&error.code()));
                 }
             }
         }

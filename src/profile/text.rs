@@ -13,8 +13,13 @@ pub(super) struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    pub fn new(text: &'a [u8]) -> Self {
-        Self { rest: text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text), line: 1 }
+    /// The start of a text in ASCII or UTF-8.
+    pub fn new(text: &'a [u8]) -> Result<Self, ProfileError> {
+        // UTF-16 begins with its byte order mark, or has a zero beside its first character.
+        if matches!(text, [0xff, 0xfe, ..] | [0xfe, 0xff, ..] | [0, _, ..] | [_, 0, ..]) {
+            return Err(ProfileError::Utf16);
+        }
+        Ok(Self { rest: text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text), line: 1 })
     }
 
     /// The rest of the line without blanks around it, and its number; `None` at the end of the text.
@@ -54,6 +59,14 @@ impl<'a> Reader<'a> {
     /// So many numbers.
     pub fn numbers(&mut self, count: usize, what: &'static str) -> Result<Vec<Number>, ProfileError> {
         (0..count).map(|_| self.number(what)).collect()
+    }
+
+    /// Checks that no number follows. Other text may, such as the byte by which DOS ends a file.
+    pub fn end(mut self) -> Result<(), ProfileError> {
+        match self.number("a number") {
+            Ok(Number { line, value, .. }) => Err(ProfileError::LeftOver { line, value }),
+            Err(_) => Ok(()),
+        }
     }
 
     /// The number on the next line, on which there is nothing else. Its decimal point may be a comma.
