@@ -1,7 +1,7 @@
 //! Radiance HDR files: pixels of three channels with a common exponent, which the crate `image` decodes.
 //!
-//! Two checks come before it. The pixels that a file states must be possible with its length, so that small files take
-//! little memory. And run lengths that follow each other are limited, which the decoder multiplies without a check.
+//! Two checks come before it. The pixels that a file states must be possible with its length, and few for a small file,
+//! so that such files take little memory. And run lengths that follow each other are limited, which the decoder multiplies without a check.
 
 use std::io::{Error, ErrorKind, Read, Result as IoResult};
 
@@ -15,8 +15,11 @@ use crate::error::SkyError;
 /// What files begin with. The second one is that of writers which name the kind of pixels instead.
 const SIGNATURES: [&[u8]; 2] = [b"#?RADIANCE\n", b"#?RGBE\n"];
 
-/// Pixels for each byte of a file, at most. The longest run has 127 pixels and takes two bytes in each of four
-/// channels.
+/// Pixels of maps that a file of any length may have, if its rows can have so many: 8,192 x 2,048. They take 200 MB.
+const FREE_PIXELS: u64 = 1 << 24;
+
+/// Pixels for each byte of a file with a larger map, at most. The longest run of the present format has 127 pixels and
+/// takes two bytes in each of four channels.
 const MAX_PIXELS_OF_BYTE: u64 = 16;
 
 /// Run lengths of the first version of the format that may follow each other. Two stand for up to 65,535
@@ -26,12 +29,18 @@ const MAX_RUNS: usize = 2;
 /// Reads the width of a file's map and its pixels. `max` is the largest width and height.
 pub(super) fn read(file: &[u8], max: usize) -> Result<(usize, Vec<Vec3>), SkyError> {
     let refused = |what| SkyError::File { what };
+    let refused_header = |error| {
+        // A header ends with an empty line.
+        let mut lines = file.split(|byte| *byte == b'\n').take_while(|line| !line.is_empty());
+        let as_text = "its lines end in CR and LF, not in LF alone: it was changed as if it were text";
+        if lines.any(|line| line.ends_with(b"\r")) { refused(as_text) } else { error }
+    };
     if !SIGNATURES.iter().any(|signature| file.starts_with(signature)) {
-        return Err(refused("its first line is not that of a Radiance HDR file"));
+        return Err(refused_header(refused("its first line is not that of a Radiance HDR file")));
     }
     // Strict decoding would refuse the second signature.
     let decoder = HdrDecoder::new_nonstrict(Limited { rest: file, runs: 0 });
-    let decoder = decoder.map_err(|error| reason(&error, "its header is malformed"))?;
+    let decoder = decoder.map_err(|error| refused_header(reason(&error, "its header is malformed")))?;
     let (width, height) = decoder.dimensions();
     let count = u64::from(width) * u64::from(height);
     let is_side = |side: u32| (1..=max as u64).contains(&u64::from(side));
@@ -42,7 +51,7 @@ pub(super) fn read(file: &[u8], max: usize) -> Result<(usize, Vec<Vec3>), SkyErr
             max,
         });
     }
-    let least = count.div_ceil(MAX_PIXELS_OF_BYTE);
+    let least = least_bytes(width, height);
     if least > file.len() as u64 {
         return Err(SkyError::FileLength { width, height, bytes: file.len(), least });
     }
@@ -53,6 +62,18 @@ pub(super) fn read(file: &[u8], max: usize) -> Result<(usize, Vec<Vec3>), SkyErr
     let decoded = decoder.read_image(bytemuck::cast_slice_mut(&mut pixels));
     decoded.map_err(|error| reason(&error, "the runs of a row are not as long as the row"))?;
     Ok((width as usize, pixels))
+}
+
+/// The fewest bytes of a file that is read for a map of this size, which is not empty.
+fn least_bytes(width: u32, height: u32) -> u64 {
+    // Of the first version of the format: a pixel, a run of up to 255 more, and one of multiples of 256.
+    let words = match width {
+        1 => 1,
+        2..=256 => 2,
+        _ => 3,
+    };
+    let (rows, count) = (4 * words * u64::from(height), u64::from(width) * u64::from(height));
+    if count <= FREE_PIXELS { rows } else { rows.max(count.div_ceil(MAX_PIXELS_OF_BYTE)) }
 }
 
 /// Why the decoder refused a file. `malformed` is what a malformed file has.
@@ -168,6 +189,25 @@ mod tests {
         assert!(pixels[4..].iter().all(|pixel| *pixel == Vec3::new(10.0, 12.0, 14.0)));
     }
 
+    /// Rows of one pixel each, in the fewest bytes of the first version: a pixel and up to two run lengths.
+    fn in_long_runs(width: usize, height: usize) -> Vec<u8> {
+        let rest = width - 1;
+        let mut row = vec![[9, 8, 7, 136]];
+        let runs = [(rest > 0).then_some(rest & 255), (rest > 255).then_some(rest >> 8)];
+        row.extend(runs.into_iter().flatten().map(|run| [1, 1, 1, run as u8]));
+        file(width, height, row.repeat(height).as_flattened())
+    }
+
+    #[test]
+    fn runs_of_the_first_version_of_any_length_are_read() {
+        for (width, height) in [(255, 40), (256, 40), (300, 100), (32_768, 7), (2048, 1024)] {
+            let bytes = in_long_runs(width, height);
+            let (found, pixels) = read(&bytes, MAX_SIZE).expect("a sound file");
+            assert_eq!((found, pixels.len()), (width, width * height));
+            assert!(pixels.iter().all(|pixel| *pixel == Vec3::new(9.0, 8.0, 7.0)), "{width}");
+        }
+    }
+
     #[test]
     fn files_that_are_refused_say_why() {
         let what = |bytes: &[u8]| match Sky::hdr(bytes) {
@@ -185,6 +225,12 @@ mod tests {
         assert_eq!(what(&sound[..sound.len() - 1]), "it ends too early");
         assert_eq!(what(&changed("rgbe", "xyze")), "its pixels are not of the format 32-bit_rle_rgbe");
         assert_eq!(what(&changed("+X 2", "+X two")), "its header is malformed");
+        let crlf = "its lines end in CR and LF, not in LF alone: it was changed as if it were text";
+        let as_text = String::from_utf8_lossy(&sound).replace('\n', "\r\n");
+        assert_eq!(what(as_text.as_bytes()), crlf);
+        assert_eq!(what(&changed("rgbe\n\n", "rgbe\r\n\r\n")), crlf);
+        // One such line does no harm.
+        assert!(Sky::hdr(&changed("rgbe\n", "rgbe\r\n")).is_ok());
         for orientation in ["+Y 1 +X 2", "-Y 1 -X 2", "+X 1 -Y 2"] {
             assert!(what(&changed("-Y 1 +X 2", orientation)).starts_with("its rows do not run"), "{orientation}");
         }
@@ -197,7 +243,7 @@ mod tests {
 
     #[test]
     fn small_files_that_state_many_pixels_take_no_memory() {
-        for (width, height) in [(32_768, 32_768), (32_768, 1), (1, 32_768)] {
+        for (width, height) in [(32_768, 32_768), (32_768, 10), (1, 32_768)] {
             let error = Sky::hdr(&file(width, height, &[7; 40])).expect_err("too short");
             assert!(matches!(error, SkyError::FileLength { .. }) && error.code() == 1307, "{error}");
         }
@@ -205,6 +251,12 @@ mod tests {
             let error = Sky::hdr(&file(width, height, &[7; 40])).expect_err("no map");
             assert!([1300, 1306].contains(&error.code()), "{error}");
         }
+        // Small files may have maps up to a limit.
+        let errors = [(8192, 2048), (8192, 2049), (8192, 20_480)].map(|(width, height)| {
+            let error = Sky::hdr(&file(width, height, &vec![7; 12 * height])).expect_err("no rows");
+            error.code()
+        });
+        assert_eq!(errors, [1306, 1307, 1307]);
         // The longest runs are possible.
         let row = [[9, 8, 7, 136]; 127 * 40];
         assert_eq!(Sky::hdr(&in_runs(127 * 40, &row)).expect("a sound file").size(), [127 * 40, 1]);
@@ -247,7 +299,7 @@ mod tests {
                 }
             }
             match Sky::hdr(&bytes) {
-                Ok(sky) => assert!(sky.size()[0] * sky.size()[1] <= 16 * bytes.len()),
+                Ok(sky) => assert!(sky.size()[0] * sky.size()[1] <= 65_536 / 12 * bytes.len()),
                 Err(error) => {
                     refused += 1;
                     longest = longest.max(error.to_string().len());

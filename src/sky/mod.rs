@@ -187,8 +187,8 @@ impl Sky {
     ///
     /// # Errors
     /// [`SkyError::File`] for what is no such file, is damaged, or has pixels of another format (XYZE) or order;
-    /// [`SkyError::FileLength`] if it states more than 16 pixels for each of its bytes, which only the runs of the
-    /// format's first version could hold; [`SkyError::Size`] for a width or height that is 0 or above 32,768;
+    /// [`SkyError::FileLength`] if it states more pixels than its bytes can hold, or a map of more than 2^24 pixels with
+    /// more than 16 for each byte, which only the runs of the format's first version could hold; [`SkyError::Size`] for a width or height that is 0 or above 32,768;
     /// [`SkyError::Pixel`] for a pixel above [`MAX_EMISSION`](crate::light::MAX_EMISSION).
     ///
     /// ```
