@@ -24,7 +24,7 @@
 //! | 1300 to 1307 | [`SkyError`] |
 //! | 1400 to 1408 | [`ProfileError`] |
 //! | 1500 to 1502 | [`TextureError`] |
-//! | 1600 to 1603 | `DumpError` |
+//! | 1600 to 1604 | `DumpError` |
 
 use glam::{DVec3, Vec2, Vec3};
 
@@ -588,7 +588,7 @@ impl TextureError {
     }
 }
 
-/// Why a [`Profile`](crate::Profile) was refused. Codes 1400 to 1406.
+/// Why a [`Profile`](crate::Profile) was refused. Codes 1400 to 1408.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProfileError {

@@ -3,7 +3,7 @@
 use crate::error::WorldError;
 use crate::tree::BakeError;
 
-/// Why [`LightWorld::from_dump`](crate::LightWorld::from_dump) refused some bytes. Codes 1600 to 1603,
+/// Why [`LightWorld::from_dump`](crate::LightWorld::from_dump) refused some bytes. Codes 1600 to 1604,
 /// or the code of the error inside.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -35,6 +35,18 @@ pub enum DumpError {
         /// Its index among those of its kind.
         index: usize,
     },
+    /// The instances have too many parts together: openings, or particles of trees of
+    /// [`TreeSource::GpuParticles`](crate::TreeSource::GpuParticles). Those of the first instance of each tree do not
+    /// count.
+    #[error(
+        "instance {index}: more than {most} openings and particles, beside those of the first instance of each tree"
+    )]
+    Parts {
+        /// The index of the instance that has one too many.
+        index: usize,
+        /// The greatest number.
+        most: usize,
+    },
     /// The checksum is right, but a tree was refused.
     #[error("tree {index}: {source}")]
     Tree {
@@ -63,6 +75,7 @@ impl DumpError {
             Self::Version { .. } => 1601,
             Self::Checksum { .. } => 1602,
             Self::Record { .. } => 1603,
+            Self::Parts { .. } => 1604,
             Self::Tree { source, .. } => source.code(),
             Self::World { source, .. } => source.code(),
         }

@@ -12,8 +12,9 @@ use crate::tree::{LightTree, Opening, WIDTH};
 use crate::world::opening::MAX_OPENINGS;
 use crate::world::{Instance, LightWorld, OriginMode, TreeSource};
 
-/// Openings of all instances together, at most: what a world has while it changes.
-const MOST_OPENINGS: usize = 2 * MAX_OPENINGS;
+/// The most openings and particles of all instances but the first of each tree, for whose ones the dump has nodes: what
+/// a world has while it changes. Each is a part of the top level, which takes some 100 bytes for it.
+const MOST_PARTS: usize = 2 * MAX_OPENINGS;
 
 impl LightWorld {
     /// Reads a world that [`LightWorld::write_dump`] has written, on any machine. Also returns what
@@ -31,8 +32,8 @@ impl LightWorld {
     /// # Errors
     /// [`DumpError`]. Whatever the bytes are, nothing panics, and a world that is returned can be
     /// sampled and edited; see also [`LightTree::from_baked`]. It takes memory in proportion to the
-    /// bytes that were given; the top level of a tree of particles then takes some for each light
-    /// of each instance.
+    /// bytes that were given. The top level then takes some for each opening and each particle of each
+    /// instance, of which there are at most 2,097,152 beyond those of the first instance of each tree.
     pub fn from_dump(bytes: &[u8]) -> Result<(Self, LeftOut), DumpError> {
         let (mut rest, version) = check(bytes)?;
         if version != VERSION {
@@ -129,7 +130,8 @@ impl Reader {
     fn instances(&mut self, rest: &mut Rest<'_>, slots: usize) -> Result<(), DumpError> {
         let of_fillers = self.world.add_tree(LightTree::default());
         let mut fillers: Vec<InstanceKey> = Vec::new();
-        let mut openings = 0;
+        let mut parts = 0;
+        let mut is_placed = vec![false; self.trees.len()];
         for index in 0..slots {
             let refused = DumpError::Record { what: "instance", index };
             let wrong = |source: WorldError| DumpError::World { what: "instance", index, source };
@@ -140,15 +142,18 @@ impl Reader {
                 fillers.push(self.world.insert_as_is(filler));
                 continue;
             }
-            let tree = *self.trees.get(number as usize - 1).ok_or(refused.clone())?;
+            let place = number as usize - 1;
+            let tree = *self.trees.get(place).ok_or(refused.clone())?;
             let words = rest.words().ok_or(refused.clone())?;
             let (placement, policy, appearance) = record::decode(&words).ok_or(refused.clone())?.map_err(wrong)?;
             let placed = Placed::new(&placement, self.world.scene.origin.anchor());
             let placed = placed.map_err(|source| wrong(source.into()))?;
-            let entry = &self.world.scene.trees[tree];
-            openings += if entry.is_loose { 0 } else { entry.openings.len() };
-            if openings > MOST_OPENINGS {
-                return Err(refused);
+            if std::mem::replace(&mut is_placed[place], true) {
+                let entry = &self.world.scene.trees[tree];
+                parts += if entry.is_loose { entry.tree.light_count() } else { entry.openings.len() };
+            }
+            if parts > MOST_PARTS {
+                return Err(DumpError::Parts { index, most: MOST_PARTS });
             }
             let instance = Instance { appearance, ..Instance::new(tree, placement, policy, placed) };
             self.world.insert_as_is(instance);

@@ -373,6 +373,34 @@ fn whatever_a_forged_dump_says_it_is_refused_or_a_world_that_can_be_used() {
 }
 
 #[test]
+fn particles_of_more_instances_than_a_top_level_should_hold_are_refused() {
+    let mut rng = Rng(10);
+    let [many, one] = [2048, 1].map(|count| tree(&mut rng, count, 3.0));
+    // Parts of the first instance of a tree follow from bytes of the tree; those of others cost a record each.
+    let forged = |instances: usize, of_one: usize| {
+        let mut world = LightWorld::new();
+        for (tree, count) in [(&many, instances), (&one, of_one)] {
+            let key = world.add_tree(tree.clone());
+            for i in 0..count {
+                world.add_instance(key, at(9.0 * i as f64, 0.0, 0.0), Policy::Static).expect("valid");
+            }
+            world.set_light_source(key, TreeSource::GpuParticles).expect("no profiles");
+        }
+        dumped(&world)
+    };
+    let most = 1 << 21;
+    let at_limit = forged(most / 2048 + 1, 1);
+    assert!(at_limit.len() < 400_000);
+    assert_eq!(read(&at_limit).instance_count(), 1026);
+    for (instances, of_one, index) in [(1025, 2, 1026), (2000, 0, 1025), (10 * most / 2048 + 1, 1, 1025)] {
+        let error = LightWorld::from_dump(&forged(instances, of_one)).map(drop).expect_err("too many parts");
+        assert_eq!(error.code(), 1604, "{error}");
+        let what = format!("instance {index}: more than {most} openings and particles");
+        assert!(error.to_string().starts_with(&what), "{error}");
+    }
+}
+
+#[test]
 fn values_that_a_world_refuses_are_refused_with_its_error() {
     let bytes = small();
     // The last instance lies before a directional light of 24 bytes and the checksum.
