@@ -7,8 +7,8 @@ use testbed::measuring::lights::{carried, reflections};
 use testbed::measuring::reflection::{brdf, reflection};
 use testbed::measuring::samplers::{self, Chooser};
 use testbed::measuring::torture::cuts::TOWN;
-use testbed::measuring::torture::scenes;
 use testbed::measuring::torture::table::{TortureRow, rows};
+use testbed::measuring::torture::{TortureScene, cliffs, scenes};
 use testbed::testing::support::Rng;
 
 /// The goals: sigma relative to the least of other samplers, and to one tree over the same lights.
@@ -61,6 +61,33 @@ fn no_scene_is_a_cliff_but_those_that_are_known() {
     }
 }
 
+/// The goal of [`OF_FLAT`] for scenes that once were cliffs: all but these, for which a top level is due that divides
+/// space by cost. The values are sigma relative to one tree as measured.
+const MISSED_CLIFFS: [(&str, f64); 0] = [];
+
+#[test]
+fn scenes_that_once_were_cliffs_are_none_but_those_that_are_known() {
+    for scene in cliffs::scenes().expect("valid scenes") {
+        let [two, flat] = two_and_flat(&scene);
+        let ratio = two / flat;
+        match MISSED_CLIFFS.iter().find(|(name, _)| *name == scene.name) {
+            // One that reaches the goal leaves the list.
+            Some((name, most)) => assert!((OF_FLAT..=1.1 * most).contains(&ratio), "{name}: {ratio}"),
+            None => assert!(ratio <= OF_FLAT || two < NO_NOISE, "{}: {ratio}, {two}", scene.name),
+        }
+    }
+}
+
+/// The mean sigma of a scene in two levels, and by one tree over the same lights.
+fn two_and_flat(scene: &TortureScene) -> [f64; 2] {
+    let lights = carried(&scene.world);
+    let ids: Vec<LightId> = scene.world.sampler().all_lights().collect();
+    let lux: Vec<Vec<f32>> = scene.shading_points.iter().map(|at| reflections(&lights, at)).collect();
+    let sigma = |chooser: &dyn Chooser| samplers::noise(chooser, &scene.shading_points, &lux).0.mean;
+    let flat = samplers::flat(&lights, &ids).expect("valid lights");
+    [samplers::two_level(&scene.world).as_ref(), flat.as_ref()].map(sigma)
+}
+
 /// The most that sigma of a town may be, relative to one tree without a top level, however its lights
 /// are cut into trees. Measured: 0.98 to 1.35. The sample of which the top level takes medians changes
 /// single scenes by some percent.
@@ -72,12 +99,7 @@ fn quality_does_not_depend_on_how_a_town_is_cut() {
     let towns: Vec<_> = scenes.iter().filter(|scene| TOWN.contains(&&*scene.name)).collect();
     assert_eq!(towns.len(), TOWN.len());
     for scene in towns {
-        let lights = carried(&scene.world);
-        let ids: Vec<LightId> = scene.world.sampler().all_lights().collect();
-        let lux: Vec<Vec<f32>> = scene.shading_points.iter().map(|at| reflections(&lights, at)).collect();
-        let sigma = |chooser: &dyn Chooser| samplers::noise(chooser, &scene.shading_points, &lux).0.mean;
-        let two = sigma(samplers::two_level(&scene.world).as_ref());
-        let flat = sigma(samplers::flat(&lights, &ids).expect("valid lights").as_ref());
+        let [two, flat] = two_and_flat(scene);
         assert!(two <= OF_CUTS * flat, "{}: {two} {flat}", scene.name);
     }
 }

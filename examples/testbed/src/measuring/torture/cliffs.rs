@@ -6,7 +6,7 @@
 
 use super::TortureScene;
 use super::emitters::ball;
-use super::instances::{scaled, shared_scales};
+use super::instances::{overlapping as tens, scaled, shared_scales};
 use super::scene::{Parts, direction, in_box, lamp};
 use crate::common::pcg::Rng;
 use girandole::glam::{DVec3, Mat3, Vec3, vec3};
@@ -44,8 +44,36 @@ pub fn scenes() -> Result<Vec<TortureScene>, WorldError> {
     for (name, scale) in scales {
         makers.push((name.to_owned(), Box::new(move |parts, rng| scaled(parts, rng, scale))));
     }
-    makers.push(("one tree at scales from 0.01 to 1".to_owned(), Box::new(shared_scales)));
+    makers.push((
+        "one tree at scales from 0.01 to 1".to_owned(),
+        Box::new(|parts, rng| shared_scales(parts, rng, 200, -2.0..0.0)),
+    ));
     makers.push(("on a ball of triangles".to_owned(), Box::new(on_ball)));
+    // Around the most openings that a world has, 131,072 and four for each instance.
+    for instances in [2100, 2250, 4060] {
+        let make = move |parts: &mut Parts, _: &mut Rng| overlapping(parts, instances);
+        makers.push((format!("{instances} overlapping instances of 64 lamps"), Box::new(make)));
+    }
+    for town in [40_000, 60_000, 120_000] {
+        let make = move |parts: &mut Parts, _: &mut Rng| town_and_beside(parts, town, 4000);
+        makers.push((format!("a town of {town} lamps beside 4000"), Box::new(make)));
+    }
+    for power in [4, 5, 6] {
+        let make = move |parts: &mut Parts, _: &mut Rng| decades(parts, 30_000, power);
+        makers.push((format!("30,000 lamps from 10 m to 1e{power} m"), Box::new(make)));
+    }
+    for distance in ["1e7", "9e8"] {
+        let far: f64 = distance.parse().expect("a number");
+        makers.push((
+            format!("lamps {distance} m from the origin"),
+            Box::new(move |parts, rng| far_off(parts, rng, far)),
+        ));
+    }
+    for (name, decades) in [("1 to 100", 0.0..2.0), ("0.001 to 1000", -3.0..3.0)] {
+        let make = move |parts: &mut Parts, rng: &mut Rng| shared_scales(parts, rng, 300, decades.clone());
+        makers.push((format!("one tree at scales from {name}"), Box::new(make)));
+    }
+    makers.push(("4,000 overlapping trees of ten lamps".to_owned(), Box::new(|parts, rng| tens(parts, rng, 4000, 10))));
     let scene = |(name, make): &(String, Make)| TortureScene::new_of(name.clone(), make, SHADING_POINTS);
     makers.iter().map(scene).collect()
 }
@@ -117,5 +145,69 @@ fn far(parts: &mut Parts, rng: &mut Rng, distance: f64) -> Result<(), WorldError
 fn on_ball(parts: &mut Parts, rng: &mut Rng) -> Result<(), WorldError> {
     parts.add_here(ball(Vec3::ZERO, 2.0, 50.0))?;
     parts.receive(|| (direction(rng) * 2.001, direction(rng)));
+    Ok(())
+}
+
+/// A term of Kronecker's sequence in three dimensions, in [0, 1).
+fn lattice(n: usize) -> DVec3 {
+    DVec3::from_array([0.819_172_5, 0.549_700_5, 0.671_043_6].map(|step| (0.5 + n as f64 * step).fract()))
+}
+
+/// Adds instances of one lamp.
+fn add_lamps(parts: &mut Parts, at: impl Iterator<Item = DVec3>) -> Result<(), WorldError> {
+    let tree = parts.world.add_tree(LightTree::new(vec![lamp(Vec3::ZERO, 30.0)])?);
+    for at in at {
+        parts.world.add_instance(tree, Placement::at(at), Policy::Static)?;
+    }
+    Ok(())
+}
+
+/// Adds shading points on a floor, within a rectangle.
+fn add_floor(parts: &mut Parts, corner: Vec3, extent: Vec3) {
+    let at = |i| corner + extent * lattice(i).as_vec3();
+    parts.shading_points = (0..SHADING_POINTS).map(|i| ShadingPoint::surface(at(i), Vec3::Y)).collect();
+}
+
+/// Instances of one tree of 64 lamps over a square kilometre, each turned and moved a little.
+fn overlapping(parts: &mut Parts, instances: usize) -> Result<(), WorldError> {
+    let place = |i| (lattice(i) - DVec3::splat(0.5)) * 1000.0 * DVec3::new(1.0, 0.0, 1.0) + DVec3::Y * 4.0;
+    let tree = parts.world.add_tree(LightTree::new((0..64).map(|i| lamp(place(i).as_vec3(), 100.0)).collect())?);
+    for i in 0..instances {
+        let linear = Mat3::from_rotation_y(2.0 * PI * lattice(i).y as f32);
+        let translation = lattice(i) * DVec3::new(40.0, 0.0, 40.0);
+        parts.world.add_instance(tree, Placement { linear, translation }, Policy::Static)?;
+    }
+    add_floor(parts, vec3(-400.0, 0.0, -400.0), vec3(800.0, 0.0, 800.0));
+    Ok(())
+}
+
+/// A dense town, and sparse lamps beside it.
+fn town_and_beside(parts: &mut Parts, town: usize, beside: usize) -> Result<(), WorldError> {
+    let town = (0..town).map(|i| DVec3::Y * 2.0 + lattice(i) * DVec3::new(500.0, 10.0, 570.0));
+    let beside = (0..beside).map(|i| DVec3::new(-600.0 - 30.0 * (i % 20) as f64, 9.0, 30.0 * (i / 20) as f64));
+    add_lamps(parts, town.chain(beside))?;
+    add_floor(parts, vec3(10.0, 0.0, 10.0), vec3(480.0, 0.0, 550.0));
+    Ok(())
+}
+
+/// Lamps around the origin, from 10 m on, as many in each decade of distance.
+fn decades(parts: &mut Parts, count: usize, power: i32) -> Result<(), WorldError> {
+    let at = |i| {
+        let place = lattice(i);
+        let distance = 10.0_f64.powf(1.0 + f64::from(power - 1) * place.x);
+        let (sine, cosine) = (std::f64::consts::TAU * place.z).sin_cos();
+        DVec3::new(distance * cosine, 4.0 + 0.1 * distance * place.y, distance * sine)
+    };
+    add_lamps(parts, (0..count).map(at))?;
+    add_floor(parts, vec3(-50.0, 0.0, -50.0), vec3(100.0, 0.0, 100.0));
+    Ok(())
+}
+
+/// Lamps around a place far away from the origin, which does not follow it. Places there are as exact as f32 is.
+fn far_off(parts: &mut Parts, rng: &mut Rng, distance: f64) -> Result<(), WorldError> {
+    let extent = 5.0e-5 * distance as f32;
+    let mut around = |height| DVec3::X * distance + in_box(rng, vec3(extent, height, extent)).as_dvec3();
+    add_lamps(parts, (0..4096).map(|_| around(0.01 * extent)).collect::<Vec<_>>().into_iter())?;
+    parts.receive(|| (around(0.0).as_vec3() - Vec3::Y * 0.02 * extent, Vec3::Y));
     Ok(())
 }

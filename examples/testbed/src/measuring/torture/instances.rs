@@ -5,6 +5,7 @@ use crate::common::pcg::Rng;
 use girandole::glam::{Mat3, Vec3, vec3};
 use girandole::{Light, LightTree, Placement, Policy, WorldError};
 use std::f32::consts::PI;
+use std::ops::Range;
 
 pub const SCENES: &[(&str, Make)] = &[
     ("scaled by 0.01", |parts, rng| scaled(parts, rng, Vec3::splat(0.01))),
@@ -63,11 +64,17 @@ fn many_scales(parts: &mut Parts, rng: &mut Rng) -> Result<(), WorldError> {
     Ok(())
 }
 
-/// 200 instances of one tree of 100 such lights, whose panels have an edge of 20 cm in the largest.
-pub(super) fn shared_scales(parts: &mut Parts, rng: &mut Rng) -> Result<(), WorldError> {
+/// Instances of one tree of 100 such lights, whose panels have an edge of 20 cm at a scale of 1, at scales of
+/// these powers of ten.
+pub(super) fn shared_scales(
+    parts: &mut Parts,
+    rng: &mut Rng,
+    instances: usize,
+    powers: Range<f32>,
+) -> Result<(), WorldError> {
     let tree = parts.world.add_tree(LightTree::new(lamps_and_panels(rng, 100, vec3(3.0, 1.0, 3.0), Vec3::ONE))?);
-    for _ in 0..200 {
-        let linear = rotation(rng) * 10.0_f32.powf(rng.range(-2.0, 0.0));
+    for _ in 0..instances {
+        let linear = rotation(rng) * 10.0_f32.powf(rng.range(powers.start, powers.end));
         let translation = in_box(rng, vec3(40.0, 5.0, 40.0)).as_dvec3();
         parts.world.add_instance(tree, Placement { linear, translation }, Policy::Static)?;
     }
@@ -76,7 +83,7 @@ pub(super) fn shared_scales(parts: &mut Parts, rng: &mut Rng) -> Result<(), Worl
 }
 
 /// Instances whose lights all spread over the same square kilometre.
-fn overlapping(parts: &mut Parts, rng: &mut Rng, instances: usize, lights: usize) -> Result<(), WorldError> {
+pub(super) fn overlapping(parts: &mut Parts, rng: &mut Rng, instances: usize, lights: usize) -> Result<(), WorldError> {
     for _ in 0..instances {
         let lights = (0..lights).map(|_| lamp(in_box(rng, vec3(500.0, 3.0, 500.0)), rng.range(20.0, 200.0))).collect();
         parts.add(lights, Mat3::from_rotation_y(rng.range(0.0, 2.0 * PI)), Vec3::ZERO)?;
