@@ -187,7 +187,7 @@ fn light_stretch_sample(stretch: LightStretch, u: f32) -> LightAlong {
     return LightAlong(stretch.start + from_a, light_stretch_density(stretch, place));
 }
 
-// The stretch of a light, which may be directional.
+// The stretch of a light that is there, which may be directional.
 fn light_stretch_of(shading_point: LightShadingPoint, instance: u32, light: u32) -> LightStretch {
     var slot = instance;
     // #if DIRECTIONAL
@@ -202,10 +202,14 @@ fn light_stretch_of(shading_point: LightShadingPoint, instance: u32, light: u32)
 }
 
 // Chooses the distance along a segment at which the light of a given light is gathered. `u` in
-// [0, 1). At 0 with the density 1 for a shading point without a segment.
+// [0, 1). At 0 with the density 1 for a shading point without a segment; with the density 0 for a light that is
+// not there.
 fn light_sample_along(shading_point: LightShadingPoint, instance: u32, light: u32, u: f32) -> LightAlong {
     if !light_is_segment(shading_point) {
         return LightAlong(0.0, 1.0);
+    }
+    if light_find_any(instance, light) == LIGHT_NO_LIGHT {
+        return LightAlong(0.0, 0.0);
     }
     return light_stretch_sample(light_stretch_of(shading_point, instance, light), light_clamp_unit(u));
 }
@@ -214,6 +218,9 @@ fn light_sample_along(shading_point: LightShadingPoint, instance: u32, light: u3
 fn light_along_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, along: f32) -> f32 {
     if !light_is_segment(shading_point) {
         return 1.0;
+    }
+    if light_find_any(instance, light) == LIGHT_NO_LIGHT {
+        return 0.0;
     }
     let stretch = light_stretch_of(shading_point, instance, light);
     let from_a = light_limited(vec3(along)).x - stretch.start;
@@ -235,9 +242,13 @@ fn light_point_along(shading_point: LightShadingPoint, along: f32) -> LightShadi
 
 // Chooses a point of a segment and a point on a light that was picked. Twin of
 // `LightSampler::sample_light_along`.
-fn light_sample_picked_along(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample {
-    let chosen = light_sample_along(shading_point, pick.instance, pick.light, u.x);
-    if pick.pmf <= 0.0 || chosen.pdf <= 0.0 {
+fn light_sample_drawn_along(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample {
+    var chosen = LightAlong(0.0, 0.0);
+    if pick.pmf > 0.0 {
+        let stretch = light_stretch_of(shading_point, pick.instance, pick.light);
+        chosen = light_stretch_sample(stretch, light_clamp_unit(u.x));
+    }
+    if chosen.pdf <= 0.0 {
         return LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u);
     }
     var slot = pick.instance;

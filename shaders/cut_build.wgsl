@@ -72,7 +72,7 @@ fn cell_point(cell: LightCutCell, word: u32, is_center: bool) -> LightShadingPoi
     return light_masked_point(point, cell.mask);
 }
 
-// What a child of a node sends to a point, and whether it sends anything at all.
+// What a child of a node sends to a point, and whether any of its lights may reach the cell, by its mask.
 struct Estimate {
     lux: f32,
     doubt: f32,
@@ -81,7 +81,7 @@ struct Estimate {
 }
 
 fn estimate(
-    place: LightPlace, slot: u32, point: LightShadingPoint, local: LightLocalShadingPoint,
+    place: LightPlace, slot: u32, point: LightShadingPoint, mask: u32, local: LightLocalShadingPoint,
     // #if LEARNS
     learnt: LightCell,
     // #endif
@@ -91,13 +91,13 @@ fn estimate(
     let at = place.index * light_params.node_stride;
     let packed = light_packed_child(in_top, at, slot);
     let is_light = (packed.child_bits & local.light_bit) != 0u;
-    let is_lit = light_has_flux(packed);
-    var is_seen = is_lit;
+    // Where all instances have all bits, the text knows no masks, and a cell without a bit sees none of them.
+    var is_lit = light_has_flux(packed) && mask != 0u;
     // #if MASKS
-    is_seen = is_seen && (light_met_children(in_top, place.index, point.mask) & (1u << slot)) != 0u;
+    is_lit = is_lit && (light_met_children(in_top, place.index, mask) & (1u << slot)) != 0u;
     // #endif
-    if !is_seen {
-        return Estimate(0.0, 0.0, is_lit, is_light);
+    if !is_lit {
+        return Estimate(0.0, 0.0, false, is_light);
     }
     let view = light_node_view(light_quad(in_top, at), local);
     var found = light_importance(packed, local, view);
@@ -105,7 +105,7 @@ fn estimate(
     found.lux *= light_visible_share(packed, view, place.instance, local, learnt);
     // #endif
     // #if MASKS
-    found.lux *= light_seen_share(in_top, packed.child_bits, point.mask);
+    found.lux *= light_seen_share(in_top, packed.child_bits, mask);
     // #endif
     // #if SKY
     // #if PORTALS
@@ -118,7 +118,7 @@ fn estimate(
     }
     // #endif
     // #endif
-    return Estimate(found.lux, found.doubt, is_lit, is_light);
+    return Estimate(found.lux, found.doubt, true, is_light);
 }
 
 // What a child is split by: of its doubts and shares at all points the mean doubt, and the deviation of
@@ -184,7 +184,7 @@ fn cut_build(
     var column = 0.0;
     loop {
         let found = estimate(
-            place, slot, point, local,
+            place, slot, point, cell.mask, local,
             // #if LEARNS
             learnt,
             // #endif

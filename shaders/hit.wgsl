@@ -241,9 +241,10 @@ fn light_hit(shading_point: LightShadingPoint, direction: vec3<f32>, max_dist: f
 fn light_place_on(shading_point: LightShadingPoint, s: LightSample) -> vec2<f32> {
     var place = vec2(0.0);
     // #if AREAS
-    if s.pmf > 0.0 && s.instance < light_params.slots {
+    let index = light_find(s.instance, s.light);
+    if s.pmf > 0.0 && index != LIGHT_NO_LIGHT {
         let instance = light_instance(s.instance);
-        let record = light_record(instance.light_base + s.light);
+        let record = light_record(index);
         let kind = record.kind & LIGHT_KIND_MASK;
         let is_parallelogram = kind == LIGHT_KIND_RECTANGLE;
         if is_parallelogram || kind == LIGHT_KIND_TRIANGLE {

@@ -91,11 +91,12 @@ fn light_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, point:
         return 0.0;
     }
     // #endif
-    if instance == LIGHT_DIRECTIONAL {
+    let index = light_find(instance, light);
+    if index == LIGHT_NO_LIGHT {
         return 0.0;
     }
     let placed = light_instance(instance);
-    let record = light_record(placed.light_base + light);
+    let record = light_record(index);
     let toward = light_limited(point) - shading_point.position;
     var pdf = 0.0;
     // #if AREAS

@@ -23,7 +23,7 @@ fn LIGHT_RESAMPLE(LIGHT_PARAMETERS, u: vec4<f32>, choice: f32, candidates: u32) 
         if index == drawn.count {
             drawn.picks[index] = light_draw(&cut, directional_lux, shading_point, numbers.xy);
         }
-        candidate = light_sample_picked(shading_point, drawn.picks[index], numbers.zw);
+        candidate = light_sample_drawn(shading_point, drawn.picks[index], numbers.zw);
         if drawn.count == count {
             break;
         }

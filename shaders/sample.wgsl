@@ -61,13 +61,19 @@ fn light_illuminance(index: u32, shading_point: LightShadingPoint) -> f32 {
     return lux;
 }
 
+// The illuminance by all directional lights, and that by one of them, in lux; 0 for one that is not there.
+fn light_directional_lux_of(shading_point: LightShadingPoint, light: u32) -> vec2<f32> {
+    var sums = vec2(0.0);
+    for (var i = 0u; i < light_params.directional_count; i++) {
+        let lux = light_illuminance(i, shading_point);
+        sums += vec2(lux, select(0.0, lux, i == light));
+    }
+    return sums;
+}
+
 // The illuminance by all directional lights, in lux.
 fn light_directional_lux(shading_point: LightShadingPoint) -> f32 {
-    var sum = 0.0;
-    for (var i = 0u; i < light_params.directional_count; i++) {
-        sum += light_illuminance(i, shading_point);
-    }
-    return sum;
+    return light_directional_lux_of(shading_point, LIGHT_NO_LIGHT).x;
 }
 
 // The directional light at a point of the line from 0 to the illuminance by all of them. `total`
@@ -119,8 +125,8 @@ fn light_draw(
     return LightPick(pick.instance, pick.light, light_joint_pmf(pmf, pick.pmf));
 }
 
-// Returns the probability with which light_pick and light_sample choose a light. `instance` is the
-// slot of its instance, or 0xffffffff for directional lights.
+// Returns the probability with which light_pick and light_sample choose a light; 0 for one that is not there.
+// `instance` is the slot of its instance, or 0xffffffff for directional lights.
 fn light_pmf(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32 {
     // #if PREVIOUS
     // There was no such light, or another.
@@ -130,7 +136,8 @@ fn light_pmf(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
     // #endif
     var directional_lux = 0.0;
     // #if DIRECTIONAL
-    directional_lux = light_directional_lux(shading_point);
+    let lux = light_directional_lux_of(shading_point, light);
+    directional_lux = lux.x;
     // #endif
     var cut: LightCut;
     light_new_cut(&cut, directional_lux, shading_point);
@@ -138,7 +145,7 @@ fn light_pmf(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
     // #if DIRECTIONAL
     let total = cut.total + directional_lux;
     if instance == LIGHT_DIRECTIONAL {
-        return light_choice_pmf(light_illuminance(light, shading_point), total);
+        return light_choice_pmf(lux.y, total);
     }
     if directional_lux > 0.0 {
         pmf = light_choice_pmf(cut.total, total);
@@ -152,7 +159,7 @@ fn light_pmf(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
 
 // Chooses a light and a point on it. `u` in [0, 1): two numbers choose the light, two the point.
 fn light_sample(shading_point: LightShadingPoint, u: vec4<f32>) -> LightSample {
-    return light_sample_picked(shading_point, light_pick(shading_point, u.xy), u.zw);
+    return light_sample_drawn(shading_point, light_pick(shading_point, u.xy), u.zw);
 }
 
 // #if FACTORS
@@ -170,11 +177,18 @@ fn light_factored(incident: LightIncident, slot: u32, instance: LightInstance) -
 }
 // #endif
 
-// Chooses a point on a light that was picked.
+// Chooses a point on a light that the engine names. Its pmf is 0 for one that is not there.
 fn light_sample_picked(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample {
+    var known = pick;
+    known.pmf = select(pick.pmf, 0.0, light_find_any(pick.instance, pick.light) == LIGHT_NO_LIGHT);
+    return light_sample_drawn(shading_point, known, u);
+}
+
+// Chooses a point on a light that was picked. A pick with a pmf above 0 names a light that is there.
+fn light_sample_drawn(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample {
     // #if SEGMENTS
     if light_is_segment(shading_point) {
-        return light_sample_picked_along(shading_point, pick, u);
+        return light_sample_drawn_along(shading_point, pick, u);
     }
     // #endif
     if pick.pmf <= 0.0 {

@@ -195,11 +195,6 @@ fn light_node_base(slot: u32) -> u32 {
     return light_instances[slot * light_params.instance_stride + LIGHT_INSTANCE_TREE].z;
 }
 
-// The first light of an instance's tree.
-fn light_light_base(slot: u32) -> u32 {
-    return light_instances[slot * light_params.instance_stride + LIGHT_INSTANCE_TREE].w;
-}
-
 // Returns the 32 bits that the engine has given to an instance; 0 for LIGHT_DIRECTIONAL and for a
 // slot without a shown instance. Twin of `LightWorld::user_data`.
 fn light_user_data(instance: u32) -> u32 {
@@ -210,7 +205,8 @@ fn light_user_data(instance: u32) -> u32 {
 }
 
 // Returns a number that changes when an instance and an index come to name another light, at least 1;
-// 0 where no instance is shown, and where stand-ins are shown in place of its lights or the reverse.
+// 0 where no instance is shown, for an index beyond the lights of its tree, and where stand-ins are shown in place
+// of its lights or the reverse.
 // Twin of `LightWorld::generation`.
 fn light_generation(instance: u32, light: u32) -> u32 {
     let births = light_births(instance, light);
@@ -218,30 +214,43 @@ fn light_generation(instance: u32, light: u32) -> u32 {
     return select(0u, max(mixed >> 8u, 1u), births.z != 0u);
 }
 
-// The birth numbers of an instance and of its light, and 1; all 0 where no instance is shown.
-fn light_births(instance: u32, light: u32) -> vec3<u32> {
-    var of_instance = 0u;
-    var index = light_params.directional_base + light;
-    if instance == LIGHT_DIRECTIONAL {
-        if light >= light_params.directional_count {
-            return vec3(0u);
-        }
-    } else {
-        if instance >= light_params.slots {
-            return vec3(0u);
-        }
-        let words = light_instances[instance * light_params.instance_stride + LIGHT_INSTANCE_TREE];
-        if (words.x & LIGHT_LIVE) == 0u {
-            return vec3(0u);
-        }
-        of_instance = words.x >> LIGHT_BIRTH_SHIFT;
-        index = words.w + light;
+const LIGHT_NO_LIGHT: u32 = 0xffffffffu;
+
+// The index of a light of an instance from the start of the buffer; LIGHT_NO_LIGHT where an engine asks for one
+// that is not there: where no instance is shown, beyond the lights of its tree, and for stand-ins in place of the
+// tree or the reverse. Dark and removed lights are there.
+fn light_find(instance: u32, light: u32) -> u32 {
+    if instance >= light_params.slots {
+        return LIGHT_NO_LIGHT;
     }
-    // The index of a stand-in, once the tree is here, or the reverse.
-    if index >= arrayLength(&light_records) / light_params.light_stride {
+    let words = light_instances[instance * light_params.instance_stride + LIGHT_INSTANCE_TREE];
+    if (words.x & LIGHT_LIVE) == 0u {
+        return LIGHT_NO_LIGHT;
+    }
+    let lights = light_nodes[words.z * light_params.node_stride + LIGHT_NODE_TAIL].zw;
+    return select(LIGHT_NO_LIGHT, words.w + light, light - lights.x < lights.y);
+}
+
+// The same for any light, which may be directional.
+fn light_find_any(instance: u32, light: u32) -> u32 {
+    if instance == LIGHT_DIRECTIONAL {
+        return select(LIGHT_NO_LIGHT, light_params.directional_base + light, light < light_params.directional_count);
+    }
+    return light_find(instance, light);
+}
+
+// The birth numbers of an instance and of its light, and 1; all 0 where there is no such light.
+fn light_births(instance: u32, light: u32) -> vec3<u32> {
+    let index = light_find_any(instance, light);
+    if index == LIGHT_NO_LIGHT {
         return vec3(0u);
     }
-    return vec3(of_instance, light_records[index * light_params.light_stride].w >> LIGHT_BIRTH_SHIFT, 1u);
+    var of_instance = 0u;
+    if instance != LIGHT_DIRECTIONAL {
+        of_instance = light_instances[instance * light_params.instance_stride + LIGHT_INSTANCE_TREE].x;
+    }
+    let of_light = light_records[index * light_params.light_stride].w;
+    return vec3(vec2(of_instance, of_light) >> vec2(LIGHT_BIRTH_SHIFT), 1u);
 }
 
 // Whether the lights of an instance are stand-ins. Then their indices begin at LIGHT_STAND_IN, and

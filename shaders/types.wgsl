@@ -10,7 +10,8 @@ struct LightNode {
     head: vec4<u32>,
     // See `LightPackedChild`.
     children: array<vec4<u32>, 8>,
-    // The parent, and the ratios of flux by surfaces.
+    // The parent, and the ratios of flux by surfaces. Of the root of a tree also the index of its first light, and
+    // how many lights it has.
     tail: vec4<u32>,
     // Two children each.
     lobes: array<vec4<u32>, 4>,

@@ -201,16 +201,13 @@ fn light_row_to_record(cell: LightCell) -> u32 {
 }
 
 // Records whether a sample's point on a light is visible: whether a shadow ray to it met nothing. For a
-// segment `chosen` is the last sample that was drawn. Nothing is recorded for directional lights, for instances that
+// segment `chosen` is the last sample that was drawn. Nothing is recorded for directional lights, for lights that
 // are gone, and for samples whose pmf is 0. It takes effect when the frame is folded. Twin of
 // `LightSampler::record_visibility`.
 fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample, is_visible: bool) {
-    if chosen.pmf <= 0.0 || chosen.instance == LIGHT_DIRECTIONAL {
-        return;
-    }
-    let placed = light_instance(chosen.instance);
+    let index = light_find(chosen.instance, chosen.light);
     let rows = light_row_counts();
-    if rows.x == 0u || (placed.flags & LIGHT_LIVE) == 0u {
+    if chosen.pmf <= 0.0 || rows.x == 0u || index == LIGHT_NO_LIGHT {
         return;
     }
     let cell = light_cell(shading_point);
@@ -220,9 +217,9 @@ fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample
     }
     let counts = 2u * (rows.x + rows.y + row * LIGHT_BINS) + select(0u, 1u, is_visible);
     var instance = chosen.instance;
-    var base = placed.node_base;
+    var base = light_node_base(instance);
     var local = light_local_to_tree(instance, shading_point);
-    var place = light_place(placed.light_base + chosen.light);
+    var place = light_place(index);
     // The light was removed.
     if place == LIGHT_NO_PARENT {
         return;

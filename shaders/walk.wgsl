@@ -89,20 +89,15 @@ fn light_descend(
 }
 
 // The probability that light_descend ends at a light: climbs from its leaf to the lowest split node.
-// Twin of `climb`.
+// 0 for a light that is not there. Twin of `climb`.
 fn light_climb(
     cut: ptr<function, LightCut>, shading_point: LightShadingPoint, slot_of_instance: u32, light: u32,
 ) -> f32 {
-    // A slot without an instance, or with one that is not shown.
-    let flags = light_instance(slot_of_instance).flags;
-    if (flags & LIGHT_LIVE) == 0u {
+    let index = light_find(slot_of_instance, light);
+    if index == LIGHT_NO_LIGHT {
         return 0.0;
     }
-    // The buffers hold either the lights of the tree or their stand-ins.
-    if ((flags & LIGHT_STANDS_IN) != 0u) != (light >= LIGHT_STAND_IN) {
-        return 0.0;
-    }
-    var up = light_place(light_light_base(slot_of_instance) + light);
+    var up = light_place(index);
     // The light was removed.
     if up == LIGHT_NO_PARENT {
         return 0.0;
@@ -147,7 +142,8 @@ fn light_climb(
         // #if UNSPLIT
         var in_cut = in_top && place.index == 0u;
         // #if SKY
-        in_cut = in_cut || (place.instance == light_params.sky && up / LIGHT_WIDTH == 0u);
+        in_cut = in_cut
+            || (place.instance == light_params.sky && up / LIGHT_WIDTH == 0u && light_sees_sky(shading_point));
         // #endif
         // #endif
         // #if SPLITS

@@ -108,7 +108,8 @@ use crate::plan::{ShaderParts, TargetHook};
 /// `instance` is a slot, which stays the same while the instance lives: see
 /// [`LightWorld::instance_at`](crate::LightWorld::instance_at) and
 /// [`LightWorld::slot`](crate::LightWorld::slot). `light` is the index in the instance's tree, or
-/// `LIGHT_STAND_IN` (2³⁰) and more for a stand-in of that tree's lights. For a directional light, `instance` is `LIGHT_DIRECTIONAL` (`u32::MAX`) and `light` is the index in
+/// `LIGHT_STAND_IN` (2³⁰) and more for a stand-in of that tree's lights. A light that is not there has
+/// the probability, density and generation 0, and sends nothing. For a directional light, `instance` is `LIGHT_DIRECTIONAL` (`u32::MAX`) and `light` is the index in
 /// [`LightWorld::directionals`](crate::LightWorld::directionals) at the last upload.
 ///
 /// # Bindings

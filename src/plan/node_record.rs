@@ -7,7 +7,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::tree::{Node, WIDTH};
+use crate::tree::{LightTree, Node, WIDTH};
 
 /// A node. `LightNode` in WGSL.
 #[repr(C)]
@@ -20,7 +20,8 @@ pub(crate) struct NodeRecord {
     /// As in [`Node`].
     pub parent: u32,
     pub area_ratios: u32,
-    pub padding: [u32; 2],
+    /// Of the root of a tree: the index of its first light, and how many lights it has.
+    pub lights: [u32; 2],
     /// Stored in worlds with cones or ranges.
     pub lobes: [LobeRecord; WIDTH],
 }
@@ -48,6 +49,11 @@ pub(crate) struct LobeRecord {
     pub range: u16,
 }
 
+/// The nodes of a tree on the GPU, where each tree has a root, which says how many lights it has.
+pub(crate) fn stored_nodes(tree: &LightTree) -> &[Node] {
+    if tree.nodes().is_empty() { &[Node::EMPTY] } else { tree.nodes() }
+}
+
 impl NodeRecord {
     /// A node without children and without a parent.
     pub const EMPTY: Self = Self::of(&Node::EMPTY);
@@ -61,7 +67,7 @@ impl NodeRecord {
                 WIDTH],
             parent: node.parent,
             area_ratios: node.area_ratios,
-            padding: [0; 2],
+            lights: [0; 2],
             lobes: [LobeRecord { axis: [0; 3], cap: 0, shortness: 0, padding: 0, range: 0 }; WIDTH],
         };
         // Constant functions have no other loops.

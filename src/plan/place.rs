@@ -9,6 +9,7 @@ use std::ops::Range;
 use super::changes::FrameChanges;
 use super::error::PlanError;
 use super::layout::TreeRecord;
+use super::node_record::stored_nodes;
 use super::pool::{Demand, Growth};
 use super::residency::{Form, Incoming, NOT_WEIGHED, TreeState, has_room, with_growth};
 use super::room::TreeRoom;
@@ -90,7 +91,7 @@ impl<'a> Subject<'a> {
     }
 
     fn counts(&self) -> [usize; 2] {
-        [self.tree().nodes().len(), self.tree().lights().len()]
+        [stored_nodes(self.tree()).len(), self.tree().lights().len()]
     }
 
     /// The error that stand-ins of the tree make, per node and light of the tree, as the bits of a
@@ -329,7 +330,7 @@ impl TreeStore {
         room: &mut TreeRoom,
     ) -> Result<(), PlanError> {
         let few = stand_ins(subject.tree());
-        let counts = [few.nodes().len(), few.lights().len()];
+        let counts = [stored_nodes(&few).len(), few.lights().len()];
         let is_same = state.form == Form::StandIns && [state.nodes.len(), state.lights.len()] == counts;
         let [nodes, lights] = match is_same {
             true => [state.nodes.clone(), state.lights.clone()],

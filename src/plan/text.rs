@@ -324,7 +324,7 @@ fn functions(group: u32, effects: Effects, extras: Extras, target: Option<&Targe
 }
 
 /// Constants that `LightShader` documents for engines. Every variant has them.
-const PROMISED: [&str; 2] = ["LIGHT_DIRECTIONAL", "LIGHT_MAX_CANDIDATES"];
+const PROMISED: [&str; 3] = ["LIGHT_DIRECTIONAL", "LIGHT_MAX_CANDIDATES", "LIGHT_STAND_IN"];
 
 /// The constants that a text names outside of comments, and the constants that engines may name.
 fn constants_of(text: &str) -> String {
@@ -909,7 +909,7 @@ mod tests {
             (Effects::SECTORS, "light_from_home LightInstance.sector LIGHT_SECTOR_EDGE"),
             (
                 Effects::DIRECTIONAL,
-                "light_illuminance light_directional_lux light_pick_directional LIGHT_KIND_DIRECTIONAL",
+                "light_illuminance light_directional_lux light_directional_lux_of light_pick_directional LIGHT_KIND_DIRECTIONAL",
             ),
             (
                 Effects::NON_RIGID,

@@ -8,7 +8,7 @@ use super::changes::UploadReport;
 use super::commands::Commands;
 use super::frame::FramePlan;
 use super::layout::{Bases, InstanceRecord, LightRecord, ParamsRecord, STAND_IN, TreeRecord, stored_place};
-use super::node_record::NodeRecord;
+use super::node_record::{NodeRecord, stored_nodes};
 use super::reserve::Reservation;
 use super::residency::{Form, Incoming, TreeState};
 use super::room::{Room, TreeRoom};
@@ -241,9 +241,13 @@ impl LightPlanner {
             for run in &runs[node_runs.clone()] {
                 let range = run.start as usize..run.end as usize;
                 report.nodes += range.len();
-                let nodes = tree.nodes()[range].iter().map(|node| {
+                let nodes = run.clone().zip(&stored_nodes(tree)[range]).map(|(index, node)| {
                     let parent = stored_place(node.parent, openings);
-                    NodeRecord::of(&with_lights_from(offset, Node { parent, ..*node }))
+                    let record = NodeRecord::of(&with_lights_from(offset, Node { parent, ..*node }));
+                    NodeRecord {
+                        lights: if index == 0 { [offset, tree.lights().len() as u32] } else { [0; 2] },
+                        ..record
+                    }
                 });
                 let target = node_base + run.start..node_base + run.end;
                 self.trees.nodes.write(commands, &mut staged.nodes, target, nodes);

@@ -227,9 +227,9 @@ impl<'a> InstanceTrees<'a> for MaskedWorldTrees<'a, '_> {
             return;
         }
         let (mask, masks) = (self.trees.shading_point.mask, self.hidden.masks);
-        let unions = masks.get(node as usize).map_or([u32::MAX; WIDTH], |masks| masks.children);
+        let met = self.trees.sampler.met_children(tree, node, mask);
         for slot in 0..WIDTH {
-            if unions[slot] & mask == 0 {
+            if !met[slot] {
                 children.importance[slot] = 0.0;
             } else if let Some(ChildRef::Node(child)) = record.child(slot) {
                 children.importance[slot] *= masks.get(child as usize).map_or(1.0, |masks| masks.shares.seen(mask));
@@ -558,6 +558,17 @@ impl<'a> LightSampler<'a> {
     pub(crate) fn hidden(&self, shading_point: &ShadingPoint) -> Option<Hidden<'a>> {
         let (masks, portals) = (&self.top.masks, self.portals(shading_point));
         (!masks.is_empty() || shading_point.mask == 0 || portals.is_some()).then_some(Hidden { masks, portals })
+    }
+
+    /// Whether the masks of instances below each child of a node and a mask have a bit in common. All of them in a
+    /// tree, whose lights have the mask of one instance.
+    #[inline(always)]
+    pub(crate) fn met_children(&self, tree: &TreeView<'_>, node: u32, mask: u32) -> [bool; WIDTH] {
+        if !tree.is_top() {
+            return [true; WIDTH];
+        }
+        let unions = self.top.masks.get(node as usize).map_or([u32::MAX; WIDTH], |masks| masks.children);
+        unions.map(|union| union & mask != 0)
     }
 
     /// What is learnt about the cell of a shading point.

@@ -268,8 +268,7 @@ impl LightWorld {
     /// A number that shaders read with `light_generation(instance, light)`, at least 1 and below 2²⁴;
     /// `None` for a stale key, if the instance is not shown, and for an index beyond those of the tree. A
     /// removed light keeps its number until its index is used again. Shaders read 0 where no instance is
-    /// shown or they see stand-ins of the tree, and some number of another light for an index beyond
-    /// those of the tree. O(1).
+    /// shown, for an index beyond those of the tree, and where they see stand-ins of the tree. O(1).
     ///
     /// A slot and an index name the same light for as long as this number stays the same. Another
     /// instance in the slot, another tree, other lights in the tree, or a light that was added at the

@@ -291,6 +291,10 @@ impl RefitJob {
                 self.log.add(&[], self.tree.moved_leaves().iter().copied(), records);
                 // Of lights that were added and removed before this update.
                 let new = self.tree.lights().get(former_indices..).unwrap_or_default();
+                if !new.is_empty() {
+                    // The root on the GPU says how many indices there are.
+                    self.log.add(&[0], std::iter::empty(), records);
+                }
                 let new = (former_indices as u32..).zip(new);
                 let vacant: Vec<u32> = new.filter(|(_, light)| light.is_removed()).map(|(index, _)| index).collect();
                 self.log.add(&[], vacant.into_iter(), records);

@@ -476,16 +476,22 @@ fn changes_that_do_not_fit_are_refused_and_sent_with_the_next_upload_that_fits()
     assert_eq!(report.instances, 2, "the removed one, and the one that moved before the refusal");
 }
 
-/// Runs an engine's own shader and returns its answers. The shader has the lights at group 1 and
-/// runs `ask` once for each answer, in workgroups of 64. Group 0 has the questions at binding 0 and
-/// the answers at binding 1.
+/// Runs an engine's own shader once: see [`Asker`].
 pub(crate) fn ask<Q: bytemuck::Pod, A: bytemuck::Pod>(
     lights: &mut GpuLights,
     text: String,
     questions: &[Q],
     count: usize,
 ) -> Vec<A> {
-    let (device, queue) = gpu();
+    ask_by(&asker(lights, text), lights, questions, count)
+}
+
+/// An engine's own shader, which has the lights at group 1 and runs `ask` once for each answer, in workgroups of
+/// 64. Group 0 has the questions at binding 0 and the answers at binding 1.
+pub(crate) struct Asker(wgpu::BindGroupLayout, wgpu::ComputePipeline);
+
+pub(crate) fn asker(lights: &GpuLights, text: String) -> Asker {
+    let (device, _) = gpu();
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: None,
         source: wgpu::ShaderSource::Wgsl(text.into()),
@@ -516,11 +522,22 @@ pub(crate) fn ask<Q: bytemuck::Pod, A: bytemuck::Pod>(
         compilation_options: wgpu::PipelineCompilationOptions::default(),
         cache: None,
     });
+    Asker(own, pipeline)
+}
+
+/// Uploads nothing, builds the top level if that is due, and returns the shader's answers.
+pub(crate) fn ask_by<Q: bytemuck::Pod, A: bytemuck::Pod>(
+    Asker(own, pipeline): &Asker,
+    lights: &mut GpuLights,
+    questions: &[Q],
+    count: usize,
+) -> Vec<A> {
+    let (device, queue) = gpu();
     let input = buffer(&device, &queue, bytemuck::cast_slice(questions));
     let output = buffer(&device, &queue, &vec![0; count * size_of::<A>()]);
     let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: None,
-        layout: &own,
+        layout: own,
         entries: &[
             wgpu::BindGroupEntry { binding: 0, resource: input.as_entire_binding() },
             wgpu::BindGroupEntry { binding: 1, resource: output.as_entire_binding() },
@@ -530,7 +547,7 @@ pub(crate) fn ask<Q: bytemuck::Pod, A: bytemuck::Pod>(
     lights.build_top(&mut encoder);
     {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        pass.set_pipeline(&pipeline);
+        pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &group, &[]);
         pass.set_bind_group(1, lights.bind_group(), &[]);
         pass.dispatch_workgroups(count.div_ceil(64) as u32, 1, 1);

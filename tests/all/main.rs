@@ -1,5 +1,6 @@
 //! All integration tests in one binary, so that wgpu is linked only once.
 
+mod absent_lights;
 mod absolute;
 mod added_lights;
 mod allocations;

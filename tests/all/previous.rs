@@ -243,11 +243,16 @@ fn the_last_frames_probabilities_are_those_that_it_had() {
             }
         }
         // The queries of the last frame first, then others.
-        let fresh = (0..200).map(|i| {
+        let fresh = (0..240).map(|i| {
             let key = instances[(rng.bits() % instances.len() as u64) as usize];
             let lights = &names.of_trees[&world.instance_tree(key).expect("it lives")];
             let light = (rng.bits() % lights.len() as u64) as u32;
-            let (instance, light) = if i < 4 { (u32::MAX, i) } else { (world.slot(key).expect("it lives"), light) };
+            let (instance, light) = match i {
+                0..4 => (u32::MAX, i),
+                // Beyond the lights of the tree.
+                4..40 => (world.slot(key).expect("it lives"), lights.len() as u32 + light),
+                _ => (world.slot(key).expect("it lives"), light),
+            };
             Query { position: rng.position(30.0).to_array(), instance, light, padding: [0; 3] }
         });
         let queries: Vec<Query> = before.iter().map(|(query, ..)| *query).chain(fresh).collect();
@@ -258,10 +263,8 @@ fn the_last_frames_probabilities_are_those_that_it_had() {
                 (_, instance) => instance.map(|instance| LightId::Local { instance, light: query.light }),
             };
             let generation = light.and_then(|light| world.generation(light));
-            // A shader does not know how many lights a tree has.
-            if generation.is_some() || names.of(query, &world).is_some() {
-                assert_eq!(generation.map(|generation| generation as f32), Some(now[2]), "round {round}: {query:?}");
-            }
+            assert_eq!(generation.unwrap_or(0) as f32, now[2], "round {round}: {query:?}");
+            assert!(generation.is_some() || now[0] == 0.0, "round {round}: {query:?}");
         }
         for ((query, then, pmf), now) in before.iter().zip(&answers) {
             let is_same = then.is_some() && *then == names.of(query, &world);

@@ -26,6 +26,8 @@ use crate::tree::WIDTH;
 use crate::visibility::{VisibilityOptions, VisibilityTable};
 use crate::world::LightWorld;
 
+mod masks;
+
 /// What an invocation of the shaders below gets.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -33,7 +35,7 @@ struct Input {
     position: [f32; 3],
     roughness: f32,
     normal: [f32; 3],
-    padding: u32,
+    mask: u32,
     view: [f32; 3],
     more_padding: u32,
     u: [f32; 4],
@@ -50,12 +52,15 @@ struct Output {
 }
 
 const ENGINE: &str = "
-    struct Input { position: vec3<f32>, roughness: f32, normal: vec3<f32>, view: vec3<f32>, u: vec4<f32> }
+    struct Input { position: vec3<f32>, roughness: f32, normal: vec3<f32>, mask: u32, view: vec3<f32>, u: vec4<f32> }
     @group(0) @binding(0) var<storage, read> inputs: array<Input>;
     @group(0) @binding(1) var<storage, read_write> outputs: array<vec4<u32>>;
     fn shading_point(input: Input) -> LightShadingPoint {
-        if input.roughness < 0.0 { return light_surface_point(input.position, input.normal); }
-        return light_glossy_point(input.position, input.normal, input.view, input.roughness, 0.3, 0.4);
+        var at = light_surface_point(input.position, input.normal);
+        if input.roughness >= 0.0 {
+            at = light_glossy_point(input.position, input.normal, input.view, input.roughness, 0.3, 0.4);
+        }
+        return light_masked_point(at, input.mask);
     }
     @compute @workgroup_size(64) fn engine(@builtin(global_invocation_id) id: vec3<u32>) {
         if id.x >= arrayLength(&inputs) { return; }
@@ -94,6 +99,11 @@ struct Rig {
 
 impl Rig {
     fn new(effects: Effects, fallback: CutFallback, options: CutOptions) -> Self {
+        Self::choosing(effects, fallback, options, CHOOSE)
+    }
+
+    /// With another text that chooses lights.
+    fn choosing(effects: Effects, fallback: CutFallback, options: CutOptions, work: &str) -> Self {
         let (device, _) = gpu();
         let mut lights = gpu_lights();
         let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
@@ -104,7 +114,7 @@ impl Rig {
             compute_pipeline(shader.join(&ENGINE.replace("WORK", work)), "engine", [&own, &shader.layout])
         };
         let mark = pipeline(&lights.mark_shader(1, effects), MARK);
-        let choose = pipeline(&lights.cut_shader(1, effects, fallback), CHOOSE);
+        let choose = pipeline(&lights.cut_shader(1, effects, fallback), work);
         lights.share_cuts(Some(options)).expect("memory enough");
         Self { lights, own, mark, choose }
     }
@@ -214,7 +224,7 @@ fn inputs(count: u32, eye: Vec3, seed: u32) -> Vec<Input> {
             position: position.to_array(),
             roughness,
             normal: normal.to_array(),
-            padding: 0,
+            mask: u32::MAX,
             view: (eye - position).normalize().to_array(),
             more_padding: 0,
             u: [at(5), at(6), at(7), at(8)],
@@ -230,7 +240,7 @@ fn glossy_world() -> LightWorld {
 }
 
 fn point(input: &Input) -> ShadingPoint {
-    let point = ShadingPoint::surface(input.position.into(), input.normal.into());
+    let point = ShadingPoint::surface(input.position.into(), input.normal.into()).with_mask(input.mask);
     if input.roughness < 0.0 {
         return point;
     }

@@ -89,6 +89,8 @@ fn inputs(sampler: &LightSampler<'_>, frame: u32) -> Vec<Input> {
             Some(LightId::Local { instance, light }) => (sampler.world.slot(instance).expect("it lives"), light),
             _ => (u32::MAX, 0),
         };
+        // Some are gone: the trees have 30 lights.
+        let light = if i % 11 == 3 { light + 30 } else { light };
         let is_visible = u32::from(instance.wrapping_add(light / 4 + (position.x / 8.0) as u32).is_multiple_of(3));
         let (position, normal) = (position.to_array(), normal.to_array());
         Input { position, instance, normal, light, u, is_visible, padding: 0 }

@@ -45,7 +45,7 @@ struct Opened {
     sums: [f32; VIEWS],
     /// What is split next.
     priority: Lanes,
-    /// Bits of the children that may send light to some point of the cell.
+    /// Bits of the children that may send light to some point of the cell, by its mask.
     lit: u8,
 }
 
@@ -159,8 +159,9 @@ impl<'a> Sketch<'_, 'a, '_> {
             if view < POINTS {
                 doubts[view] = doubt;
             } else {
+                let met = self.sampler.met_children(&tree, id.node, point.mask);
                 for slot in 0..WIDTH {
-                    opened.lit |= u8::from(record.flux[slot] > 0) << slot;
+                    opened.lit |= u8::from(record.flux[slot] > 0 && met[slot]) << slot;
                 }
             }
         }
