@@ -5,19 +5,30 @@ use ::gltf::Semantic;
 use ::gltf::json::camera::Type;
 use ::gltf::json::extensions::ENABLED_EXTENSIONS;
 use ::gltf::json::validation::{Checked, Validate};
-use ::gltf::json::{Asset, Index, Path, Root, Value};
+use ::gltf::json::{Accessor, Asset, Index, Path, Root, Value};
 
 use super::error::{GltfError, document_error, shortened};
 
 /// Extensions that the library reads itself or that change no light, and the gltf crate does not know.
-const OWN_EXTENSIONS: [&str; 6] =
-    ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing", "KHR_materials_unlit", WEBP, LIGHTS_IES, LIGHTS_IMAGE_BASED];
+const OWN_EXTENSIONS: [&str; 7] = [
+    "KHR_mesh_quantization",
+    "EXT_mesh_gpu_instancing",
+    "KHR_materials_unlit",
+    NODE_VISIBILITY,
+    WEBP,
+    LIGHTS_IES,
+    LIGHTS_IMAGE_BASED,
+];
+/// The extension by which nodes are hidden.
+pub(super) const NODE_VISIBILITY: &str = "KHR_node_visibility";
 /// The extension by which textures have WebP images. Those without another image have it in the extension.
 const WEBP: &str = "EXT_texture_webp";
 /// The extension of lamps with photometric profiles.
 pub(super) const LIGHTS_IES: &str = "EXT_lights_ies";
 /// The extension of scenes with the light of their surroundings.
 pub(super) const LIGHTS_IMAGE_BASED: &str = "EXT_lights_image_based";
+/// The extension of compressed primitives, which is not read.
+const DRACO: &str = "KHR_draco_mesh_compression";
 /// Names of extensions in an error.
 const MAX_NAMES: usize = 16;
 
@@ -29,6 +40,7 @@ pub(super) fn check(root: &mut Root) -> Result<(), GltfError> {
     check_extensions(&root.extensions_required)?;
     check_bounds(root)?;
     check_positions(root)?;
+    check_compression(root)?;
     check_animations(root)?;
     check_cameras(root)?;
     check_images(root)?;
@@ -97,8 +109,28 @@ fn check_positions(root: &Root) -> Result<(), GltfError> {
     Ok(())
 }
 
-/// The gltf crate's validation leaves out the targets of animations.
-fn check_animations(root: &Root) -> Result<(), GltfError> {
+/// The gltf crate's validation names the accessors of compressed primitives without other data, but not the cause.
+fn check_compression(root: &Root) -> Result<(), GltfError> {
+    let is_empty = |accessor: &Index<Accessor>| {
+        root.accessors.get(accessor.value()).is_some_and(|found| found.buffer_view.is_none() && found.sparse.is_none())
+    };
+    for (index, mesh) in root.meshes.iter().enumerate() {
+        for primitive in &mesh.primitives {
+            let is_compressed = primitive.extensions.as_ref().is_some_and(|found| found.others.contains_key(DRACO));
+            if is_compressed && primitive.attributes.values().chain(&primitive.indices).any(is_empty) {
+                return Err(document_error(&format!("mesh {index}: a primitive has no data but those of {DRACO}")));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The gltf crate's validation leaves out the targets of animations. Channels of properties that glTF does not have
+/// belong to extensions, and are left out.
+fn check_animations(root: &mut Root) -> Result<(), GltfError> {
+    for animation in &mut root.animations {
+        animation.channels.retain(|channel| matches!(channel.target.path, Checked::Valid(_)));
+    }
     for (index, animation) in root.animations.iter().enumerate() {
         let mut is_valid = true;
         for channel in &animation.channels {

@@ -15,7 +15,8 @@
 //! either.
 //!
 //! A node whose scale is zero along one or more axes is hidden, as [`is_hidden`] tells: it becomes an
-//! instance that contributes nothing until it is moved to a placement that is not hidden.
+//! instance that contributes nothing until it is moved to a placement that is not hidden. A node that
+//! KHR_node_visibility hides, as [`node_visibility`] tells, becomes an instance that is not enabled.
 //!
 //! Quantized meshes (KHR_mesh_quantization), instances of meshes (EXT_mesh_gpu_instancing), texture
 //! transforms (KHR_texture_transform) and sparse accessors are read.
@@ -56,7 +57,9 @@ pub use error::GltfError;
 pub use image::read_image;
 pub use instancing::node_instances;
 pub use load::{GltfFile, GltfSource, load};
-pub use nodes::{is_hidden, local_transform, punctual_placement, scene_nodes, surface_placement, world_transforms};
+pub use nodes::{
+    is_hidden, local_transform, node_visibility, punctual_placement, scene_nodes, surface_placement, world_transforms,
+};
 pub use options::{EmissiveSides, GltfOptions};
 pub use parse::parse;
 pub use plan::{LightSource, material_emission};
@@ -87,7 +90,7 @@ pub struct NodeLights {
     pub source: LightSource,
     /// The tree, which other nodes may share.
     pub tree: TreeKey,
-    /// The instance. When the node moves to a transform `node`, move the instance to the
+    /// The instance. It is not [enabled](LightWorld::set_enabled) if [`node_visibility`] hides the node. When the node moves to a transform `node`, move the instance to the
     /// [`surface_placement`] of `node * local` if its lights are surfaces, to the [`profile_placement`] of
     /// `node` if it is a lamp with a profile, and to the [`punctual_placement`] of `node` otherwise.
     pub instance: InstanceKey,
@@ -101,8 +104,8 @@ pub struct NodeLights {
 pub struct GltfLights {
     /// Instances, in the order of [`scene_nodes`].
     pub nodes: Vec<NodeLights>,
-    /// Nodes and their directional lights. Hidden nodes are left out, since they may have no
-    /// direction.
+    /// Nodes and their directional lights. Hidden nodes are left out: a directional light is never disabled, and
+    /// those that a scale of zero hides may have no direction.
     pub directional: Vec<(usize, DirectionalKey)>,
     /// The sky, if the scene has a light of EXT_lights_image_based that became it.
     pub sky: Option<InstanceKey>,
@@ -207,8 +210,11 @@ fn add(
     for planned in plan.instances {
         let tree = trees[planned.tree];
         let instance = world.add_instance(tree, planned.placement, policy).map_err(refused(planned.node))?;
-        let PlannedInstance { node, source, local, .. } = planned;
+        let PlannedInstance { node, source, local, is_shown, .. } = planned;
         lights.nodes.push(NodeLights { node, source, tree, instance, local });
+        if !is_shown {
+            world.set_enabled(instance, false).map_err(refused(node))?;
+        }
     }
     for (node, light) in plan.directional {
         lights.directional.push((node, world.add_directional(light).map_err(refused(node))?));

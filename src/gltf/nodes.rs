@@ -4,7 +4,8 @@ use ::gltf::scene::Transform;
 use ::gltf::{Document, Node};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3, Quat, Vec3};
 
-use super::error::GltfError;
+use super::check::NODE_VISIBILITY;
+use super::error::{GltfError, document_error};
 use crate::instance::placement::Placement;
 
 /// A rotation whose squared length is below this has no direction.
@@ -95,6 +96,23 @@ pub fn world_transforms(document: &Document) -> Result<Vec<Option<DAffine3>>, Gl
         world[node] = Some(transform);
     }
     Ok(world)
+}
+
+/// Whether each node is shown, by node index: KHR_node_visibility hides nodes with all below them.
+///
+/// # Errors
+/// [`GltfError::Document`] if a node's extension is not valid, and those of [`scene_nodes`].
+pub fn node_visibility(document: &Document) -> Result<Vec<bool>, GltfError> {
+    let mut visible = Vec::with_capacity(document.nodes().len());
+    for node in document.nodes() {
+        let value = node.extension_value(NODE_VISIBILITY).and_then(|extension| extension.get("visible"));
+        let invalid = || document_error(&format!("node {}: {NODE_VISIBILITY} is neither true nor false", node.index()));
+        visible.push(value.map_or(Some(true), |value| value.as_bool()).ok_or_else(invalid)?);
+    }
+    for (node, parent) in scene_nodes(document)? {
+        visible[node] &= parent.is_none_or(|parent| visible[parent]);
+    }
+    Ok(visible)
 }
 
 /// The placement of a node's emissive surfaces: its transform, in the precision of a [`Placement`].

@@ -61,7 +61,7 @@ pub struct GltfOptions {
     ///
     /// The memory of the document is estimated from its text, and never too low: 1,280
     /// bytes for each JSON object, 256 bytes for each list and each comma, and two bytes for each
-    /// byte. Default: 2^32 (4 GiB).
+    /// byte; all twice if channels of animations have no node. Default: 2^32 (4 GiB).
     pub max_bytes: u64,
 }
 

@@ -1,8 +1,10 @@
 //! Parses files, and refuses those on which the gltf crate panics or takes too much memory.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use ::gltf::json::{Asset, Extras, deserialize};
+use ::gltf::binary::Glb;
+use ::gltf::json::{Asset, Extras, Root, Value, deserialize};
 use ::gltf::{Document, Gltf};
 
 use super::budget::Budget;
@@ -50,13 +52,35 @@ pub(super) fn parse_within(bytes: &[u8], budget: &mut Budget) -> Result<Gltf, Gl
     budget.take(most_memory(json))?;
     // The copy of the binary chunk.
     budget.take((bytes.len() - json.len()) as u64)?;
-    let Gltf { document, blob } = Gltf::from_slice_without_validation(bytes).map_err(|error| {
-        // Many extensions and other versions make a document invalid: those are the better message.
-        check_fields(json).err().unwrap_or_else(|| document_error(&error.to_string()))
-    })?;
-    let mut root = document.into_json();
+    let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
+    let glb = is_binary.then(|| Glb::from_slice(bytes)).transpose();
+    let glb = glb.map_err(|error| check_fields(json).err().unwrap_or_else(|| document_error(&error.to_string())))?;
+    let blob = glb.and_then(|glb| glb.bin).map(Cow::into_owned);
+    let mut root = read_root(json, budget)?;
     check(&mut root)?;
     Ok(Gltf { document: Document::from_json_without_validation(root), blob })
+}
+
+/// Reads the JSON of a document. The gltf crate requires a node of each channel of an animation, unlike glTF: other
+/// channels, such as those of KHR_animation_pointer, are left out.
+fn read_root(json: &[u8], budget: &mut Budget) -> Result<Root, GltfError> {
+    let error = match deserialize::from_slice(json) {
+        Ok(root) => return Ok(root),
+        Err(error) => error,
+    };
+    // Many extensions and other versions make a document invalid: those are the better message.
+    check_fields(json)?;
+    // The values that are changed, and the document once more.
+    budget.take(most_memory(json))?;
+    let changed = || {
+        let mut root: Value = deserialize::from_slice(json).ok()?;
+        for animation in root.get_mut("animations")?.as_array_mut()? {
+            let is_of_node = |channel: &Value| channel.get("target").is_none_or(|target| target.get("node").is_some());
+            animation.get_mut("channels")?.as_array_mut()?.retain(is_of_node);
+        }
+        deserialize::from_value(root).ok()
+    };
+    changed().ok_or_else(|| document_error(&error.to_string()))
 }
 
 /// A bound on the memory that parsing takes.

@@ -12,7 +12,7 @@ use glam::{DAffine3, Quat, Vec3};
 use super::emissive::{EmissiveTexture, TextureKey, Textures, coverage};
 use super::error::GltfError;
 use super::instancing::Instances;
-use super::nodes::{is_hidden, punctual_placement, scene_nodes, surface_placement, world_transforms};
+use super::nodes::{is_hidden, node_visibility, punctual_placement, scene_nodes, surface_placement, world_transforms};
 use super::options::{EmissiveSides, GltfOptions};
 use super::profiles::{Lamp, profile_placement, read_profile};
 use super::read::Triangles;
@@ -66,6 +66,8 @@ pub(super) struct PlannedInstance {
     pub placement: Placement,
     /// The transform to the space of the node.
     pub local: DAffine3,
+    /// Whether the node is not hidden by KHR_node_visibility.
+    pub is_shown: bool,
 }
 
 impl Plan {
@@ -81,9 +83,11 @@ impl Plan {
         }
         let nodes: Vec<Node<'_>> = document.nodes().collect();
         let transforms = world_transforms(document)?;
+        let shown = node_visibility(document)?;
         let mut outline = Outline::new(document, buffers, images, options);
         for (index, _) in scene_nodes(document)? {
             let (node, Some(transform)) = (&nodes[index], transforms[index]) else { continue };
+            outline.is_shown = shown[index];
             if let Some(mesh) = node.mesh().filter(|_| options.surfaces) {
                 outline.add_mesh(node, &mesh, &transform)?;
             }
@@ -159,6 +163,8 @@ struct Outline<'a, B> {
     directional: Vec<(usize, DirectionalLight)>,
     /// Lights of all trees.
     light_count: u64,
+    /// Whether the present node is not hidden by KHR_node_visibility.
+    is_shown: bool,
 }
 
 impl<'a, B: AsRef<[u8]>> Outline<'a, B> {
@@ -182,6 +188,7 @@ impl<'a, B: AsRef<[u8]>> Outline<'a, B> {
             instances: Vec::new(),
             directional: Vec::new(),
             light_count: 0,
+            is_shown: true,
         }
     }
 
@@ -205,7 +212,8 @@ impl<'a, B: AsRef<[u8]>> Outline<'a, B> {
             if !world.is_finite() {
                 return Err(GltfError::Transform { node });
             }
-            self.instances.push(PlannedInstance { node, source, tree, placement: surface_placement(&world), local });
+            let (placement, is_shown) = (surface_placement(&world), self.is_shown);
+            self.instances.push(PlannedInstance { node, source, tree, placement, local, is_shown });
         }
         Ok(())
     }
@@ -286,8 +294,8 @@ impl<'a, B: AsRef<[u8]>> Outline<'a, B> {
                 Light::spot(Vec3::ZERO, Vec3::NEG_Z, inner, outer, emission)
             }
             Kind::Directional => {
-                // A hidden node may give its light no direction.
-                if !is_hidden(transform) {
+                // A node that is hidden by its scale may give its light no direction.
+                if self.is_shown && !is_hidden(transform) {
                     let direction = placement.linear * Vec3::NEG_Z;
                     self.directional.push((node, DirectionalLight { direction, illuminance: emission }));
                 }
@@ -307,7 +315,7 @@ impl<'a, B: AsRef<[u8]>> Outline<'a, B> {
         };
         self.check_instances(1)?;
         let (source, local) = (LightSource::Punctual, DAffine3::IDENTITY);
-        self.instances.push(PlannedInstance { node, source, tree, placement, local });
+        self.instances.push(PlannedInstance { node, source, tree, placement, local, is_shown: self.is_shown });
         Ok(())
     }
 
@@ -333,7 +341,7 @@ impl<'a, B: AsRef<[u8]>> Outline<'a, B> {
         };
         self.check_instances(1)?;
         let (source, local) = (LightSource::Profile, DAffine3::IDENTITY);
-        self.instances.push(PlannedInstance { node, source, tree, placement, local });
+        self.instances.push(PlannedInstance { node, source, tree, placement, local, is_shown: self.is_shown });
         Ok(())
     }
 

@@ -13,12 +13,19 @@ use glam::{Vec2, Vec3};
 
 use super::error::GltfError;
 
+/// The most elements of a sparse accessor without a buffer view: it could state any number, and has no bytes for them.
+/// As many as [`GltfOptions::max_lights`](super::GltfOptions::max_lights) by default.
+const MAX_IMPLIED: usize = 1 << 22;
+
+/// The bytes of an element of zeros: of a vector of up to four words.
+static ZEROS: [u8; 16] = [0; 16];
+
 /// The elements of an accessor, checked to be within its buffer.
 #[derive(Clone, Copy)]
 struct Elements<'a> {
     /// From the first element's first byte to the last element's last.
     bytes: &'a [u8],
-    /// Bytes from one element to the next, at least `size`.
+    /// Bytes from one element to the next, at least `size`; 0 if all are the same bytes.
     stride: usize,
     /// Bytes of one element.
     size: usize,
@@ -26,12 +33,17 @@ struct Elements<'a> {
 }
 
 impl<'a> Elements<'a> {
-    /// The elements of an accessor without its sparse ones.
+    /// The elements of an accessor without its sparse ones, which replace zeros if there is no view.
     fn new<B: AsRef<[u8]>>(accessor: &Accessor<'_>, buffers: &'a [B]) -> Result<Self, GltfError> {
-        let Some(view) = accessor.view() else {
-            return Err(GltfError::Accessor { accessor: accessor.index(), what: "it has no buffer view" });
-        };
-        Self::in_view(accessor.index(), &view, accessor.offset(), accessor.count(), accessor.size(), buffers)
+        let refused = |what| Err(GltfError::Accessor { accessor: accessor.index(), what });
+        let (count, size) = (accessor.count(), accessor.size());
+        let zeros = accessor.sparse().and_then(|_| ZEROS.get(..size));
+        match (accessor.view(), zeros) {
+            (Some(view), _) => Self::in_view(accessor.index(), &view, accessor.offset(), count, size, buffers),
+            (None, None) => refused("it has no buffer view"),
+            (None, Some(_)) if count > MAX_IMPLIED => refused("it has no buffer view and over 4,194,304 elements"),
+            (None, Some(bytes)) => Ok(Self { bytes, stride: 0, size, count }),
+        }
     }
 
     /// `count` elements of `size` bytes from `offset` on in a view. `index` is that of the accessor,
@@ -179,8 +191,8 @@ impl<'a, const N: usize> Vectors<'a, N> {
 /// All vectors of an accessor, such as positions, rotations or key times.
 ///
 /// Normalized integers are converted to floats as glTF states, and other integers of 8 and 16 bits
-/// keep their values, as in KHR_mesh_quantization. Sparse accessors must have a buffer view too.
-/// Floats may be NaN or infinite.
+/// keep their values, as in KHR_mesh_quantization. Sparse accessors without a buffer view replace zeros, of which
+/// there may be 2^22. Floats may be NaN or infinite.
 ///
 /// # Errors
 /// [`GltfError::Accessor`], [`GltfError::MissingBuffer`], [`GltfError::OutOfBounds`].

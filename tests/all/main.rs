@@ -18,6 +18,7 @@ mod gltf;
 mod gltf_features;
 mod gltf_fuzz;
 mod gltf_load;
+mod gltf_variants;
 mod gpu;
 mod gpu_proof;
 mod hard_cases;
