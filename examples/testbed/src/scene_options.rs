@@ -126,6 +126,12 @@ impl SceneOptions {
         if dusk.is_some() {
             dusk::set(&mut stage)?;
         }
+        if let Some(path) =
+            dusk.and_then(|dusk| dusk.ies).filter(|_| lamp_profile.is_some_and(|profile| profile.flux() == 0.0))
+        {
+            let warning = format!("{}: all its intensities are 0 candela, so street lamps are dark", path.display());
+            stage.scene.warnings.push(warning);
+        }
         if let Some(camera) = self.camera() {
             stage.scene.camera = camera;
         }

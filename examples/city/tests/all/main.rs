@@ -6,4 +6,5 @@ mod films;
 mod filter;
 mod gltf;
 mod images;
+mod inputs;
 mod refusals;

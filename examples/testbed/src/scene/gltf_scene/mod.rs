@@ -12,8 +12,8 @@ use std::path::Path;
 use girandole::glam::{Affine3A, Mat3, Vec3, Vec4};
 use girandole::gltf::gltf::{Document, Node, Primitive};
 use girandole::gltf::{
-    self, GltfError, GltfFile, GltfOptions, load_lights_with_textures, node_instances, primitive_tex_coords,
-    primitive_triangles, world_transforms,
+    self, GltfError, GltfFile, GltfOptions, load_lights_with_textures, node_instances, node_visibility,
+    primitive_tex_coords, primitive_triangles, world_transforms,
 };
 use girandole::{DirectionalLight, LightWorld, Policy};
 
@@ -160,6 +160,7 @@ fn place(file: &GltfFile, images: &Images) -> Result<PlacedMeshes, SceneError> {
     let mut materials = Materials::new(images);
     materials.add_all(document);
     let transforms = world_transforms(document).map_err(error)?;
+    let shown = node_visibility(document).map_err(error)?;
     let mut mesh_indices: Vec<Option<u32>> = vec![None; document.meshes().len()];
     let mut meshes: Vec<Mesh> = Vec::new();
     for source in document.meshes() {
@@ -182,6 +183,7 @@ fn place(file: &GltfFile, images: &Images) -> Result<PlacedMeshes, SceneError> {
     for node in document.nodes() {
         let mesh = node.mesh().and_then(|mesh| mesh_indices[mesh.index()]);
         let (Some(mesh), Some(transform)) = (mesh, transforms[node.index()]) else { continue };
+        let visible = shown[node.index()];
         if node.skin().is_some() {
             posed_count += meshes[mesh as usize].triangles.len();
             if posed_count > MAX_POSED {
@@ -194,7 +196,7 @@ fn place(file: &GltfFile, images: &Images) -> Result<PlacedMeshes, SceneError> {
                 notes.add_if(is_lamp, "lights of surfaces with skins stay where they are without", "nodes");
                 notes.add_if(document.animations().len() > 0, "skins are shown at rest, without animation", "nodes");
                 let transform = Affine3A::IDENTITY;
-                objects.push(Object { mesh: meshes.len() as u32, transform, emission_scale: 1.0, visible: true });
+                objects.push(Object { mesh: meshes.len() as u32, transform, emission_scale: 1.0, visible });
                 meshes.push(posed);
                 continue;
             }
@@ -206,7 +208,7 @@ fn place(file: &GltfFile, images: &Images) -> Result<PlacedMeshes, SceneError> {
             }
             node_objects.push(NodeObject { node: node.index(), object: objects.len(), local });
             let transform = to_single(transform * local);
-            objects.push(Object { mesh, transform, emission_scale: 1.0, visible: true });
+            objects.push(Object { mesh, transform, emission_scale: 1.0, visible });
         }
     }
     let Materials { materials, textures, mut warnings, .. } = materials;

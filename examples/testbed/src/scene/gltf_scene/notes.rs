@@ -8,8 +8,14 @@ use girandole::gltf::gltf::{Document, Semantic};
 use serde_json::{Map, Value};
 
 /// Extensions of materials, primitives and nodes that are used, or whose fallback is.
-const USED: [&str; 4] =
-    ["KHR_materials_transmission", "KHR_materials_unlit", "KHR_draco_mesh_compression", "EXT_mesh_gpu_instancing"];
+const USED: [&str; 6] = [
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_draco_mesh_compression",
+    "EXT_mesh_gpu_instancing",
+    "EXT_lights_ies",
+    "KHR_node_visibility",
+];
 /// Characters of a file's text on a line.
 const MAX_SHOWN: usize = 80;
 
