@@ -35,7 +35,7 @@ impl LightPlanner {
     /// by at most a sixteenth. Without a limit, buffers double. A lower limit than before may send
     /// all trees again. A limit below 131,072 counts as 131,072. Instances and the top level do not
     /// count towards the limit: they take about 270 bytes for each instance of a whole tree, about 190
-    /// for each part of an instance of an opened tree ([`UpdateReport::parts`](crate::UpdateReport)
+    /// for each part of an instance of an opened tree ([`FrameReport::parts`](crate::FrameReport)
     /// counts them), and up to twice as much because their buffers double.
     ///
     /// A plan fails with [`PlanError::Full`](super::PlanError::Full) if there is not even room for
