@@ -40,14 +40,9 @@ impl Opened {
     pub const ALL: Self =
         Self { most: u64::MAX, held_back: 0, demand: Demand { parts: 0, instances: 0, trees: 0, room: 0 } };
 
-    /// Whether shaders see the openings of a tree.
-    pub fn has(&self, entry: &TreeEntry) -> bool {
-        parts_of(entry) <= self.most
-    }
-
     /// The number of openings of a tree for shaders.
     pub fn openings(&self, entry: &TreeEntry) -> usize {
-        if self.has(entry) { entry.openings.len() } else { 0 }
+        if parts_of(entry) <= self.most { entry.openings.len() } else { 0 }
     }
 
     /// The instances of trees that are opened in the world and whole for shaders.
@@ -64,8 +59,8 @@ impl Opened {
         if demand == self.demand || self.most == u64::MAX && parts as u64 <= room - room / SPARE {
             return None;
         }
-        let entries = || world.trees().filter_map(|key| world.tree_entry(key));
-        let mut opened: Vec<(u64, usize)> = entries()
+        let entries = world.trees().filter_map(|key| world.tree_entry(key));
+        let mut opened: Vec<(u64, usize)> = entries
             .filter(|entry| !entry.openings.is_empty())
             .map(|entry| (parts_of(entry), entry.instances.len()))
             .collect();

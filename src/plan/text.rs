@@ -653,7 +653,9 @@ mod tests {
             let functions = module.functions.iter().filter_map(|(_, f)| f.name.clone());
             let constants = module.constants.iter().filter_map(|(_, c)| c.name.clone());
             let names: Vec<String> = functions.chain(constants).collect();
-            let is_promised = |name: &&String| promised.contains(&name.as_str()) || *name == "light_along_pdf";
+            // Those of segments are there with their effect only.
+            let of_segments = ["light_sample_along", "light_along_pdf"];
+            let is_promised = |name: &&String| [&promised[..], &of_segments].concat().contains(&name.as_str());
             for name in names.iter().filter(|name| !is_promised(name)) {
                 assert!(uses(&text, name) > 1, "{name} is not used with {effects:?}");
             }
@@ -835,7 +837,7 @@ mod tests {
         LightStretch.soft light_along_pdf light_angle light_is_turned_away_along \
         light_cone_place light_emitted_along light_end light_estimate_along \
         light_importance_along light_gap light_halved light_is_segment light_local_segment light_near_sq \
-        light_point_along light_sample_along light_sample_picked_along light_segment_view \
+        light_point_along light_sample_along light_sample_drawn_along light_segment_view \
         light_source light_source_of light_stretch light_stretch_density light_stretch_of \
         light_stretch_sample light_seen_axis light_seen_box";
 

@@ -20,7 +20,7 @@ fn greatest_scale(m: &DMat3) -> f64 {
     for _ in 0..60 {
         let trace = power.x_axis.x + power.y_axis.y + power.z_axis.z;
         log += share * trace.ln();
-        power = power * (1.0 / trace);
+        power *= 1.0 / trace;
         power = power * power;
         share *= 0.5;
     }
