@@ -314,7 +314,7 @@ mod tests {
             let (axis, exact) = (unit(0.77 * i as f32), map.linear.as_dmat3());
             let across = axis.any_orthonormal_vector().as_dvec3();
             let (axis_exact, other) = (axis.as_dvec3(), axis.as_dvec3().cross(across));
-            for half_angle in [1.0e-3_f64, 0.1, 0.7, 1.5707, 1.58, 1.8, 2.6, 3.1] {
+            for half_angle in [1.0e-3_f64, 0.1, 0.7, 1.57, 1.58, 1.8, 2.6, 3.1] {
                 for has_normal in [false, true] {
                     let (image, cos) = map.cap(has_normal, axis, half_angle.cos() as f32);
                     if cos <= -1.0 {

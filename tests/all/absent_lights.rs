@@ -122,7 +122,7 @@ fn edit(world: &mut LightWorld, all: &mut Vec<(TreeKey, InstanceKey)>, rng: &mut
                 let count = (rng.bits() % 50) as usize;
                 world.replace_lights(tree, lights(rng, count)).expect("valid");
             }
-            4 => world.set_enabled(key, rng.bits() % 2 == 0).expect("it lives"),
+            4 => world.set_enabled(key, rng.bits().is_multiple_of(2)).expect("it lives"),
             5 => world.set_mask(key, 1 << (rng.bits() % 2)).expect("it lives"),
             6 if all.len() > 8 => {
                 world.remove_instance(key).expect("it lives");

@@ -90,8 +90,12 @@ fn eight() -> CandidateCount {
     CandidateCount::new(8).expect("few")
 }
 
+type Call = fn(&mut Scene) -> Answer;
+
 /// All public calls, by name.
-const CALLS: &[(&str, fn(&mut Scene) -> Answer)] = &[
+// Calls without a result have a row like all others.
+#[allow(clippy::unit_arg)]
+const CALLS: &[(&str, Call)] = &[
     ("new", |s| result(GpuLights::new(&s.device, &s.queue))),
     ("share_cuts", |s| result(s.lights.share_cuts(Some(CutOptions::default())))),
     ("learn_visibility", |s| result(s.lights.learn_visibility(Some(VisibilityOptions::default())))),
