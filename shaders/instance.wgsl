@@ -60,19 +60,6 @@ fn light_rigid_to_local(to_world: array<vec4<f32>, 3>) -> array<vec4<f32>, 3> {
 }
 // #endif
 
-// #if NON_RIGID
-// #if CONES
-// The cosine of the half-angle of the image of a cap. `greatest` is the greatest factor of areas over
-// that of the axis. Twin of `Linear::cap`.
-fn light_cap_cosine(cos: f32, has_normal: bool, greatest: f32, condition: f32) -> f32 {
-    let far = condition * condition * (1.0 - cos);
-    let of_beams = (1.0 + cos - far) / (1.0 + cos + far);
-    let image = select(of_beams, min(cos, 0.0) * greatest, has_normal);
-    return select(-1.0, image, image >= LIGHT_MIN_CAP_COSINE);
-}
-
-// #endif
-// #endif
 // #if AREAS | SKY | PROFILES
 // A vector of the world in the tree's space.
 fn light_into_tree(instance: LightInstance, v: vec3<f32>) -> vec3<f32> {

@@ -75,10 +75,11 @@ fn light_scaled_child(
     var area_factor = sqrt(area_sq * (1.0 / 3.0));
     // #if CONES
     light_see_axis(&child, light_axis_in_axes(packed, instance), mapped.bounds, packed);
+    let turn = vec2(instance.cos_turn, instance.sin_turn);
+    let cos = light_widened(child.cos_half_angle, turn);
+    // The images of one direction by both matrices are up to the angle of the turn apart.
+    child.cos_half_angle = select(cos, light_widened(cos, turn), shares.x * shares.y > 0.0);
     let along_axis = length(light_transposed(to_local, light_unit_axis(packed.lobe.x)));
-    child.cos_half_angle = light_cap_cosine(
-        child.cos_half_angle, light_has_normal(packed.area_ratio), to_local[1].w / along_axis, instance.condition,
-    );
     let agreement = min(1.5 * child.axis_length, 1.0);
     area_factor = agreement * along_axis + (1.0 - agreement) * area_factor;
     // #endif
@@ -87,4 +88,13 @@ fn light_scaled_child(
     // #endif
     return child;
 }
+
+// #if CONES
+// The cosine of the half-angle of a cap that is widened by the angle with this cosine and sine. Twin
+// of `Linear::widened`.
+fn light_widened(cos: f32, turn: vec2<f32>) -> f32 {
+    let sin = sqrt(max(1.0 - cos * cos, 0.0));
+    return select(cos * turn.x - sin * turn.y, -1.0, cos <= -turn.x);
+}
+// #endif
 // #endif

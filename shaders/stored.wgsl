@@ -161,7 +161,8 @@ fn light_instance(slot: u32) -> LightInstance {
     instance.light_base = words.w;
     // #if NON_RIGID
     // #if CONES
-    instance.condition = bitcast<f32>(light_instances[at + LIGHT_INSTANCE_PART].y);
+    instance.cos_turn = bitcast<f32>(light_instances[at + LIGHT_INSTANCE_PART].y);
+    instance.sin_turn = bitcast<f32>(light_instances[at + LIGHT_INSTANCE_PART].z);
     // #endif
     instance.to_local = light_rigid_to_local(instance.to_world);
     if light_params.instance_sector > LIGHT_RIGID_STRIDE + LIGHT_FACTOR_QUADS {
@@ -201,7 +202,7 @@ fn light_user_data(instance: u32) -> u32 {
     if instance >= light_params.slots {
         return 0u;
     }
-    return light_instances[instance * light_params.instance_stride + LIGHT_INSTANCE_PART].z;
+    return light_instances[instance * light_params.instance_stride + LIGHT_INSTANCE_PART].w;
 }
 
 // Returns a number that changes when an instance and an index come to name another light, at least 1;

@@ -27,7 +27,8 @@ fn instance_of(slot: u32) -> LightInstance {
     }
     instance.flags = instances[at + LIGHT_INSTANCE_TREE].x;
     instance.tree = instances[at + LIGHT_INSTANCE_TREE].y;
-    instance.condition = bitcast<f32>(instances[at + LIGHT_INSTANCE_PART].y);
+    instance.cos_turn = bitcast<f32>(instances[at + LIGHT_INSTANCE_PART].y);
+    instance.sin_turn = bitcast<f32>(instances[at + LIGHT_INSTANCE_PART].z);
     instance.to_local = light_rigid_to_local(instance.to_world);
     if top_pass.instance_sector > LIGHT_RIGID_STRIDE + LIGHT_FACTOR_QUADS {
         let local = at + LIGHT_RIGID_STRIDE;
@@ -69,7 +70,7 @@ fn leaf_of(index: u32) -> LightCluster {
     let brightness = select(1.0, light_brightness(instance.factor), has_factors);
     let all_flux = linear_flux(map, tree.punctual_flux, tree.area_flux, tree.cluster.axis);
     let flux = min(all_flux, LIGHT_MAX_FLUX / max(brightness, 1.0)) * brightness;
-    return cluster_transformed(tree.cluster, map, max(flux, LIGHT_MIN_FLUX), tree.area_flux > 0.0);
+    return cluster_transformed(tree.cluster, map, max(flux, LIGHT_MIN_FLUX));
 }
 
 // Twin of `hash` in src/tree/space_order.rs.

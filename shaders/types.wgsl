@@ -66,8 +66,9 @@ struct LightInstance {
     light_base: u32,
     // The first of the instance's parts: its tree, or one for each opening of it.
     first_part: u32,
-    // The greatest scale over the least.
-    condition: f32,
+    // Cosine and sine of the angle by which the placement may turn one direction against another.
+    cos_turn: f32,
+    sin_turn: f32,
     // The engine's own 32 bits.
     user_data: u32,
     // #if NON_RIGID

@@ -7,7 +7,7 @@
 pub(crate) mod bounds;
 pub(crate) mod cone;
 
-use glam::{DMat3, DVec3, Mat3, Vec3};
+use glam::{DMat3, Mat3, Vec2, Vec3};
 
 pub use bounds::Aabb;
 pub use cone::Cone;
@@ -16,15 +16,11 @@ pub use cone::Cone;
 /// rad. This is inside the margin that the sampling code leaves around every cap.
 const SIMILARITY_TOLERANCE: f32 = 1.0e-5;
 
-/// Added to bounds of singular values, as a share, for rounding.
-const SCALE_MARGIN: f64 = 1.0e-6;
+/// Added to the angle of [`Linear::turn`] for rounding, in radians.
+const TURN_MARGIN: f64 = 1.0e-6;
 
-/// The condition of a matrix that is singular. Its square stays within f32.
-const MAX_CONDITION: f32 = 1.0e18;
-
-/// Carried caps of a cosine below this become all directions. They prove next to nothing, and the
-/// rounding of their axes exceeds what they leave out.
-pub(crate) const MIN_CAP_COSINE: f32 = -0.999;
+/// Angles of [`Linear::turn`] from here on count as half a turn: such caps prove next to nothing.
+const MAX_TURN: f64 = 3.0;
 
 /// A matrix whose Gram matrix is this close to the identity, entry by entry, is a rotation. Its
 /// transpose is its inverse up to this share of the coordinates. Products of about ten rotations in
@@ -90,13 +86,13 @@ impl Cluster {
     /// The cluster after the transform `x -> linear * x + translation`.
     ///
     /// `flux` is the flux of the transformed lights, see [`Linear::flux`]. The box stays
-    /// conservative, and so does the cap ([`Linear::cap`]). The range stays, since it is in metres of
-    /// the world.
+    /// conservative. So does the cap: a transform that preserves angles rotates it, and any other
+    /// transform widens it. The range stays, since it is in metres of the world.
     #[must_use]
     pub fn transformed(&self, map: &Linear, translation: Vec3, flux: f32) -> Self {
         // Normalise first: the square of an area at the least scale times a short mean direction
         // underflows.
-        let (axis, cos_half_angle) = map.cap(self.area_flux > 0.0, self.axis.normalize_or_zero(), self.cos_half_angle);
+        let axis = map.cofactor * self.axis.normalize_or_zero();
         Self {
             aabb: self.aabb.transformed(&map.linear, translation),
             flux,
@@ -104,8 +100,10 @@ impl Cluster {
             punctual_flux: self.punctual_flux.min(flux),
             mean: map.linear * self.mean + translation,
             variance: self.variance * map.mean_square_scale,
-            axis: axis * self.axis.length(),
-            cos_half_angle,
+            axis: axis.normalize_or_zero() * self.axis.length(),
+            // Once for directions of lights against the axis, and once for the axis, which turns
+            // as normals do, against spots, which do not.
+            cos_half_angle: map.widened(map.widened(self.cos_half_angle)),
             range: self.range,
         }
     }
@@ -129,13 +127,14 @@ pub struct Linear {
     /// Whether the transform preserves angles: it consists of rotations, mirrors and uniform
     /// scales.
     pub is_similarity: bool,
+    /// Cosine and sine of the angle by which the transform may turn one direction against another,
+    /// from (1, 0) for a similarity to (-1, 0) for half a turn.
+    pub turn: Vec2,
     /// The mean of the squared singular values.
     pub mean_square_scale: f32,
-    /// The least singular value, rounded down. 0 if `linear` is singular or has an entry that is not
-    /// finite.
+    /// A lower bound of the least singular value. 0 if `linear` is singular or has an entry that is
+    /// not finite.
     pub least_scale: f32,
-    /// The greatest singular value over the least, rounded up; at most 1e18.
-    pub condition: f32,
 }
 
 impl Linear {
@@ -163,40 +162,24 @@ impl Linear {
         // Test for singularity before inverting: glam's assertions, if enabled, panic on a
         // determinant of 0.
         let is_invertible = exact_determinant != 0.0 && exact_determinant.is_finite();
-        let (least_scale, condition) = if is_similarity && is_invertible {
-            // The squared scales are off their mean by at most the norm of the error (Weyl), which is
-            // small: the bounds need no root of it. Most placements take this way.
-            let rest = error.iter().map(|e| (e / mean_square_scale).powi(2)).sum::<f32>().sqrt() + SCALE_MARGIN as f32;
-            (mean_square_scale.sqrt() * (1.0 - rest), 1.0 + 1.1 * rest)
-        } else if is_invertible {
-            let (greatest, inverse) = (greatest_scale(&exact), greatest_scale(&exact.inverse()));
-            let condition = (greatest * inverse * (1.0 + SCALE_MARGIN)) as f32;
-            (((1.0 - SCALE_MARGIN) / inverse) as f32, condition.min(MAX_CONDITION))
+        let norm = |entries: [f64; 9]| entries.iter().map(|e| e * e).sum::<f64>().sqrt();
+        let (least_scale, turn) = if is_similarity {
+            (mean_square_scale.sqrt() * (1.0 - SIMILARITY_TOLERANCE), Vec2::X)
+        } else if !is_invertible {
+            (0.0, Vec2::NEG_X)
         } else {
-            (0.0, MAX_CONDITION)
+            // The Frobenius norm of the inverse bounds its largest singular value.
+            let inverse_norm = norm(exact.inverse().to_cols_array());
+            ((1.0 / inverse_norm) as f32, greatest_turn(norm(exact.to_cols_array()) * inverse_norm))
         };
-        Self { linear, cofactor, determinant, is_similarity, mean_square_scale, least_scale, condition }
+        Self { linear, cofactor, determinant, is_similarity, turn, mean_square_scale, least_scale }
     }
 
-    /// The image of a cap of directions: its unit axis, and the cosine of its half-angle, which is -1
-    /// if the cap becomes all directions.
-    ///
-    /// The axis turns as normals do or as directions do. The first is exact for half spaces, which
-    /// surfaces emit to, and the second for beams; the image holds the image of each direction in
-    /// either case (docs/math.md, Placements). `axis` has unit length or is zero.
-    #[inline(always)]
-    pub(crate) fn cap(&self, has_normal: bool, axis: Vec3, cos: f32) -> (Vec3, f32) {
-        let image = if has_normal { self.cofactor } else { self.linear } * axis;
-        let cos = if has_normal {
-            // The greatest factor of areas over that of the axis.
-            cos.min(0.0) * (self.determinant.abs() / (self.least_scale * image.length()))
-        } else {
-            let far = self.condition * self.condition * (1.0 - cos);
-            (1.0 + cos - far) / (1.0 + cos + far)
-        };
-        // False for NaN, which a zero axis makes.
-        let is_cap = cos >= MIN_CAP_COSINE;
-        (image.normalize_or_zero(), if is_cap { cos } else { -1.0 })
+    /// The cosine of the half-angle of a cap that is widened by [`Self::turn`]: -1 if it becomes
+    /// all directions.
+    pub(crate) fn widened(&self, cos: f32) -> f32 {
+        let sin = (1.0 - cos * cos).max(0.0).sqrt();
+        if cos <= -self.turn.x { -1.0 } else { cos * self.turn.x - sin * self.turn.y }
     }
 
     /// The flux of a cluster after the transform, in lumens: points and spots keep their flux, and
@@ -213,28 +196,23 @@ impl Linear {
         (punctual + area * (agreement * along + (1.0 - agreement) * all_sides)).min(MAX_FLUX)
     }
 
-    /// The lengths of the images of the axes.
-    pub(crate) fn axis_scales(&self) -> Vec3 {
-        Vec3::new(self.linear.x_axis.length(), self.linear.y_axis.length(), self.linear.z_axis.length())
-    }
-
     /// The mean factor of areas over all normals.
     pub(crate) fn mean_area_scale(&self) -> f32 {
         (self.cofactor.to_cols_array().iter().map(|e| e * e).sum::<f32>() / 3.0).sqrt()
     }
 }
 
-/// The greatest singular value of a matrix.
+/// Cosine and sine of the greatest angle by which a matrix turns two directions against each other,
+/// at most half a turn. `norms` is the product of the Frobenius norms of the matrix and its
+/// inverse.
 ///
-/// Source: Smith, Eigenvalues of a symmetric 3 × 3 matrix (1961), for the Gram matrix.
-fn greatest_scale(matrix: &DMat3) -> f64 {
-    let gram = matrix.transpose() * *matrix;
-    let mean = (gram.x_axis.x + gram.y_axis.y + gram.z_axis.z) / 3.0;
-    let rest = gram - DMat3::from_diagonal(DVec3::splat(mean));
-    let size = (rest.to_cols_array().iter().map(|e| e * e).sum::<f64>() / 6.0).sqrt();
-    // 0 for a similarity, of which no digit of the rest means anything.
-    let angle = if size > 0.0 { (0.5 * (rest * size.recip()).determinant()).clamp(-1.0, 1.0).acos() } else { 0.0 };
-    (mean + 2.0 * size * (angle / 3.0).cos()).sqrt()
+/// The angle is 4 atan(√κ) − π, where κ is the greatest by the least singular value
+/// (docs/math.md, Placements). The product of the norms is at least κ + 1 + 1/κ.
+fn greatest_turn(norms: f64) -> Vec2 {
+    let twice = norms - 1.0;
+    let condition = 0.5 * (twice + (twice * twice - 4.0).max(0.0).sqrt());
+    let angle = 4.0 * condition.sqrt().atan() - std::f64::consts::PI + TURN_MARGIN;
+    if angle < MAX_TURN { Vec2::new(angle.cos() as f32, angle.sin() as f32) } else { Vec2::NEG_X }
 }
 
 #[cfg(test)]
@@ -269,104 +247,43 @@ mod tests {
         assert!(!flat.is_similarity && flat.least_scale <= 2.0 && flat.least_scale > 1.0);
     }
 
-    fn unit(k: f32) -> Vec3 {
-        Vec3::new((3.1 * k).sin(), (1.7 * k).cos(), (2.3 * k + 1.0).sin()).normalize()
-    }
-
-    /// Rotations, scales, mirrors and shears of all conditions up to `most`, with their scales in order.
-    fn maps(most: f32) -> impl Iterator<Item = (Linear, [f64; 3])> {
-        (0..600).map(move |i| {
-            let k = i as f32;
-            let squash = most.powf((i % 13) as f32 / 12.0);
-            let middle = [1.0, squash.sqrt(), squash][i % 3];
-            let scales = Vec3::new(1.0, middle, squash) / squash.sqrt();
-            let mirror = if i % 2 == 0 { 1.0 } else { -1.0 };
-            let turn = |k: f32| Mat3::from_axis_angle(unit(k), 5.0 * k);
-            let linear = turn(k) * Mat3::from_diagonal(scales * mirror) * turn(0.37 * k + 0.1);
-            (Linear::new(linear), scales.as_dvec3().to_array())
-        })
-    }
-
     #[test]
-    fn conditions_and_least_scales_bound_those_of_the_matrix_and_are_nearly_exact() {
-        for (map, [least, _, greatest]) in maps(1.0e6) {
-            // The rounding of a matrix moves its least scale by up to 1e-7 of its greatest one.
-            let (condition, error) = (greatest / least, 2.0e-7 * greatest / least + 4.0e-6);
-            assert!((f64::from(map.condition) / condition - 1.0).abs() < error, "{condition}: {}", map.condition);
-            assert!((f64::from(map.least_scale) / least - 1.0).abs() < error, "{least}: {}", map.least_scale);
-            let exact = map.linear.as_dmat3();
-            for i in 0..50 {
+    fn no_two_directions_turn_by_more_than_the_bound_and_some_by_all_of_it() {
+        let unit = |k: f32| Vec3::new((3.1 * k).sin(), (1.7 * k).cos(), (2.3 * k + 1.0).sin()).normalize();
+        let turn_of = |map: &Linear| f64::from(map.turn.y).atan2(f64::from(map.turn.x));
+        for (stretch, rotation) in [(1.0001, 0.3), (1.05, 1.1), (1.5, 2.0), (4.0, 2.9)] {
+            let stretched = Mat3::from_diagonal(Vec3::new(stretch, 1.0, 1.0 / stretch));
+            let map = Linear::new(Mat3::from_axis_angle(unit(rotation), rotation) * stretched);
+            let bound = turn_of(&map);
+            // The directions of the greatest turn lie to both sides of the axis that shrinks least,
+            // by atan(√κ), where κ is the square of `stretch`: the angle between their images is
+            // known.
+            let expected = 2.0 * (f64::from(stretch).atan() - f64::from(1.0 / stretch).atan());
+            assert!((bound - expected).abs() < 1.0e-4 * expected + 1.0e-5, "{stretch}: {bound} for {expected}");
+            let (mut greatest, exact) = (0.0_f64, map.linear.as_dmat3());
+            for i in 0..20_000 {
                 let (a, b) = (unit(i as f32).as_dvec3(), unit(1.37 * i as f32 + 0.2).as_dvec3());
-                let (a, b) = ((exact * a).length(), (exact * b).length());
-                assert!(a >= f64::from(map.least_scale) && a / b <= f64::from(map.condition));
+                let turned = (exact * a).angle_between(exact * b) - a.angle_between(b);
+                greatest = greatest.max(turned.abs());
             }
-        }
-        for scale in [1.0e-8, 1.0, 1.0e8] {
-            let map = Linear::new(Mat3::from_rotation_y(2.0) * scale);
-            assert!(map.condition < 1.0 + 3.0e-6 && map.least_scale > scale * (1.0 - 3.0e-6), "{scale}");
+            assert!(greatest <= bound && greatest > 0.8 * bound, "{stretch}: {greatest} of {bound}");
         }
     }
 
     #[test]
-    fn images_of_caps_hold_the_images_of_all_directions() {
-        let (mut caps, mut held) = (0, 0);
-        for (i, (map, _)) in maps(1.0e9).enumerate() {
-            let (axis, exact) = (unit(0.77 * i as f32), map.linear.as_dmat3());
-            let across = axis.any_orthonormal_vector().as_dvec3();
-            let (axis_exact, other) = (axis.as_dvec3(), axis.as_dvec3().cross(across));
-            for half_angle in [1.0e-3_f64, 0.1, 0.7, 1.57, 1.58, 1.8, 2.6, 3.1] {
-                for has_normal in [false, true] {
-                    let (image, cos) = map.cap(has_normal, axis, half_angle.cos() as f32);
-                    if cos <= -1.0 {
-                        continue;
-                    }
-                    caps += 1;
-                    for k in 0..90 {
-                        let (angle, around) = (half_angle * [1.0, 1.0, 0.6][k % 3], 0.07 * k as f64);
-                        let side = across * around.cos() + other * around.sin();
-                        let turned = (exact * (axis_exact * angle.cos() + side * angle.sin())).normalize();
-                        // Margins of callers are 1e-3.
-                        let beyond = f64::from(cos) - turned.dot(image.as_dvec3());
-                        assert!(beyond < 4.0e-4, "{i}, {half_angle}, {has_normal}: {beyond} of {cos}");
-                        held += 1;
-                    }
-                }
-            }
+    fn caps_widen_by_the_turn_and_stay_as_they_are_under_similarities() {
+        let map = Linear::new(Mat3::from_cols(Vec3::X, Vec3::new(0.05, 1.0, 0.0), Vec3::Z));
+        let turn = map.turn.y.atan2(map.turn.x);
+        assert!(turn > 0.04 && turn < 0.06, "{turn}");
+        for half_angle in [0.0_f32, 0.1, 1.0, 2.0, 3.0] {
+            let widened = map.widened(half_angle.cos());
+            assert!((widened.acos() - half_angle - turn).abs() < 1.0e-3, "{half_angle}");
+            let similar = Linear::new(Mat3::from_diagonal(Vec3::splat(7.0)));
+            assert_eq!(similar.widened(half_angle.cos()), half_angle.cos());
         }
-        assert!(caps > 2000 && held > 100_000, "{caps} {held}");
-    }
-
-    #[test]
-    fn half_spaces_stay_half_spaces_and_spreads_of_normals_widen_no_more_than_they_must() {
-        for (map, _) in maps(1.0e4) {
-            let (image, cos) = map.cap(true, Vec3::Y, 0.0);
-            let normal = map.cofactor.as_dmat3() * DVec3::Y;
-            assert!(cos == 0.0 && image.as_dvec3().distance(normal.normalize()) < 1.0e-3);
-        }
-        // Normals spread where areas shrink, and not elsewhere.
-        let map = Linear::new(Mat3::from_diagonal(Vec3::new(1.0, 3.0, 1.0)));
-        for (axis, ratio) in [(Vec3::Y, 3.0), (Vec3::X, 1.0)] {
-            let (_, cos) = map.cap(true, axis, -0.01);
-            assert!((cos / -0.01 - ratio).abs() < 1.0e-4, "{axis}: {cos}");
-        }
-    }
-
-    #[test]
-    fn caps_of_beams_widen_by_the_condition_and_stay_as_they_are_under_similarities() {
-        let tan_half = |cos: f32| ((1.0 - cos) / (1.0 + cos)).sqrt();
-        let map = Linear::new(Mat3::from_diagonal(Vec3::new(1.0, 3.0, 1.0)));
-        for half_angle in [0.1_f32, 1.0, 2.0] {
-            let (_, cos) = map.cap(false, Vec3::X, half_angle.cos());
-            assert!((tan_half(cos) / tan_half(half_angle.cos()) - 3.0).abs() < 1.0e-4, "{half_angle}: {cos}");
-            for has_normal in [false, true] {
-                let similar = Linear::new(Mat3::from_diagonal(Vec3::splat(-7.0)));
-                let expected = if has_normal { half_angle.cos().min(0.0) } else { half_angle.cos() };
-                let (_, cos) = similar.cap(has_normal, Vec3::X, half_angle.cos());
-                assert!((cos - expected).abs() < 4.0e-6, "{half_angle}: {cos}");
-            }
-        }
+        assert_eq!(map.widened((std::f32::consts::PI - 0.9 * turn).cos()), -1.0);
         let squashed = Linear::new(Mat3::from_diagonal(Vec3::new(1.0e-3, 1.0, 1.0)));
-        assert_eq!(squashed.cap(false, Vec3::X, 0.9).1, -1.0);
+        assert_eq!(squashed.widened(1.0), -1.0);
     }
 
     #[test]

@@ -93,11 +93,11 @@ pub(crate) struct InstanceRecord {
     pub light_base: u32,
     /// The first of the instance's parts.
     pub first_part: u32,
-    /// The greatest scale over the least.
-    pub condition: f32,
+    /// Cosine and sine of [`Linear::turn`](crate::cluster::Linear::turn).
+    pub cos_turn: f32,
+    pub sin_turn: f32,
     /// The engine's own 32 bits.
     pub user_data: u32,
-    pub unused: u32,
     /// The rows of the inverse; the fourth column is the determinant, the greatest inverse
     /// scale and the mean squared scale of `to_world`.
     pub to_local: [[f32; 4]; 3],
@@ -317,9 +317,9 @@ impl InstanceRecord {
         node_base: 0,
         light_base: 0,
         first_part: 0,
-        condition: 0.0,
+        cos_turn: 0.0,
+        sin_turn: 0.0,
         user_data: 0,
-        unused: 0,
         to_local: [[0.0, 0.0, 0.0, 1.0]; 3],
         factor: [1.0; 3],
         mask: u32::MAX,
@@ -345,14 +345,14 @@ impl InstanceRecord {
             node_base: bases.node,
             light_base: bases.light,
             first_part: bases.part,
-            condition: placed.linear.condition,
+            cos_turn: placed.linear.turn.x,
+            sin_turn: placed.linear.turn.y,
             to_local: if placed.is_rigid {
                 rows(&to_world.transpose(), Vec3::ONE)
             } else {
                 rows(&placed.to_local, scales)
             },
             user_data: appearance.user_data,
-            unused: 0,
             factor: appearance.factor().to_array(),
             mask: appearance.mask,
             sector: sector::number(placed.place.center),
@@ -480,8 +480,8 @@ mod tests {
             InstanceRecord,
             "LightInstance",
             [
-                to_world, flags, tree, node_base, light_base, first_part, condition, user_data, to_local, factor, mask,
-                sector
+                to_world, flags, tree, node_base, light_base, first_part, cos_turn, sin_turn, user_data, to_local,
+                factor, mask, sector
             ]
         );
         record!(structs, TreeRecord, "LightTree", [cluster, punctual_flux, area_flux, child_bits, place]);

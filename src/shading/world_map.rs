@@ -49,15 +49,19 @@ impl<'a> WorldMap<'a> {
         let (half, axis) = (Vec3::from(child.half), Vec3::from(child.axis));
         let [x, y, z] = columns.map(Vec3::abs);
         let box_half = Mat3::from_cols(x, y, z) * half;
-        let (image, cos_half_angle) = self.placement.cap(shares.has_normal, axis, child.cos_half_angle);
+        // Normals of surfaces and beams are mapped by different matrices. The images of one
+        // direction are up to the angle of the turn apart.
+        let image = if shares.has_normal { self.placement.cofactor } else { self.placement.linear } * axis;
+        let cos = self.placement.widened(child.cos_half_angle);
+        let is_mixed = shares.punctual > 0.0 && shares.area > 0.0;
         Unpacked {
             toward: (linear * Vec3::from(child.toward) - position).into(),
             center: (linear * Vec3::from(child.center) - position).into(),
             half: box_half.into(),
             radius_sq: box_half.length_squared(),
             variance: child.deviation_sq * (half * half).dot(columns.map(Vec3::length_squared).into()),
-            axis: (to_axes * image).into(),
-            cos_half_angle,
+            axis: (to_axes * image.normalize_or_zero()).into(),
+            cos_half_angle: if is_mixed { self.placement.widened(cos) } else { cos },
             flux: self.placement.flux(child.flux * shares.punctual, child.flux * shares.area, axis * child.length),
             ..*child
         }

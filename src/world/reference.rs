@@ -16,8 +16,9 @@ use crate::keys::InstanceKey;
 use crate::light::Light;
 use crate::tree::{LightTree, WIDTH};
 
-/// A tree is built again if the greatest scale exceeds the least by more than this factor.
-const MAX_CONDITION: f32 = 1.5;
+/// A tree is built again if directions turn against each other by more than the angle of this
+/// cosine: if the greatest scale is 1.5 times the least.
+const MAX_TURN_COSINE: f32 = 0.92;
 
 /// A tree of surfaces and lights without size is built again if areas change by more than this
 /// factor: if lengths change by a quarter.
@@ -32,7 +33,7 @@ pub(super) fn reference_for(placed: Option<&Placed>, lights: &[Light]) -> Option
 /// Whether a map changes how some lights should be divided or weighted. Trees of one node are
 /// neither.
 fn changes_tree(map: &Linear, lights: &[Light]) -> bool {
-    let is_stretched = map.condition > MAX_CONDITION;
+    let is_stretched = !map.is_similarity && map.turn.x < MAX_TURN_COSINE;
     let area_scale = map.mean_area_scale();
     let is_scaled = area_scale.max(1.0 / area_scale) > MAX_AREA_SCALE;
     let is_divided = lights.iter().filter(|light| !light.is_removed()).nth(WIDTH).is_some();

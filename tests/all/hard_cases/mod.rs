@@ -10,7 +10,6 @@ mod poles;
 mod ranges;
 mod rims;
 mod shapes;
-mod stretched;
 
 use std::f32::consts::PI;
 

@@ -2,6 +2,7 @@
 //! The shading point in tree space).
 
 use girandole::glam::{DMat3, DVec3};
+use std::f64::consts::PI;
 
 /// A linear map with what is derived from it.
 #[derive(Clone, Copy, Debug)]
@@ -12,19 +13,8 @@ pub struct Map {
     /// The axes of an instance that is no rotation: orthonormal, x along the image of the tree's x,
     /// z perpendicular to the images of x and y.
     pub axes: DMat3,
-}
-
-/// The greatest singular value: the limit of the roots of traces of powers of the Gram matrix.
-fn greatest_scale(m: &DMat3) -> f64 {
-    let (mut power, mut log, mut share) = (m.transpose() * *m, 0.0, 0.5);
-    for _ in 0..60 {
-        let trace = power.x_axis.x + power.y_axis.y + power.z_axis.z;
-        log += share * trace.ln();
-        power *= 1.0 / trace;
-        power = power * power;
-        share *= 0.5;
-    }
-    log.exp()
+    /// The angle by which directions turn against each other, at most; π where it is 3 or more.
+    pub turn: f64,
 }
 
 fn norm_sq(m: &DMat3) -> f64 {
@@ -39,6 +29,12 @@ impl Map {
     pub fn new(linear: DMat3) -> Self {
         let inverse = linear.inverse();
         let gram = linear.transpose() * linear;
+        let square = norm_sq(&linear) / 3.0;
+        let is_similarity = largest(&(gram - DMat3::IDENTITY * square)) <= 1.0e-5 * square;
+        // κ + 1 + 1/κ of the singular values is at most the product of the norms.
+        let sum = (norm_sq(&linear) * norm_sq(&inverse)).sqrt() - 1.0;
+        let condition = 0.5 * (sum + (sum * sum - 4.0).max(0.0).sqrt());
+        let turn = 4.0 * condition.sqrt().atan() - PI;
         let x = linear.x_axis.normalize();
         let z = linear.x_axis.cross(linear.y_axis).normalize() * linear.determinant().signum();
         Self {
@@ -46,6 +42,11 @@ impl Map {
             inverse,
             is_rotation: linear.determinant() > 0.0 && largest(&(gram - DMat3::IDENTITY)) <= 4.0e-6,
             axes: DMat3::from_cols(x, z.cross(x), z),
+            turn: match turn {
+                _ if is_similarity => 0.0,
+                turn if turn >= 3.0 => PI,
+                turn => turn,
+            },
         }
     }
 
@@ -57,19 +58,6 @@ impl Map {
     /// Carries normals with their area.
     pub fn cofactor(&self) -> DMat3 {
         self.inverse.transpose() * self.linear.determinant().abs()
-    }
-
-    /// The image of a cap: its unit axis and its half-angle, `None` for all directions.
-    pub fn cap(&self, has_normal: bool, axis: DVec3, half_angle: f64) -> (DVec3, Option<f64>) {
-        let cos = half_angle.cos();
-        let (image, cos) = if has_normal {
-            let image = self.cofactor() * axis;
-            (image, cos.min(0.0) * greatest_scale(&self.cofactor()) / image.length())
-        } else {
-            let tangent = greatest_scale(&self.linear) * greatest_scale(&self.inverse) * (0.5 * half_angle).tan();
-            (self.linear * axis, (2.0 * tangent.atan()).cos())
-        };
-        (image.normalize(), (cos >= -0.999).then(|| cos.acos()))
     }
 
     /// The factor of the flux of surfaces that emit along a unit vector on the mean; `length` is
