@@ -56,7 +56,7 @@ pub const LIMITS: [Limit; 59] = [
     limit("light_resample", "all", [152, 528, 9500]),
     limit("light_pmf", "none", [104, 0, 1800]),
     limit("light_pmf", "city", [104, 0, 2100]),
-    limit("light_pmf", "all", [152, 0, 6400]),
+    limit("light_pmf", "all", [152, 0, 6500]),
     limit("light_pdf", "none", [8, 0, 50]),
     limit("light_pdf", "city", [120, 0, 2400]),
     limit("light_pdf", "all", [168, 0, 7300]),
