@@ -37,9 +37,9 @@ struct Linear {
     area_x: vec3<f32>,
     area_y: vec3<f32>,
     area_z: vec3<f32>,
-    // Cosine and sine of the angle by which caps are widened.
-    turn: vec2<f32>,
     mean_square_scale: f32,
+    // The greatest factor of areas.
+    greatest_area: f32,
 }
 
 // The map of a stored instance. Twin of `Linear::new`.
@@ -55,7 +55,7 @@ fn linear_of(instance: LightInstance) -> Linear {
     return Linear(
         x, y, z, vec3(rows[0].w, rows[1].w, rows[2].w),
         inverse[0].xyz * volume, inverse[1].xyz * volume, inverse[2].xyz * volume,
-        vec2(instance.cos_turn, instance.sin_turn), instance.to_local[2].w,
+        inverse[2].w, volume * inverse[1].w,
     );
 }
 
@@ -69,21 +69,22 @@ fn linear_flux(map: Linear, punctual: f32, area: f32, axis: vec3<f32>) -> f32 {
     return min(punctual + area * (agreement * along + (1.0 - agreement) * all_sides), LIGHT_MAX_FLUX);
 }
 
-// The cosine of the half-angle of a widened cap. Twin of `Linear::widened`.
-fn linear_widened(map: Linear, cos: f32) -> f32 {
-    let sin = sqrt(max(1.0 - cos * cos, 0.0));
-    return select(cos * map.turn.x - sin * map.turn.y, -1.0, cos <= -map.turn.x);
-}
-
-// A transformed cluster, which must not be empty. Twin of `Cluster::transformed`.
-fn cluster_transformed(cluster: LightCluster, map: Linear, flux: f32) -> LightCluster {
+// A cluster of a tree in the world, which must not be empty. Twin of `Cluster::transformed`.
+fn cluster_transformed(tree: LightTree, instance: LightInstance, map: Linear, flux: f32) -> LightCluster {
+    let cluster = tree.cluster;
+    let is_kind = vec2(tree.area_flux > 0.0, tree.area_flux > 0.0 && tree.punctual_flux <= 0.0);
+    let unit = normalize_or(cluster.axis, vec3(0.0));
+    var image = map.x * unit.x + map.y * unit.y + map.z * unit.z;
+    if is_kind.x {
+        image = map.area_x * unit.x + map.area_y * unit.y + map.area_z * unit.z;
+    }
+    let greatest = map.greatest_area / safe_length(image);
     let center = 0.5 * (cluster.box_min + cluster.box_max);
     let half = max(cluster.box_max - center, center - cluster.box_min);
     let moved_center = map.x * center.x + map.y * center.y + map.z * center.z + map.translation;
     let reach = abs(map.x) * half.x + abs(map.y) * half.y + abs(map.z) * half.z;
     let far = abs(center) + half;
     let size = abs(map.x) * far.x + abs(map.y) * far.y + abs(map.z) * far.z + abs(map.translation);
-    let axis = map.area_x * cluster.axis.x + map.area_y * cluster.axis.y + map.area_z * cluster.axis.z;
     var moved: LightCluster;
     moved.mean = map.x * cluster.mean.x + map.y * cluster.mean.y + map.z * cluster.mean.z + map.translation;
     moved.flux = flux;
@@ -91,8 +92,8 @@ fn cluster_transformed(cluster: LightCluster, map: Linear, flux: f32) -> LightCl
     moved.variance = cluster.variance * map.mean_square_scale;
     moved.box_max = moved_center + (reach + size * TRANSFORM_PADDING);
     moved.range = cluster.range;
-    moved.axis = normalize_or(axis, vec3(0.0)) * length(cluster.axis);
-    moved.cos_half_angle = linear_widened(map, linear_widened(map, cluster.cos_half_angle));
+    moved.axis = normalize_or(image, vec3(0.0)) * length(cluster.axis);
+    moved.cos_half_angle = light_cap_cosine(cluster.cos_half_angle, is_kind, greatest, instance);
     return moved;
 }
 

@@ -60,6 +60,27 @@ fn light_rigid_to_local(to_world: array<vec4<f32>, 3>) -> array<vec4<f32>, 3> {
 }
 // #endif
 
+// #if NON_RIGID
+// #if CONES
+// The cosine of the half-angle of the image of a cap. `is_kind` says whether the axis is that of
+// surfaces, and whether there are surfaces alone; `greatest` is the greatest factor of areas over that
+// of the axis. Twin of `Linear::cap`.
+fn light_cap_cosine(cos: f32, is_kind: vec2<bool>, greatest: f32, instance: LightInstance) -> f32 {
+    let once = light_widened(cos, instance);
+    let widened = select(once, light_widened(once, instance), is_kind.x);
+    let image = select(widened, (min(cos, 0.0) - LIGHT_AXIS_ROUNDING) * greatest, is_kind.y);
+    return select(select(-1.0, image, image >= LIGHT_MIN_CAP_COSINE), cos, instance.cos_turn >= 1.0);
+}
+
+// The cosine of the half-angle of a cap that is widened by the angle by which an instance turns
+// directions. Twin of `Linear::widened`.
+fn light_widened(cos: f32, instance: LightInstance) -> f32 {
+    let sin = sqrt(max(1.0 - cos * cos, 0.0));
+    return select(cos * instance.cos_turn - sin * instance.sin_turn, -1.0, cos <= -instance.cos_turn);
+}
+
+// #endif
+// #endif
 // #if AREAS | SKY | PROFILES
 // A vector of the world in the tree's space.
 fn light_into_tree(instance: LightInstance, v: vec3<f32>) -> vec3<f32> {

@@ -127,7 +127,7 @@ fn light_flux_shares(code: u32, steps: u32) -> vec2<f32> {
     let ratio = bitcast<f32>(bitcast<u32>(i32(code) + 120 - 3 * shift) << 23u);
     let punctual = 1.0 / (1.0 + ratio);
     let shares = select(vec2(punctual, ratio * punctual), vec2(1.0, 0.0), code == 0u);
-    return select(shares, vec2(0.0, 1.0), code == 15u);
+    return select(shares, vec2(0.0, 1.0), code == LIGHT_ALL_SURFACES);
 }
 
 // #endif

@@ -102,7 +102,7 @@ fn refit_area_code(child: RefitCluster, steps: u32) -> u32 {
         return 0u;
     }
     if child.punctual_flux <= 0.0 {
-        return 15u;
+        return LIGHT_ALL_SURFACES;
     }
     let shift = bitcast<i32>(steps) >> 28u;
     // A difference, because the quotient may leave f32.

@@ -4,13 +4,6 @@
 // nothing itself.
 
 // #if NON_RIGID
-// #if CONES
-// Whether the axis of emission is that of surfaces. See `FluxShares::has_normal`.
-fn light_has_normal(code: u32) -> bool {
-    return code >= LIGHT_LEAST_NORMAL_CODE;
-}
-// #endif
-
 // The axes of a scaled instance, as the rows of a map to the world. Twin of `WorldMap::axes`.
 fn light_axes(instance: LightInstance) -> array<vec4<f32>, 3> {
     let rows = instance.to_world;
@@ -44,13 +37,12 @@ fn light_box_in_axes(bounds: LightBox, local: LightLocalShadingPoint) -> LightMa
 }
 
 // #if CONES
-// Maps the axis of emission of a child. Normals of surfaces and beams are mapped by different
-// matrices.
+// Maps the axis of emission of a child. Twin of a part of `Linear::cap`.
 fn light_axis_in_axes(packed: LightPackedChild, instance: LightInstance) -> vec3<f32> {
     let axis = light_unit_axis(packed.lobe.x);
     let beam = light_linear(instance.to_world, axis);
     let normal = light_transposed(instance.to_local, axis);
-    let image = select(beam, normal, light_has_normal(packed.area_ratio));
+    let image = select(beam, normal, packed.area_ratio >= LIGHT_LEAST_NORMAL_CODE);
     return light_transposed(light_axes(instance), light_normalize_or_zero(image));
 }
 // #endif
@@ -75,11 +67,9 @@ fn light_scaled_child(
     var area_factor = sqrt(area_sq * (1.0 / 3.0));
     // #if CONES
     light_see_axis(&child, light_axis_in_axes(packed, instance), mapped.bounds, packed);
-    let turn = vec2(instance.cos_turn, instance.sin_turn);
-    let cos = light_widened(child.cos_half_angle, turn);
-    // The images of one direction by both matrices are up to the angle of the turn apart.
-    child.cos_half_angle = select(cos, light_widened(cos, turn), shares.x * shares.y > 0.0);
     let along_axis = length(light_transposed(to_local, light_unit_axis(packed.lobe.x)));
+    let is_kind = vec2(packed.area_ratio >= LIGHT_LEAST_NORMAL_CODE, packed.area_ratio == LIGHT_ALL_SURFACES);
+    child.cos_half_angle = light_cap_cosine(child.cos_half_angle, is_kind, to_local[1].w / along_axis, instance);
     let agreement = min(1.5 * child.axis_length, 1.0);
     area_factor = agreement * along_axis + (1.0 - agreement) * area_factor;
     // #endif
@@ -88,13 +78,4 @@ fn light_scaled_child(
     // #endif
     return child;
 }
-
-// #if CONES
-// The cosine of the half-angle of a cap that is widened by the angle with this cosine and sine. Twin
-// of `Linear::widened`.
-fn light_widened(cos: f32, turn: vec2<f32>) -> f32 {
-    let sin = sqrt(max(1.0 - cos * cos, 0.0));
-    return select(cos * turn.x - sin * turn.y, -1.0, cos <= -turn.x);
-}
-// #endif
 // #endif

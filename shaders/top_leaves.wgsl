@@ -70,7 +70,7 @@ fn leaf_of(index: u32) -> LightCluster {
     let brightness = select(1.0, light_brightness(instance.factor), has_factors);
     let all_flux = linear_flux(map, tree.punctual_flux, tree.area_flux, tree.cluster.axis);
     let flux = min(all_flux, LIGHT_MAX_FLUX / max(brightness, 1.0)) * brightness;
-    return cluster_transformed(tree.cluster, map, max(flux, LIGHT_MIN_FLUX));
+    return cluster_transformed(tree, instance, map, max(flux, LIGHT_MIN_FLUX));
 }
 
 // Twin of `hash` in src/tree/space_order.rs.

@@ -7,7 +7,7 @@
 pub(crate) mod bounds;
 pub(crate) mod cone;
 
-use glam::{DMat3, Mat3, Vec2, Vec3};
+use glam::{DMat3, DVec3, Mat3, Vec2, Vec3};
 
 pub use bounds::Aabb;
 pub use cone::Cone;
@@ -16,11 +16,15 @@ pub use cone::Cone;
 /// rad. This is inside the margin that the sampling code leaves around every cap.
 const SIMILARITY_TOLERANCE: f32 = 1.0e-5;
 
-/// Added to the angle of [`Linear::turn`] for rounding, in radians.
-const TURN_MARGIN: f64 = 1.0e-6;
+/// Added to bounds of singular values, as a share, for rounding.
+const SCALE_MARGIN: f64 = 1.0e-6;
 
-/// Angles of [`Linear::turn`] from here on count as half a turn: such caps prove next to nothing.
-const MAX_TURN: f64 = 3.0;
+/// The rounding of the image of a normal, as a share of the greatest such image.
+pub(crate) const AXIS_ROUNDING: f32 = 1.0e-6;
+
+/// Carried caps of a cosine below this become all directions. They prove next to nothing, and the
+/// rounding of their axes exceeds what they leave out.
+pub(crate) const MIN_CAP_COSINE: f32 = -0.999;
 
 /// A matrix whose Gram matrix is this close to the identity, entry by entry, is a rotation. Its
 /// transpose is its inverse up to this share of the coordinates. Products of about ten rotations in
@@ -86,13 +90,14 @@ impl Cluster {
     /// The cluster after the transform `x -> linear * x + translation`.
     ///
     /// `flux` is the flux of the transformed lights, see [`Linear::flux`]. The box stays
-    /// conservative. So does the cap: a transform that preserves angles rotates it, and any other
-    /// transform widens it. The range stays, since it is in metres of the world.
+    /// conservative, and so does the cap ([`Linear::cap`]). The range stays, since it is in metres of
+    /// the world.
     #[must_use]
     pub fn transformed(&self, map: &Linear, translation: Vec3, flux: f32) -> Self {
         // Normalise first: the square of an area at the least scale times a short mean direction
         // underflows.
-        let axis = map.cofactor * self.axis.normalize_or_zero();
+        let emitters = Emitters::of(self.punctual_flux, self.area_flux, self.area_flux > 0.0);
+        let (axis, cos_half_angle) = map.cap(emitters, self.axis.normalize_or_zero(), self.cos_half_angle);
         Self {
             aabb: self.aabb.transformed(&map.linear, translation),
             flux,
@@ -100,10 +105,8 @@ impl Cluster {
             punctual_flux: self.punctual_flux.min(flux),
             mean: map.linear * self.mean + translation,
             variance: self.variance * map.mean_square_scale,
-            axis: axis.normalize_or_zero() * self.axis.length(),
-            // Once for directions of lights against the axis, and once for the axis, which turns
-            // as normals do, against spots, which do not.
-            cos_half_angle: map.widened(map.widened(self.cos_half_angle)),
+            axis: axis * self.axis.length(),
+            cos_half_angle,
             range: self.range,
         }
     }
@@ -112,6 +115,29 @@ impl Cluster {
 impl Default for Cluster {
     fn default() -> Self {
         Self::EMPTY
+    }
+}
+
+/// What emits into the directions of a cap, which decides how a map changes it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Emitters {
+    /// The axis is best that of beams, which keep their angles about it. Surfaces may be among them.
+    Beams,
+    /// The axis is best that of surfaces. Lights without size may be among them.
+    Mixed,
+    /// Surfaces alone, each of which emits to a half space.
+    Surfaces,
+}
+
+impl Emitters {
+    /// Whose lights have these fluxes. `has_normal` says whether the axis is best that of surfaces.
+    #[inline(always)]
+    pub fn of(punctual: f32, area: f32, has_normal: bool) -> Self {
+        match has_normal {
+            false => Self::Beams,
+            true if punctual <= 0.0 && area > 0.0 => Self::Surfaces,
+            true => Self::Mixed,
+        }
     }
 }
 
@@ -132,8 +158,8 @@ pub struct Linear {
     pub turn: Vec2,
     /// The mean of the squared singular values.
     pub mean_square_scale: f32,
-    /// A lower bound of the least singular value. 0 if `linear` is singular or has an entry that is
-    /// not finite.
+    /// The least singular value, rounded down. 0 if `linear` is singular or has an entry that is not
+    /// finite.
     pub least_scale: f32,
 }
 
@@ -162,22 +188,44 @@ impl Linear {
         // Test for singularity before inverting: glam's assertions, if enabled, panic on a
         // determinant of 0.
         let is_invertible = exact_determinant != 0.0 && exact_determinant.is_finite();
-        let norm = |entries: [f64; 9]| entries.iter().map(|e| e * e).sum::<f64>().sqrt();
         let (least_scale, turn) = if is_similarity {
             (mean_square_scale.sqrt() * (1.0 - SIMILARITY_TOLERANCE), Vec2::X)
         } else if !is_invertible {
             (0.0, Vec2::NEG_X)
         } else {
-            // The Frobenius norm of the inverse bounds its largest singular value.
-            let inverse_norm = norm(exact.inverse().to_cols_array());
-            ((1.0 / inverse_norm) as f32, greatest_turn(norm(exact.to_cols_array()) * inverse_norm))
+            let (greatest, inverse) = (greatest_scale(&exact), greatest_scale(&exact.inverse()));
+            (((1.0 - SCALE_MARGIN) / inverse) as f32, greatest_turn(greatest * inverse * (1.0 + SCALE_MARGIN)))
         };
         Self { linear, cofactor, determinant, is_similarity, turn, mean_square_scale, least_scale }
     }
 
+    /// The image of a cap of directions: its unit axis, and the cosine of its half-angle, which is -1
+    /// if the cap becomes all directions. `axis` has unit length or is zero.
+    ///
+    /// The caps of surfaces alone turn as normals do: half spaces stay half spaces. Others are widened
+    /// by [`Self::turn`], once or twice (docs/math.md, Placements).
+    #[inline(always)]
+    pub(crate) fn cap(&self, emitters: Emitters, axis: Vec3, cos: f32) -> (Vec3, f32) {
+        let image = if emitters == Emitters::Beams { self.linear } else { self.cofactor } * axis;
+        if self.is_similarity {
+            return (image.normalize_or_zero(), cos);
+        }
+        let cos = match emitters {
+            Emitters::Beams => self.widened(cos),
+            Emitters::Mixed => self.widened(self.widened(cos)),
+            // The greatest factor of areas over that of the axis.
+            Emitters::Surfaces => {
+                (cos.min(0.0) - AXIS_ROUNDING) * (self.determinant.abs() / (self.least_scale * image.length()))
+            }
+        };
+        // False for NaN, which a zero axis makes.
+        let is_cap = cos >= MIN_CAP_COSINE;
+        (image.normalize_or_zero(), if is_cap { cos } else { -1.0 })
+    }
+
     /// The cosine of the half-angle of a cap that is widened by [`Self::turn`]: -1 if it becomes
     /// all directions.
-    pub(crate) fn widened(&self, cos: f32) -> f32 {
+    fn widened(&self, cos: f32) -> f32 {
         let sin = (1.0 - cos * cos).max(0.0).sqrt();
         if cos <= -self.turn.x { -1.0 } else { cos * self.turn.x - sin * self.turn.y }
     }
@@ -203,16 +251,27 @@ impl Linear {
 }
 
 /// Cosine and sine of the greatest angle by which a matrix turns two directions against each other,
-/// at most half a turn. `norms` is the product of the Frobenius norms of the matrix and its
-/// inverse.
+/// at most half a turn, for the greatest by the least singular value κ.
 ///
-/// The angle is 4 atan(√κ) − π, where κ is the greatest by the least singular value
-/// (docs/math.md, Placements). The product of the norms is at least κ + 1 + 1/κ.
-fn greatest_turn(norms: f64) -> Vec2 {
-    let twice = norms - 1.0;
-    let condition = 0.5 * (twice + (twice * twice - 4.0).max(0.0).sqrt());
-    let angle = 4.0 * condition.sqrt().atan() - std::f64::consts::PI + TURN_MARGIN;
-    if angle < MAX_TURN { Vec2::new(angle.cos() as f32, angle.sin() as f32) } else { Vec2::NEG_X }
+/// The angle is 4 atan(√κ) − π (docs/math.md, Placements). The sine of half of it is
+/// (κ − 1) / (κ + 1).
+fn greatest_turn(condition: f64) -> Vec2 {
+    let half_sin = 1.0 - 2.0 / (condition + 1.0);
+    let half_cos = (1.0 - half_sin * half_sin).max(0.0).sqrt();
+    Vec2::new((1.0 - 2.0 * half_sin * half_sin) as f32, (2.0 * half_sin * half_cos) as f32)
+}
+
+/// The greatest singular value of a matrix.
+///
+/// Source: Smith, Eigenvalues of a symmetric 3 × 3 matrix (1961), for the Gram matrix.
+fn greatest_scale(matrix: &DMat3) -> f64 {
+    let gram = matrix.transpose() * *matrix;
+    let mean = (gram.x_axis.x + gram.y_axis.y + gram.z_axis.z) / 3.0;
+    let rest = gram - DMat3::from_diagonal(DVec3::splat(mean));
+    let size = (rest.to_cols_array().iter().map(|e| e * e).sum::<f64>() / 6.0).sqrt();
+    // 0 for a similarity, of which no digit of the rest means anything.
+    let angle = if size > 0.0 { (0.5 * (rest * size.recip()).determinant()).clamp(-1.0, 1.0).acos() } else { 0.0 };
+    (mean + 2.0 * size * (angle / 3.0).cos()).sqrt()
 }
 
 #[cfg(test)]
@@ -247,43 +306,135 @@ mod tests {
         assert!(!flat.is_similarity && flat.least_scale <= 2.0 && flat.least_scale > 1.0);
     }
 
+    fn unit(k: f32) -> Vec3 {
+        Vec3::new((3.1 * k).sin(), (1.7 * k).cos(), (2.3 * k + 1.0).sin()).normalize()
+    }
+
+    /// Rotated, stretched and mirrored maps with their exact singular values, which are up to `most`
+    /// apart.
+    fn maps(most: f32) -> impl Iterator<Item = (Linear, [f64; 3])> {
+        (0..600).map(move |i| {
+            let k = i as f32;
+            let squash = most.powf((i % 13) as f32 / 12.0);
+            let middle = [1.0, squash.sqrt(), squash][i % 3];
+            let scales = Vec3::new(1.0, middle, squash) / squash.sqrt();
+            let mirror = if i % 2 == 0 { 1.0 } else { -1.0 };
+            let turn = |k: f32| Mat3::from_axis_angle(unit(k), 5.0 * k);
+            let linear = turn(k) * Mat3::from_diagonal(scales * mirror) * turn(0.37 * k + 0.1);
+            (Linear::new(linear), scales.as_dvec3().to_array())
+        })
+    }
+
     #[test]
-    fn no_two_directions_turn_by_more_than_the_bound_and_some_by_all_of_it() {
-        let unit = |k: f32| Vec3::new((3.1 * k).sin(), (1.7 * k).cos(), (2.3 * k + 1.0).sin()).normalize();
+    fn turns_and_least_scales_bound_those_of_the_matrix_and_are_nearly_exact() {
         let turn_of = |map: &Linear| f64::from(map.turn.y).atan2(f64::from(map.turn.x));
-        for (stretch, rotation) in [(1.0001, 0.3), (1.05, 1.1), (1.5, 2.0), (4.0, 2.9)] {
-            let stretched = Mat3::from_diagonal(Vec3::new(stretch, 1.0, 1.0 / stretch));
-            let map = Linear::new(Mat3::from_axis_angle(unit(rotation), rotation) * stretched);
-            let bound = turn_of(&map);
-            // The directions of the greatest turn lie to both sides of the axis that shrinks least,
-            // by atan(√κ), where κ is the square of `stretch`: the angle between their images is
-            // known.
-            let expected = 2.0 * (f64::from(stretch).atan() - f64::from(1.0 / stretch).atan());
-            assert!((bound - expected).abs() < 1.0e-4 * expected + 1.0e-5, "{stretch}: {bound} for {expected}");
-            let (mut greatest, exact) = (0.0_f64, map.linear.as_dmat3());
-            for i in 0..20_000 {
+        for (map, [least, _, greatest]) in maps(1.0e6) {
+            // The rounding of a matrix moves its least scale by up to 1e-7 of its greatest one.
+            let (condition, error) = (greatest / least, 2.0e-7 * greatest / least + 1.2e-5);
+            assert!((f64::from(map.least_scale) / least - 1.0).abs() < error, "{least}: {}", map.least_scale);
+            // The directions of the greatest turn lie to both sides of the axis that shrinks least.
+            let expected = 2.0 * (condition.sqrt().atan() - condition.sqrt().recip().atan());
+            assert!((turn_of(&map) - expected).abs() < error + 4.0e-4, "{condition}: {} {expected}", turn_of(&map));
+            let exact = map.linear.as_dmat3();
+            for i in 0..50 {
                 let (a, b) = (unit(i as f32).as_dvec3(), unit(1.37 * i as f32 + 0.2).as_dvec3());
+                assert!((exact * a).length() >= f64::from(map.least_scale));
                 let turned = (exact * a).angle_between(exact * b) - a.angle_between(b);
-                greatest = greatest.max(turned.abs());
+                assert!(turned.abs() <= turn_of(&map) + 1.0e-5, "{condition}: {turned} of {}", turn_of(&map));
             }
-            assert!(greatest <= bound && greatest > 0.8 * bound, "{stretch}: {greatest} of {bound}");
+        }
+        for scale in [1.0e-8, 1.0, 1.0e8] {
+            let map = Linear::new(Mat3::from_rotation_y(2.0) * scale);
+            assert!(map.turn == Vec2::X && (map.least_scale / scale - 1.0).abs() < 2.0e-5, "{scale}");
+        }
+    }
+
+    /// Directions within a cap about a unit axis: on its rim, and inside.
+    fn within(axis: Vec3, half_angle: f64) -> impl Iterator<Item = DVec3> {
+        let (axis, across) = (axis.as_dvec3(), axis.any_orthonormal_vector().as_dvec3());
+        (0..90).map(move |k| {
+            let (angle, around) = (half_angle * [1.0, 1.0, 0.6][k % 3], 0.07 * k as f64);
+            let side = across * around.cos() + axis.cross(across) * around.sin();
+            axis * angle.cos() + side * angle.sin()
+        })
+    }
+
+    /// Half spaces turn with their normals, and beams keep their angles about images of their axes.
+    #[test]
+    fn images_of_caps_hold_what_surfaces_and_beams_emit() {
+        let (mut caps, mut held) = (0, 0);
+        for (i, (map, _)) in maps(1.0e9).enumerate() {
+            let (axis, exact) = (unit(0.77 * i as f32), map.linear.as_dmat3());
+            let normals = exact.inverse().transpose();
+            // Of callers the margin is 1e-3.
+            let mut check = |image: Vec3, cos: f32, direction: DVec3| {
+                let beyond = f64::from(cos) - direction.normalize().dot(image.as_dvec3());
+                assert!(beyond < 4.0e-4, "{i}: {beyond} of {cos}");
+                held += 1;
+            };
+            for half_angle in [1.0e-3_f64, 0.1, 0.7, 1.57, 1.58, 1.8, 2.6, 3.1] {
+                for emitters in [Emitters::Beams, Emitters::Mixed] {
+                    let (image, cos) = map.cap(emitters, axis, half_angle.cos() as f32);
+                    if cos <= -1.0 {
+                        continue;
+                    }
+                    caps += 1;
+                    for beam in [0.0, 0.3 * half_angle, half_angle] {
+                        for to in within(axis, half_angle - beam) {
+                            let turned = (exact * to).normalize();
+                            within(turned.as_vec3(), beam).for_each(|direction| check(image, cos, direction));
+                        }
+                    }
+                }
+                // Surfaces emit into half spaces, whose normals are within the cap less a right angle.
+                let spread = half_angle - std::f64::consts::FRAC_PI_2;
+                if spread < 0.0 {
+                    continue;
+                }
+                for emitters in [Emitters::Beams, Emitters::Mixed, Emitters::Surfaces] {
+                    let (image, cos) = map.cap(emitters, axis, half_angle.cos() as f32);
+                    for normal in within(axis, spread).filter(|_| cos > -1.0) {
+                        caps += 1;
+                        let turned = (normals * normal).normalize();
+                        within(turned.as_vec3(), 1.5707).for_each(|direction| check(image, cos, direction));
+                    }
+                }
+            }
+        }
+        assert!(caps > 2000 && held > 1_000_000, "{caps} {held}");
+    }
+
+    #[test]
+    fn half_spaces_stay_half_spaces_and_spreads_of_normals_widen_no_more_than_they_must() {
+        for (map, scales) in maps(1.0e4) {
+            let (image, cos) = map.cap(Emitters::Surfaces, Vec3::Y, 0.0);
+            let normal = map.cofactor.as_dmat3() * DVec3::Y;
+            let least = -1.1 * f64::from(AXIS_ROUNDING) * scales[2] / scales[0];
+            assert!(f64::from(cos) >= least && cos <= 0.0, "{cos}");
+            assert!(image.as_dvec3().distance(normal.normalize()) < 1.0e-3);
+        }
+        // Normals spread where areas shrink, and not elsewhere.
+        let map = Linear::new(Mat3::from_diagonal(Vec3::new(1.0, 3.0, 1.0)));
+        for (axis, ratio) in [(Vec3::Y, 3.0), (Vec3::X, 1.0)] {
+            let (_, cos) = map.cap(Emitters::Surfaces, axis, -0.01);
+            assert!((cos / -(0.01 + AXIS_ROUNDING) - ratio).abs() < 1.0e-4, "{axis}: {cos}");
         }
     }
 
     #[test]
-    fn caps_widen_by_the_turn_and_stay_as_they_are_under_similarities() {
-        let map = Linear::new(Mat3::from_cols(Vec3::X, Vec3::new(0.05, 1.0, 0.0), Vec3::Z));
+    fn caps_of_beams_widen_by_the_turn_and_stay_as_they_are_under_similarities() {
+        let map = Linear::new(Mat3::from_diagonal(Vec3::new(1.0, 1.1, 1.0)));
         let turn = map.turn.y.atan2(map.turn.x);
-        assert!(turn > 0.04 && turn < 0.06, "{turn}");
+        assert!(turn > 0.09 && turn < 0.1, "{turn}");
         for half_angle in [0.0_f32, 0.1, 1.0, 2.0, 3.0] {
-            let widened = map.widened(half_angle.cos());
-            assert!((widened.acos() - half_angle - turn).abs() < 1.0e-3, "{half_angle}");
-            let similar = Linear::new(Mat3::from_diagonal(Vec3::splat(7.0)));
-            assert_eq!(similar.widened(half_angle.cos()), half_angle.cos());
+            let (axis, cos) = map.cap(Emitters::Beams, Vec3::X, half_angle.cos());
+            assert!(axis == Vec3::X && (cos.acos() - half_angle - turn).abs() < 1.0e-3, "{half_angle}");
+            let similar = Linear::new(Mat3::from_diagonal(Vec3::splat(-7.0)));
+            assert_eq!(similar.cap(Emitters::Beams, Vec3::X, half_angle.cos()), (-Vec3::X, half_angle.cos()));
         }
-        assert_eq!(map.widened((std::f32::consts::PI - 0.9 * turn).cos()), -1.0);
-        let squashed = Linear::new(Mat3::from_diagonal(Vec3::new(1.0e-3, 1.0, 1.0)));
-        assert_eq!(squashed.widened(1.0), -1.0);
+        assert_eq!(map.cap(Emitters::Beams, Vec3::X, (std::f32::consts::PI - 0.9 * turn).cos()).1, -1.0);
+        let squashed = Linear::new(Mat3::from_diagonal(Vec3::new(1.0e-4, 1.0, 1.0)));
+        assert_eq!(squashed.cap(Emitters::Beams, Vec3::X, 1.0).1, -1.0);
     }
 
     #[test]

@@ -24,11 +24,12 @@ pub(super) fn placed(cluster: &Cluster, map: &Map, translation: DVec3, brightnes
     let axis = cluster.axis.as_dvec3().normalize_or_zero();
     let (punctual, area) = (f64::from(cluster.punctual_flux), f64::from(cluster.area_flux));
     let half_angle = f64::from(cluster.cos_half_angle).clamp(-1.0, 1.0).acos();
+    let (image, half_angle) = map.cap([area > 0.0, area > 0.0 && punctual <= 0.0], axis, half_angle);
     Placed {
         flux: (punctual + area * map.area_factor(axis, length)) * brightness,
         mean: map.linear * cluster.mean.as_dvec3() + translation,
         variance: f64::from(cluster.variance) * map.mean_square(),
-        axis: (map.cofactor() * axis).normalize_or_zero() * length,
-        half_angle: (half_angle + 2.0 * map.turn).min(PI),
+        axis: if length > 0.0 { image * length } else { DVec3::ZERO },
+        half_angle: half_angle.unwrap_or(PI),
     }
 }

@@ -347,6 +347,7 @@ pub(crate) fn constants() -> String {
         ("LEAF", tree::LEAF),
         ("EMPTY_SLOT", tree::EMPTY_SLOT),
         ("NO_PARENT", tree::NO_PARENT),
+        ("ALL_SURFACES", tree::ALL_SURFACES),
         ("LEAST_NORMAL_CODE", tree::LEAST_NORMAL_CODE),
         ("KIND_MASK", layout::KIND_MASK),
         ("KIND_POINT", layout::KIND_POINT),
@@ -453,6 +454,8 @@ pub(crate) fn constants() -> String {
         ("MAX_IMPORTANCE", importance::MAX_IMPORTANCE),
         ("POSITION_MARGIN", importance::POSITION_MARGIN),
         ("RIGID_TOLERANCE", cluster::RIGID_TOLERANCE),
+        ("AXIS_ROUNDING", cluster::AXIS_ROUNDING),
+        ("MIN_CAP_COSINE", cluster::MIN_CAP_COSINE),
         ("MAX_DIST_SQ", importance::MAX_DIST_SQ),
         ("COSINE_MARGIN", importance::COSINE_MARGIN),
         ("ANGLE_MARGIN", importance::ANGLE_MARGIN),
@@ -850,9 +853,8 @@ mod tests {
                  LightChild.facing LightChild.center_sq \
                  LightChild.center_facing LightChild.axis_length LightChild.cos_half_angle LIGHT_KIND_SPOT \
                  LIGHT_LAMBERTIAN LIGHT_LOBE_SHARE LIGHT_RIM_WIDTH_SQ LIGHT_RIM_MIN_SQ LIGHT_MAX_LOBE_LENGTH \
-                 LIGHT_CAP_STEPS LIGHT_ANGLE_MARGIN light_widened light_see_axis light_seen_axis light_axis_in_axes light_end light_halved \
-                 LightEnd LightEnd.place LightEnd.dist light_is_turned_away_along light_emitted_along \
-                 light_has_normal LIGHT_LEAST_NORMAL_CODE",
+                 LIGHT_CAP_STEPS LIGHT_ANGLE_MARGIN light_widened light_cap_cosine LIGHT_AXIS_ROUNDING LIGHT_MIN_CAP_COSINE light_see_axis light_seen_axis light_axis_in_axes light_end light_halved \
+                 LightEnd LightEnd.place LightEnd.dist light_is_turned_away_along light_emitted_along LIGHT_LEAST_NORMAL_CODE",
             ),
             (
                 Effects::RANGES,
@@ -913,9 +915,9 @@ mod tests {
             ),
             (
                 Effects::NON_RIGID,
-                "light_rigid_to_local light_flux_shares light_has_normal light_axes light_axis_in_axes \
+                "light_rigid_to_local light_flux_shares light_axes light_axis_in_axes \
                  light_box_in_axes light_scaled_child LightMappedBox LightMappedBox.bounds \
-                 LightMappedBox.size_sq light_widened LightInstance.to_local LIGHT_LEAST_NORMAL_CODE \
+                 LightMappedBox.size_sq light_widened light_cap_cosine LIGHT_LEAST_NORMAL_CODE LIGHT_ALL_SURFACES LIGHT_AXIS_ROUNDING LIGHT_MIN_CAP_COSINE LightInstance.to_local \
                  LightPackedChild.area_ratio LightLocalShadingPoint.scaled_instance \
                  LIGHT_NON_RIGID LIGHT_MAX_FLUX",
             ),

@@ -12,7 +12,7 @@
 
 use glam::{Mat3, Vec3};
 
-use crate::cluster::Linear;
+use crate::cluster::{Emitters, Linear};
 use crate::tree::{FluxShares, Unpacked};
 
 /// The map from a tree's space to the axes of its instance, but for the translation.
@@ -49,19 +49,15 @@ impl<'a> WorldMap<'a> {
         let (half, axis) = (Vec3::from(child.half), Vec3::from(child.axis));
         let [x, y, z] = columns.map(Vec3::abs);
         let box_half = Mat3::from_cols(x, y, z) * half;
-        // Normals of surfaces and beams are mapped by different matrices. The images of one
-        // direction are up to the angle of the turn apart.
-        let image = if shares.has_normal { self.placement.cofactor } else { self.placement.linear } * axis;
-        let cos = self.placement.widened(child.cos_half_angle);
-        let is_mixed = shares.punctual > 0.0 && shares.area > 0.0;
+        let (image, cos_half_angle) = self.placement.cap(shares.emitters(), axis, child.cos_half_angle);
         Unpacked {
             toward: (linear * Vec3::from(child.toward) - position).into(),
             center: (linear * Vec3::from(child.center) - position).into(),
             half: box_half.into(),
             radius_sq: box_half.length_squared(),
             variance: child.deviation_sq * (half * half).dot(columns.map(Vec3::length_squared).into()),
-            axis: (to_axes * image.normalize_or_zero()).into(),
-            cos_half_angle: if is_mixed { self.placement.widened(cos) } else { cos },
+            axis: (to_axes * image).into(),
+            cos_half_angle,
             flux: self.placement.flux(child.flux * shares.punctual, child.flux * shares.area, axis * child.length),
             ..*child
         }
@@ -104,7 +100,7 @@ mod tests {
                 let size = norm(exact) * mean.length() + f64::from(at.length());
                 errors[0] = errors[0].max((to_world(seen.toward) - toward).length() / size);
                 let axis = Vec3::from(child.axis).as_dvec3();
-                let turned = if shares.has_normal { cofactor } else { exact };
+                let turned = if shares.emitters() == Emitters::Beams { exact } else { cofactor };
                 let loss = norm(turned) / (turned * axis).length();
                 let image: DVec3 = (turned * axis).normalize();
                 errors[1] = errors[1].max((to_world(seen.axis) - image).length() / loss);

@@ -41,7 +41,7 @@ pub use memory::TreeMemory;
 pub use node::{Bytes, ChildRef, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_LEAF, NO_PARENT, Node, WIDTH};
 pub(crate) use openings::Opening;
 #[cfg(feature = "gpu-plan")]
-pub(crate) use pack::{CAP_STEPS, DIRECTION_STEPS, LEAST_NORMAL_CODE, STEPS};
+pub(crate) use pack::{ALL_SURFACES, CAP_STEPS, DIRECTION_STEPS, LEAST_NORMAL_CODE, STEPS};
 pub(crate) use pack::{FluxShares, Unpacked};
 pub(crate) use refitted::Refitted;
 

@@ -10,7 +10,7 @@ use glam::Vec3;
 use super::node::{Bytes, EMPTY_SLOT, NO_PARENT, Node, WIDTH};
 use super::wide::WideCluster;
 use crate::cluster::bounds::Aabb;
-use crate::cluster::{Cluster, Linear, MIN_AXIS};
+use crate::cluster::{Cluster, Emitters, Linear, MIN_AXIS};
 use crate::light::UNLIMITED_RANGE;
 
 /// Steps of a box, of a share and of a length.
@@ -31,10 +31,20 @@ pub(crate) struct FluxShares {
     pub has_normal: bool,
 }
 
+impl FluxShares {
+    #[inline(always)]
+    pub fn emitters(self) -> Emitters {
+        Emitters::of(self.punctual, self.area, self.has_normal)
+    }
+}
+
 /// The least code of [`Node::area_ratios`] for which the axis of emission is that of surfaces: they
 /// have an eighth of the flux of other lights. From half of all flux on, sigma is 0.50 in place of
 /// 0.44 in a scene that is squashed by 0.01.
 pub(crate) const LEAST_NORMAL_CODE: u32 = 4;
+
+/// The code of [`Node::area_ratios`] for surfaces alone.
+pub(crate) const ALL_SURFACES: u32 = 15;
 
 /// The whole number s for which 2^3s is nearest to the factor by which a map changes areas, within
 /// the limits of four bits.
@@ -214,7 +224,7 @@ impl Node {
             let code = if area <= 0.0 {
                 0
             } else if punctual <= 0.0 {
-                15
+                ALL_SURFACES
             } else {
                 // A quotient that leaves f32 has the last code on its side.
                 let ratio = (area / punctual).log2() + (3 * shift) as f32;
@@ -232,23 +242,12 @@ impl Node {
         // 2^(k - 7 - 3s) from its exponent.
         let ratio = f32::from_bits(((code as i32 + 120 - 3 * shift) as u32) << 23);
         let punctual = 1.0 / (1.0 + ratio);
-        FluxShares {
-            punctual: if code == 15 {
-                0.0
-            } else if code == 0 {
-                1.0
-            } else {
-                punctual
-            },
-            area: if code == 15 {
-                1.0
-            } else if code == 0 {
-                0.0
-            } else {
-                ratio * punctual
-            },
-            has_normal: code >= LEAST_NORMAL_CODE,
-        }
+        let [punctual, area] = match code {
+            0 => [1.0, 0.0],
+            ALL_SURFACES => [0.0, 1.0],
+            _ => [punctual, ratio * punctual],
+        };
+        FluxShares { punctual, area, has_normal: code >= LEAST_NORMAL_CODE }
     }
 
     /// The grid of the children's boxes, relative to a viewpoint.

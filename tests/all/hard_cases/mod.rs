@@ -10,6 +10,7 @@ mod poles;
 mod ranges;
 mod rims;
 mod shapes;
+mod stretched;
 
 use std::f32::consts::PI;
 

@@ -85,16 +85,16 @@ impl Child {
         let center = linear * self.center();
         let half = DMat3::from_cols_array(&linear.to_cols_array().map(f64::abs)) * self.half();
         let [punctual, area] = self.shares;
-        let axis = if self.has_normal { map.cofactor() * self.axis } else { map.linear * self.axis };
-        let turns = if punctual > 0.0 && area > 0.0 { 2.0 } else { 1.0 };
+        let (axis, half_angle) =
+            map.cap([self.has_normal, self.has_normal && punctual <= 0.0], self.axis, self.half_angle.unwrap_or(PI));
         Self {
             flux: self.flux * (punctual + area * map.area_factor(self.axis, self.length)),
             min: center - half,
             max: center + half,
             mean: linear * self.mean,
             variance: self.deviation.powi(2) * half_sq.dot(columns),
-            axis: map.axes.transpose() * axis.normalize(),
-            half_angle: self.half_angle.map(|angle| angle + turns * map.turn).filter(|angle| *angle < PI),
+            axis: map.axes.transpose() * axis,
+            half_angle,
             ..self
         }
     }

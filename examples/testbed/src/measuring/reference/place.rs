@@ -2,7 +2,6 @@
 //! The shading point in tree space).
 
 use girandole::glam::{DMat3, DVec3};
-use std::f64::consts::PI;
 
 /// A linear map with what is derived from it.
 #[derive(Clone, Copy, Debug)]
@@ -13,8 +12,19 @@ pub struct Map {
     /// The axes of an instance that is no rotation: orthonormal, x along the image of the tree's x,
     /// z perpendicular to the images of x and y.
     pub axes: DMat3,
-    /// The angle by which directions turn against each other, at most; π where it is 3 or more.
-    pub turn: f64,
+}
+
+/// The greatest singular value: the limit of the roots of traces of powers of the Gram matrix.
+fn greatest_scale(m: &DMat3) -> f64 {
+    let (mut power, mut log, mut share) = (m.transpose() * *m, 0.0, 0.5);
+    for _ in 0..60 {
+        let trace = power.x_axis.x + power.y_axis.y + power.z_axis.z;
+        log += share * trace.ln();
+        power *= trace.recip();
+        power = power * power;
+        share *= 0.5;
+    }
+    log.exp()
 }
 
 fn norm_sq(m: &DMat3) -> f64 {
@@ -29,12 +39,6 @@ impl Map {
     pub fn new(linear: DMat3) -> Self {
         let inverse = linear.inverse();
         let gram = linear.transpose() * linear;
-        let square = norm_sq(&linear) / 3.0;
-        let is_similarity = largest(&(gram - DMat3::IDENTITY * square)) <= 1.0e-5 * square;
-        // κ + 1 + 1/κ of the singular values is at most the product of the norms.
-        let sum = (norm_sq(&linear) * norm_sq(&inverse)).sqrt() - 1.0;
-        let condition = 0.5 * (sum + (sum * sum - 4.0).max(0.0).sqrt());
-        let turn = 4.0 * condition.sqrt().atan() - PI;
         let x = linear.x_axis.normalize();
         let z = linear.x_axis.cross(linear.y_axis).normalize() * linear.determinant().signum();
         Self {
@@ -42,11 +46,6 @@ impl Map {
             inverse,
             is_rotation: linear.determinant() > 0.0 && largest(&(gram - DMat3::IDENTITY)) <= 4.0e-6,
             axes: DMat3::from_cols(x, z.cross(x), z),
-            turn: match turn {
-                _ if is_similarity => 0.0,
-                turn if turn >= 3.0 => PI,
-                turn => turn,
-            },
         }
     }
 
@@ -58,6 +57,24 @@ impl Map {
     /// Carries normals with their area.
     pub fn cofactor(&self) -> DMat3 {
         self.inverse.transpose() * self.linear.determinant().abs()
+    }
+
+    /// The image of a cap: its unit axis and its half-angle, `None` for all directions. The axis is that
+    /// of surfaces if `has_normal`. Half spaces of surfaces alone stay half spaces, and other caps are
+    /// widened by the angle by which directions turn against each other.
+    pub fn cap(&self, [has_normal, is_surface]: [bool; 2], axis: DVec3, half_angle: f64) -> (DVec3, Option<f64>) {
+        let image = if has_normal { self.cofactor() } else { self.linear } * axis;
+        let condition = greatest_scale(&self.linear) * greatest_scale(&self.inverse);
+        if condition < 1.0 + 1.0e-5 {
+            return (image.normalize(), Some(half_angle));
+        }
+        let cos = if is_surface {
+            half_angle.cos().min(0.0) * greatest_scale(&self.cofactor()) / image.length()
+        } else {
+            let turn = 4.0 * condition.sqrt().atan() - std::f64::consts::PI;
+            (half_angle + if has_normal { 2.0 } else { 1.0 } * turn).min(std::f64::consts::PI).cos()
+        };
+        (image.normalize(), (cos >= -0.999).then(|| cos.acos()))
     }
 
     /// The factor of the flux of surfaces that emit along a unit vector on the mean; `length` is
