@@ -244,6 +244,11 @@ impl Linear {
         (punctual + area * (agreement * along + (1.0 - agreement) * all_sides)).min(MAX_FLUX)
     }
 
+    /// The lengths of the images of the axes.
+    pub(crate) fn axis_scales(&self) -> Vec3 {
+        Vec3::new(self.linear.x_axis.length(), self.linear.y_axis.length(), self.linear.z_axis.length())
+    }
+
     /// The mean factor of areas over all normals.
     pub(crate) fn mean_area_scale(&self) -> f32 {
         (self.cofactor.to_cols_array().iter().map(|e| e * e).sum::<f32>() / 3.0).sqrt()

@@ -1,13 +1,11 @@
 //! Lays out the nodes of a shape in memory.
 
-use glam::Vec3;
-
 use super::LightTree;
 use super::node::{EMPTY_SLOT, LEAF, Node, WIDTH};
 use super::refitted::Refitted;
 use super::shape::{BuildItem, ShapeNode};
 use super::tasks::RefitTasks;
-use crate::cluster::{Cluster, Linear};
+use crate::cluster::{Aabb, Cluster, Linear};
 use crate::light::{Light, MIN_FLUX};
 
 /// A light to be placed in a leaf.
@@ -39,9 +37,24 @@ pub(super) fn build_item(cluster: &Cluster, place: u32, reference: Option<&Linea
     match reference {
         Some(map) if cluster.flux > 0.0 => {
             let flux = map.flux(cluster.punctual_flux, cluster.area_flux, cluster.axis).max(MIN_FLUX);
-            BuildItem::new(&cluster.transformed(map, Vec3::ZERO, flux), place)
+            BuildItem::new(&Cluster { flux, ..stretched(cluster, map) }, place)
         }
         _ => BuildItem::new(cluster, place),
+    }
+}
+
+/// A cluster whose box, mean and direction are stretched along the axes of the tree as much as a map
+/// stretches these axes. The map itself would turn the clusters, and the boxes of nodes do not turn:
+/// they would be cut across their edges (docs/decisions.md, 51).
+fn stretched(cluster: &Cluster, map: &Linear) -> Cluster {
+    let scale = map.axis_scales();
+    // Normals of surfaces turn to the axes that are stretched least.
+    let axis = if cluster.area_flux > 0.0 { cluster.axis / scale } else { cluster.axis * scale };
+    Cluster {
+        aabb: Aabb { min: cluster.aabb.min * scale, max: cluster.aabb.max * scale },
+        mean: cluster.mean * scale,
+        axis: axis.normalize_or_zero() * cluster.axis.length(),
+        ..*cluster
     }
 }
 

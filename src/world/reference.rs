@@ -141,6 +141,16 @@ mod tests {
         assert!(extents(&squashed)[0] < 0.7 * extents(&plain)[0], "{:?} {:?}", extents(&squashed), extents(&plain));
     }
 
+    #[test]
+    fn a_stretched_tree_is_divided_the_same_way_wherever_its_instance_turns() {
+        let stretch = Mat3::from_diagonal(Vec3::new(1.0, 1.0, 0.01));
+        let expected = extents(&tree_of(stretch));
+        for turn in [Mat3::from_rotation_y(0.8), Mat3::from_axis_angle(Vec3::ONE.normalize(), 2.0)] {
+            let turned = extents(&tree_of(turn * stretch));
+            assert!((0..2).all(|k| (turned[k] / expected[k] - 1.0).abs() < 0.01), "{turned:?} {expected:?}");
+        }
+    }
+
     /// Lamps beside panels of a hundredth of their flux, or of ten times their flux if the tree is
     /// scaled by 32.
     fn lamps_and_panels() -> Vec<Light> {

@@ -9,6 +9,7 @@ use girandole::gpu::{GpuError, GpuLights, SampleRecord, SampleRequest, wgsl};
 use girandole::{Effects, FrameBudget, Light, LightId, LightWorld, Placement, Policy, ShadingPoint, SplitCount};
 
 use girandole::LightTree;
+use girandole::tree::WIDTH;
 use testbed::common::gpu as device;
 use testbed::testing::support::{Rng, SPLITS};
 
@@ -377,7 +378,7 @@ fn a_world_that_changes_and_grows_is_sampled_alike_on_both_sides() {
 #[test]
 fn an_upload_sends_what_changed_and_nothing_else() {
     let (device, queue) = gpu();
-    let mut world = Rng(46).world(3, 30, 4, 20.0);
+    let mut world = Rng(41).world(3, 30, 4, 20.0);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let mut upload = |world: &mut LightWorld| {
         world.update(FrameBudget::NONE);
@@ -391,13 +392,18 @@ fn an_upload_sends_what_changed_and_nothing_else() {
     let moved = upload(&mut world);
     assert_eq!((moved.bytes, moved.trees, moved.instances), (128, 0, 1));
     let tree = world.trees().next().expect("a tree");
-    world.set_lights(tree, &[(0, Light::point(Vec3::ONE, Vec3::ONE))]).expect("valid");
+    // A light that moves far would get another place in the tree.
+    let light = world.tree(tree).expect("it lives").lights()[0];
+    world.set_lights(tree, &[(0, light.with_emission(light.emission * 2.0))]).expect("valid");
     let edited = upload(&mut world);
     let tree = world.tree(tree).expect("it lives");
-    let (nodes, sides) = (tree.nodes().len() as u64, tree.sides().len() as u64);
-    assert!(sides > 1 && nodes > 3, "lights of all kinds shine to several sides");
+    let (nodes, sides) = (tree.nodes(), tree.sides().len() as u64);
+    assert!(sides > 1 && nodes.len() > 3, "lights of all kinds shine to several sides");
+    let node_of = |place: u32| nodes.get(place as usize / WIDTH);
+    let path = std::iter::successors(node_of(tree.leaves()[0]), |node| node_of(node.parent)).count() as u64;
     // The nodes from the light up to the root, the light, and the openings below the root.
-    assert_eq!((edited.bytes, edited.trees, edited.instances), (3 * 224 + 64 + sides * 80, 1, 0));
+    assert_eq!((edited.bytes, edited.trees, edited.instances), (path * 224 + 64 + sides * 80, 1, 0));
+    assert!(path > 1 && path < nodes.len() as u64, "{path}");
 }
 
 #[test]

@@ -21,9 +21,12 @@ const OF_NO_CELLS: f64 = 1.05;
 
 /// The scenes that do not reach both goals, and the most that sigma may be there: 5 to 10 % above
 /// what was measured.
-const MISSED: [(&str, f64); 6] = [
+const MISSED: [(&str, f64); 9] = [
     ("scales from 0.001 to 1", 0.58),
     ("sheared spots", 3.0),
+    ("squashed by 0.9 over a turn", 0.33),
+    ("squashed by 0.5 over a turn", 0.48),
+    ("squashed by 0.1 over a turn", 0.74),
     ("cars", 2.05),
     ("on a glowing ball", 1.78),
     ("inside a sphere light", 4.8),
@@ -60,7 +63,7 @@ fn no_scene_is_a_cliff_but_those_that_are_known() {
 
 /// The goal of [`OF_FLAT`] for scenes that once were cliffs: all but these, for which a top level is due that divides
 /// space by cost. The values are sigma relative to one tree as measured.
-const MISSED_CLIFFS: [(&str, f64); 10] = [
+const MISSED_CLIFFS: [(&str, f64); 11] = [
     ("one tree at scales from 0.01 to 1", 1.70),
     ("2250 overlapping instances of 64 lamps", 11.4),
     ("4060 overlapping instances of 64 lamps", 29.3),
@@ -70,6 +73,7 @@ const MISSED_CLIFFS: [(&str, f64); 10] = [
     ("30,000 lamps from 10 m to 1e4 m", 3.12),
     ("30,000 lamps from 10 m to 1e5 m", 3.46),
     ("30,000 lamps from 10 m to 1e6 m", 2.34),
+    ("one tree at scales from 0.001 to 1000", 1.97),
     ("4,000 overlapping trees of ten lamps", 1.74),
 ];
 

@@ -18,6 +18,10 @@ pub const SCENES: &[(&str, Make)] = &[
     ("overlapping strings of lamps", overlapping_strings),
     ("sheared spots", sheared_spots),
     ("mirrored panels", mirrored_panels),
+    ("stretched signs", stretched_signs),
+    ("squashed by 0.9 over a turn", |parts, rng| squashed_over_a_turn(parts, rng, 0.9)),
+    ("squashed by 0.5 over a turn", |parts, rng| squashed_over_a_turn(parts, rng, 0.5)),
+    ("squashed by 0.1 over a turn", |parts, rng| squashed_over_a_turn(parts, rng, 0.1)),
     ("cars", cars),
 ];
 
@@ -125,6 +129,27 @@ fn mirrored_panels(parts: &mut Parts, rng: &mut Rng) -> Result<(), WorldError> {
         parts.add(wall.clone(), turn * Mat3::from_diagonal(mirror), place)?;
     }
     parts.receive(|| (in_box(rng, vec3(120.0, 0.0, 120.0)), Vec3::Y));
+    Ok(())
+}
+
+/// 300 instances of one panel, which are stretched in its plane.
+fn stretched_signs(parts: &mut Parts, rng: &mut Rng) -> Result<(), WorldError> {
+    let tree = parts.world.add_tree(LightTree::new(vec![panel(Vec3::ZERO, Vec3::Z, 0.2, 20.0)])?);
+    for _ in 0..300 {
+        let linear = Mat3::from_rotation_y(rng.range(0.0, 2.0 * PI)) * Mat3::from_diagonal(vec3(5.0, 5.0, 1.0));
+        let translation = (in_box(rng, vec3(100.0, 4.0, 100.0)) + Vec3::Y * 5.0).as_dvec3();
+        parts.world.add_instance(tree, Placement { linear, translation }, Policy::Static)?;
+    }
+    parts.receive(|| (in_box(rng, vec3(80.0, 0.0, 80.0)), Vec3::Y));
+    Ok(())
+}
+
+/// 2,000 lamps in an instance that is sheared: its scales are along axes over which its tree is turned.
+fn squashed_over_a_turn(parts: &mut Parts, rng: &mut Rng, squash: f32) -> Result<(), WorldError> {
+    let lamps = (0..2000).map(|_| lamp(in_box(rng, Vec3::splat(30.0)), 10.0)).collect();
+    let turn = Mat3::from_axis_angle(vec3(1.0, 2.0, 3.0).normalize(), 1.0);
+    parts.add(lamps, Mat3::from_diagonal(vec3(1.0, squash, 1.0)) * turn, Vec3::Y * 3.0)?;
+    parts.receive(|| (in_box(rng, vec3(25.0, 0.0, 25.0)), Vec3::Y));
     Ok(())
 }
 
