@@ -61,9 +61,12 @@ fn no_scene_is_a_cliff_but_those_that_are_known() {
     }
 }
 
+/// The most that sigma by one tree may be where two levels are compared with it. Measured: 1.81.
+const MOST_OF_FLAT: f64 = 2.0;
+
 /// The goal of [`OF_FLAT`] for scenes that once were cliffs: all but these, for which a top level is due that divides
 /// space by cost. The values are sigma relative to one tree as measured.
-const MISSED_CLIFFS: [(&str, f64); 11] = [
+const MISSED_CLIFFS: [(&str, f64); 12] = [
     ("one tree at scales from 0.01 to 1", 1.70),
     ("2250 overlapping instances of 64 lamps", 11.4),
     ("4060 overlapping instances of 64 lamps", 29.3),
@@ -73,6 +76,8 @@ const MISSED_CLIFFS: [(&str, f64); 11] = [
     ("30,000 lamps from 10 m to 1e4 m", 3.12),
     ("30,000 lamps from 10 m to 1e5 m", 3.46),
     ("30,000 lamps from 10 m to 1e6 m", 2.34),
+    // One tree has a sigma of 0.0001, two levels 158.
+    ("eight instances from 17 m to 1.4e8 m", 1.64e6),
     ("one tree at scales from 0.001 to 1000", 1.97),
     ("4,000 overlapping trees of ten lamps", 1.74),
 ];
@@ -82,6 +87,7 @@ fn scenes_that_once_were_cliffs_are_none_but_those_that_are_known() {
     for scene in cliffs::scenes().expect("valid scenes") {
         let [two, flat] = two_and_flat(&scene);
         let ratio = two / flat;
+        assert!(flat <= MOST_OF_FLAT, "{}: {flat} by one tree", scene.name);
         match MISSED_CLIFFS.iter().find(|(name, _)| *name == scene.name) {
             // One that reaches the goal leaves the list.
             Some((name, most)) => assert!((OF_FLAT..=1.1 * most).contains(&ratio), "{name}: {ratio}"),

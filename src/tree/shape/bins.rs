@@ -43,7 +43,7 @@ const LAST_BIN: f32 = 0.999;
 const BLOCK: usize = 128;
 
 /// Splits items at the best cut between two of `N` bins along some axis, the left side first.
-/// `None`, and the items stay as they are, if no cut leaves counts that fill nodes.
+/// `None`, and the items stay as they are, if no cut is allowed.
 pub(super) fn split_binned<const N: usize>(items: &mut [BuildItem], whole: &Group) -> Option<[Group; 2]> {
     let grid = BinGrid::new(whole, N as f32);
     let BinCut { axis, bin, mut groups } = Bins::<N>::around(items, &grid).cut(whole, &grid)?;
@@ -112,6 +112,11 @@ impl BinGrid {
         let [a, b, c] = (direction_penalty(whole) * direction.stretch).to_array();
         let axes = if whole.means.has_directions() { AXES } else { 3 };
         Self { position, direction, stretch: [x, y, z, a, b, c], axes }
+    }
+
+    /// Whether the positions of the items are farthest apart along this axis.
+    pub fn is_longest(&self, axis: usize) -> bool {
+        axis < 3 && self.stretch[axis] <= 1.0
     }
 
     /// Whether items may be cut along an axis.
@@ -195,8 +200,8 @@ impl<const N: usize> Bins<N> {
         }
     }
 
-    /// The best cut of the group `whole`, all of whose items are in the bins. `None` if no cut
-    /// leaves counts that fill nodes.
+    /// The best cut of the group `whole`, all of whose items are in the bins. `None` if no cut is
+    /// allowed.
     pub fn cut(&self, whole: &Group, grid: &BinGrid) -> Option<BinCut> {
         let (axis, bin) = self.best_cut(whole, grid)?;
         let mut groups = [Group::EMPTY; 2];
@@ -218,6 +223,11 @@ impl<const N: usize> Bins<N> {
             let bins = &self.sums[axis];
             // For each cut the smaller of both counts; 0 if the counts would not fill nodes.
             let mut evenness = [0; N];
+            // Across a gap any counts are better than a node with lights of both sides.
+            if grid.is_longest(axis) && self.counts[axis][1..N - 1].iter().all(|bin| *bin == 0) {
+                let left = self.counts[axis][0] as usize;
+                evenness[1] = left.min(count - left);
+            }
             let mut left = 0;
             for (even, bin) in evenness[1..].iter_mut().zip(self.counts[axis]) {
                 left += bin as usize;

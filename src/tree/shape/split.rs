@@ -1,7 +1,8 @@
 //! Splits lights in two where the summed cost of both sides is least.
 //!
 //! Based on CK18 4.2-4.4. Differs: only cuts are tried that leave counts that fill nodes on both
-//! sides. A few lights have so few of these that they are sorted instead of binned.
+//! sides, or that are in a gap. A few lights have so few of these that they are sorted instead of
+//! binned.
 
 use std::array;
 
@@ -24,6 +25,9 @@ pub(super) const MIN_MANY_BINS: usize = 128;
 
 /// Steps along an axis that sorting distinguishes. Lights in the same step keep their order.
 const SORT_STEPS: f32 = (1 << 24) as f32;
+
+/// A gap is wider than this many steps: three quarters of the extent, as six of eight bins.
+const GAP_STEPS: i32 = 3 << 22;
 
 /// Splits more than [`WIDTH`] items in two parts and sorts them, the left part first. If `halve`
 /// is set, the parts are halves instead of those of least cost.
@@ -82,7 +86,7 @@ struct SortedCut {
     sums: [GroupSums; 2],
 }
 
-/// Tries all cuts of at most [`MAX_SORTED`] items. `None` if no cut leaves counts that fill nodes.
+/// Tries all allowed cuts of at most [`MAX_SORTED`] items. `None` if there are none.
 #[inline(never)]
 fn split_sorted(items: &mut [BuildItem], whole: &Group) -> Option<[Group; 2]> {
     let count = items.len();
@@ -121,7 +125,11 @@ fn split_sorted(items: &mut [BuildItem], whole: &Group) -> Option<[Group; 2]> {
             right.add(&sums[order[place] as usize % MAX_SORTED]);
             rights[place] = right;
         }
-        for pair in cuts[..allowed].chunks(2) {
+        // Across a gap any counts are better than a node with lights of both sides.
+        let step = |place: u8| keys[axis][place as usize % MAX_SORTED] / MAX_SORTED as i32;
+        let gap = (1..count).find(|cut| grid.is_longest(axis) && step(order[*cut]) - step(order[*cut - 1]) > GAP_STEPS);
+        cuts[allowed] = gap.unwrap_or_default();
+        for pair in cuts[..allowed + usize::from(gap.is_some())].chunks(2) {
             let [a, b] = [pair[0], pair[pair.len() - 1]];
             let cost = grid.stretch[axis] * costs([&lefts[a], &rights[a], &lefts[b], &rights[b]], unit);
             for (cut, cost) in [(a, cost.x + cost.y), (b, cost.z + cost.w)] {

@@ -51,25 +51,27 @@ fn sound_shape(clusters: &[Cluster]) -> Vec<ShapeNode> {
     nodes
 }
 
-/// The squared diagonal of the box around the lights below each node.
-fn diagonals_sq(nodes: &[ShapeNode], clusters: &[Cluster]) -> Vec<f32> {
+/// The boxes around what `of` returns for the lights below each node.
+fn boxes(nodes: &[ShapeNode], clusters: &[Cluster], of: impl Fn(&Cluster) -> Aabb) -> Vec<Aabb> {
     let mut boxes = vec![Aabb::EMPTY; nodes.len()];
     for (index, node) in nodes.iter().enumerate().rev() {
         boxes[index] = node.children[..node.count as usize].iter().fold(Aabb::EMPTY, |all, child| {
             all.union(&match child & LEAF {
                 0 => boxes[*child as usize],
-                _ => clusters[(child ^ LEAF) as usize].aabb,
+                _ => of(&clusters[(child ^ LEAF) as usize]),
             })
         });
     }
-    boxes.iter().map(|aabb| aabb.extent().length_squared()).collect()
+    boxes
 }
 
 /// Checks that each light has one leaf, that links agree, that subtrees lie in one piece, and that
 /// no node has fewer children than it must. Returns the depth.
 fn check(nodes: &[ShapeNode], clusters: &[Cluster]) -> u32 {
     let mut has_leaf = vec![false; clusters.len()];
-    let diagonals_sq = diagonals_sq(nodes, clusters);
+    let means = boxes(nodes, clusters, |light| Aabb::point(light.mean));
+    let boxes = boxes(nodes, clusters, |light| light.aabb);
+    let diagonals_sq: Vec<f32> = boxes.iter().map(|aabb| aabb.extent().length_squared()).collect();
     let mut depths = vec![0; nodes.len()];
     for (index, node) in nodes.iter().enumerate() {
         let count = node.count as usize;
@@ -93,11 +95,17 @@ fn check(nodes: &[ShapeNode], clusters: &[Cluster]) -> u32 {
         }
         assert_eq!(next - index, node.span as usize);
         // A sparse node is the root, or its children are full of lights and none fits into its
-        // room, or it has a tiny child that stayed whole.
+        // room, or it has a tiny child that stayed whole, or a gap is beside it or below it.
         let has_tiny_child = node.children[..count].iter().any(|child| {
             child & LEAF == 0 && diagonals_sq[*child as usize] < TINY_SHARE * TINY_SHARE * diagonals_sq[index]
         });
-        let is_full = node.count as usize >= FULL || has_tiny_child;
+        let is_beside_gap = |child: usize, parent: usize| {
+            let (child, parent) = (means[child].extent(), means[parent].extent());
+            child.cmplt(0.26 * parent).any()
+        };
+        let has_gap = node.parent != NO_PARENT && is_beside_gap(index, node.parent as usize / WIDTH)
+            || node.children[..count].iter().any(|child| child & LEAF == 0 && is_beside_gap(*child as usize, index));
+        let is_full = node.count as usize >= FULL || has_tiny_child || has_gap;
         if let (false, Some((count, span))) = (is_full, smallest_child) {
             assert!(index == 0 || span == 1 && count - 1 > WIDTH as u32 - node.count, "node {index}: {node:?}");
         } else {
@@ -130,6 +138,26 @@ fn nodes_hold_at_least_5_6_children_on_average() {
     for clumped in [0.0, 0.9] {
         let nodes = sound_shape(&city(20_000, clumped));
         assert!(fill(&nodes) >= 5.6, "{}", fill(&nodes));
+    }
+}
+
+/// Counts that do not fill nodes, beside a town of any size.
+#[test]
+fn lights_across_a_gap_share_no_node_below_the_root() {
+    let mut rng = Rng(67);
+    for town in [2, 4, 9, 12, 16, 17, 40, 127, 128, 500] {
+        for far in [1, 2, 3, 4, 5, 6, 9, 11, 17, 30] {
+            for gap in [500.0, 1.0e4, 1.0e9] {
+                for axis in Vec3::AXES {
+                    let mut lights: Vec<Cluster> = (0..town).map(|_| light(rng.position(10.0), 1.0)).collect();
+                    lights.extend((0..far).map(|_| light(rng.position(10.0) + axis * gap, 1.0)));
+                    let nodes = sound_shape(&lights);
+                    for aabb in &boxes(&nodes, &lights, |light| light.aabb)[1..] {
+                        assert!(aabb.extent().max_element() < 100.0, "{town} beside {far} at {gap}: {aabb:?}");
+                    }
+                }
+            }
+        }
     }
 }
 

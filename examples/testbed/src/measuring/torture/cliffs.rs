@@ -62,6 +62,7 @@ pub fn scenes() -> Result<Vec<TortureScene>, WorldError> {
         let make = move |parts: &mut Parts, _: &mut Rng| decades(parts, 30_000, power);
         makers.push((format!("30,000 lamps from 10 m to 1e{power} m"), Box::new(make)));
     }
+    makers.push(("eight instances from 17 m to 1.4e8 m".to_owned(), Box::new(|parts, _| eight(parts))));
     makers.push(("lamps 9e8 m from the origin".to_owned(), Box::new(|parts, rng| far_off(parts, rng, 9.0e8))));
     for (name, decades) in [("1 to 100", 0.0..2.0), ("0.001 to 1000", -3.0..3.0)] {
         let make = move |parts: &mut Parts, rng: &mut Rng| shared_scales(parts, rng, 300, decades.clone());
@@ -194,6 +195,18 @@ fn decades(parts: &mut Parts, count: usize, power: i32) -> Result<(), WorldError
     };
     add_lamps(parts, (0..count).map(at))?;
     add_floor(parts, vec3(-50.0, 0.0, -50.0), vec3(100.0, 0.0, 100.0));
+    Ok(())
+}
+
+/// As many instances as a node has children, of three lamps each. Half of them are near.
+fn eight(parts: &mut Parts) -> Result<(), WorldError> {
+    let lamps = (0..3).map(|i| lamp(vec3(i as f32, 3.0, 0.0), 30.0)).collect();
+    let tree = parts.world.add_tree(LightTree::new(lamps)?);
+    for (i, distance) in [17.0, 19.0, 25.0, 30.0, 130.0, 4.5e4, 3.7e6, 1.4e8].into_iter().enumerate() {
+        let (sine, cosine) = (std::f64::consts::TAU * lattice(i).z).sin_cos();
+        parts.world.add_instance(tree, Placement::at(DVec3::new(cosine, 0.0, sine) * distance), Policy::Static)?;
+    }
+    add_floor(parts, vec3(-5.0, 0.0, -5.0), vec3(10.0, 0.0, 10.0));
     Ok(())
 }
 
