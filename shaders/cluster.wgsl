@@ -78,7 +78,8 @@ fn cluster_transformed(tree: LightTree, instance: LightInstance, map: Linear, fl
     if is_kind.x {
         image = map.area_x * unit.x + map.area_y * unit.y + map.area_z * unit.z;
     }
-    let greatest = map.greatest_area / safe_length(image);
+    // Without an axis, the cap is all directions.
+    let greatest = map.greatest_area / max(safe_length(image), 1.0e-30);
     let center = 0.5 * (cluster.box_min + cluster.box_max);
     let half = max(cluster.box_max - center, center - cluster.box_min);
     let moved_center = map.x * center.x + map.y * center.y + map.z * center.z + map.translation;

@@ -12,7 +12,7 @@
 
 use glam::{Mat3, Vec3};
 
-use crate::cluster::{Emitters, Linear};
+use crate::cluster::Linear;
 use crate::tree::{FluxShares, Unpacked};
 
 /// The map from a tree's space to the axes of its instance, but for the translation.
@@ -69,6 +69,7 @@ mod tests {
     use glam::{DMat3, DVec3};
 
     use super::*;
+    use crate::cluster::Emitters;
     use crate::light::Light;
     use crate::tree::testing::Rng;
     use crate::tree::{LightTree, WIDTH};

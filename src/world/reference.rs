@@ -54,10 +54,10 @@ impl LightTree {
     ///
     /// [`LightTree::new`], unless the placement is stretched, by a factor of 1.5 or more between two
     /// directions, or changes areas by 1.5 or more and there are both surfaces and lights without
-    /// size. The tree is then divided as its lights lie in the world and weighted as they shine there, as
-    /// [`LightWorld::add_instance`] would build it again for its first instance. A tree that was
-    /// made here is not built again when its instance is added with the same linear part. Only the
-    /// linear part of the placement matters.
+    /// size. The tree is then divided as if its axes were stretched as the placement stretches them,
+    /// and weighted as its lights shine in the world, as [`LightWorld::add_instance`] would build it
+    /// again for its first instance. A tree that was made here is not built again when its instance
+    /// is added with the same linear part. Only the linear part of the placement matters.
     ///
     /// # Errors
     /// [`WorldError::Placement`], [`WorldError::Light`], [`WorldError::TooManyLights`].

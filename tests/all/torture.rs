@@ -61,6 +61,9 @@ fn no_scene_is_a_cliff_but_those_that_are_known() {
     }
 }
 
+/// Sigma below this is noise of rounding, and counts as this.
+const RESOLVED: f64 = 0.01;
+
 /// The most that sigma by one tree may be where two levels are compared with it. Measured: 1.81.
 const MOST_OF_FLAT: f64 = 2.0;
 
@@ -76,8 +79,7 @@ const MISSED_CLIFFS: [(&str, f64); 12] = [
     ("30,000 lamps from 10 m to 1e4 m", 3.12),
     ("30,000 lamps from 10 m to 1e5 m", 3.46),
     ("30,000 lamps from 10 m to 1e6 m", 2.34),
-    // One tree has a sigma of 0.0001, two levels 158.
-    ("eight instances from 17 m to 1.4e8 m", 1.64e6),
+    ("eight instances from 17 m to 1.4e8 m", 15_800.0),
     ("one tree at scales from 0.001 to 1000", 1.97),
     ("4,000 overlapping trees of ten lamps", 1.74),
 ];
@@ -86,7 +88,7 @@ const MISSED_CLIFFS: [(&str, f64); 12] = [
 fn scenes_that_once_were_cliffs_are_none_but_those_that_are_known() {
     for scene in cliffs::scenes().expect("valid scenes") {
         let [two, flat] = two_and_flat(&scene);
-        let ratio = two / flat;
+        let ratio = two / flat.max(RESOLVED);
         assert!(flat <= MOST_OF_FLAT, "{}: {flat} by one tree", scene.name);
         match MISSED_CLIFFS.iter().find(|(name, _)| *name == scene.name) {
             // One that reaches the goal leaves the list.

@@ -221,17 +221,17 @@ impl<const N: usize> Bins<N> {
         let (mut least, mut most_even, mut best) = (f32::INFINITY, 0, None);
         for axis in (0..AXES).filter(|axis| grid.is_cut(*axis)) {
             let bins = &self.sums[axis];
-            // For each cut the smaller of both counts; 0 if the counts would not fill nodes.
+            // For each cut the smaller of both counts; 0 if the cut is not allowed.
             let mut evenness = [0; N];
-            // Across a gap any counts are better than a node with lights of both sides.
-            if grid.is_longest(axis) && self.counts[axis][1..N - 1].iter().all(|bin| *bin == 0) {
-                let left = self.counts[axis][0] as usize;
-                evenness[1] = left.min(count - left);
-            }
-            let mut left = 0;
+            let (mut left, mut empty) = (0, 0);
+            let is_longest = grid.is_longest(axis);
             for (even, bin) in evenness[1..].iter_mut().zip(self.counts[axis]) {
                 left += bin as usize;
-                if fills_nodes(left) && fills_nodes(count - left) {
+                empty = if bin == 0 { empty + 1 } else { 0 };
+                // Across a gap any counts are better than a node with lights of both sides. A gap of
+                // three quarters has five whole bins of eight.
+                let is_gap = is_longest && 8 * empty >= 5 * N;
+                if is_gap || fills_nodes(left) && fills_nodes(count - left) {
                     *even = left.min(count - left);
                 }
             }

@@ -26,7 +26,7 @@ pub(super) const MIN_MANY_BINS: usize = 128;
 /// Steps along an axis that sorting distinguishes. Lights in the same step keep their order.
 const SORT_STEPS: f32 = (1 << 24) as f32;
 
-/// A gap is wider than this many steps: three quarters of the extent, as six of eight bins.
+/// A gap is wider than this many steps: three quarters of the extent.
 const GAP_STEPS: i32 = 3 << 22;
 
 /// Splits more than [`WIDTH`] items in two parts and sorts them, the left part first. If `halve`
