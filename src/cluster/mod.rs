@@ -90,7 +90,7 @@ impl Cluster {
     /// The cluster after the transform `x -> linear * x + translation`.
     ///
     /// `flux` is the flux of the transformed lights, see [`Linear::flux`]. The box stays
-    /// conservative, and so does the cap ([`Linear::cap`]). The range stays, since it is in metres of
+    /// conservative, and so does the cap (`Linear::cap`). The range stays, since it is in metres of
     /// the world.
     #[must_use]
     pub fn transformed(&self, map: &Linear, translation: Vec3, flux: f32) -> Self {
