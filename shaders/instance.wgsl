@@ -66,18 +66,10 @@ fn light_rigid_to_local(to_world: array<vec4<f32>, 3>) -> array<vec4<f32>, 3> {
 // surfaces, and whether there are surfaces alone; `greatest` is the greatest factor of areas over that
 // of the axis. Twin of `Linear::cap`.
 fn light_cap_cosine(cos: f32, is_kind: vec2<bool>, greatest: f32, instance: LightInstance) -> f32 {
-    let is_similarity = instance.cos_turn > 0.0 && instance.sin_turn <= 0.0;
-    let once = light_widened(cos, instance);
-    let widened = select(once, light_widened(once, instance), is_kind.x);
-    let image = select(widened, (min(cos, 0.0) - LIGHT_AXIS_ROUNDING) * greatest, is_kind.y);
-    return select(select(-1.0, image, image >= LIGHT_MIN_CAP_COSINE), cos, is_similarity);
-}
-
-// The cosine of the half-angle of a cap that is widened by the angle by which an instance turns
-// directions. Twin of `Linear::widened`.
-fn light_widened(cos: f32, instance: LightInstance) -> f32 {
-    let sin = sqrt(max(1.0 - cos * cos, 0.0));
-    return select(cos * instance.cos_turn - sin * instance.sin_turn, -1.0, cos <= -instance.cos_turn);
+    let widened = cos * instance.cos_turn - sqrt(max(1.0 - cos * cos, 0.0)) * instance.sin_turn;
+    let surfaces = select(-1.0, max((min(cos, 0.0) - LIGHT_AXIS_ROUNDING) * greatest, -1.0), is_kind.y);
+    let image = select(select(widened, -1.0, cos <= -instance.cos_turn), surfaces, is_kind.x);
+    return select(image, cos, instance.cos_turn >= 1.0);
 }
 
 // #endif

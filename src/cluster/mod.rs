@@ -22,9 +22,9 @@ const SCALE_MARGIN: f64 = 1.0e-6;
 /// The rounding of the image of a normal, as a share of the greatest such image.
 pub(crate) const AXIS_ROUNDING: f32 = 1.0e-6;
 
-/// Carried caps of a cosine below this become all directions. They prove next to nothing, and the
-/// rounding of their axes exceeds what they leave out.
-pub(crate) const MIN_CAP_COSINE: f32 = -0.999;
+/// Angles of [`Linear::turn`] from here on count as half a turn: such caps prove next to nothing, and
+/// the rounding of their axes grows with the condition.
+const MAX_TURN: f64 = 3.0;
 
 /// A matrix whose Gram matrix is this close to the identity, entry by entry, is a rotation. Its
 /// transpose is its inverse up to this share of the coordinates. Products of about ten rotations in
@@ -123,7 +123,7 @@ impl Default for Cluster {
 pub(crate) enum Emitters {
     /// The axis is best that of beams, which keep their angles about it. Surfaces may be among them.
     Beams,
-    /// The axis is best that of surfaces. Lights without size may be among them.
+    /// The axis is best that of surfaces, and lights without size are among them.
     Mixed,
     /// Surfaces alone, each of which emits to a half space.
     Surfaces,
@@ -201,32 +201,24 @@ impl Linear {
     /// The image of a cap of directions: its unit axis, and the cosine of its half-angle, which is -1
     /// if the cap becomes all directions. `axis` has unit length or is zero.
     ///
-    /// The caps of surfaces alone turn as normals do: half spaces stay half spaces. Others are widened
-    /// by [`Self::turn`], once or twice (docs/math.md, Caps under a map).
+    /// Half spaces of surfaces stay half spaces, and caps of lights without size are widened by
+    /// [`Self::turn`] (docs/math.md, Caps under a map).
     #[inline(always)]
     pub(crate) fn cap(&self, emitters: Emitters, axis: Vec3, cos: f32) -> (Vec3, f32) {
         let image = if emitters == Emitters::Beams { self.linear } else { self.cofactor } * axis;
-        if self.is_similarity {
-            return (image.normalize_or_zero(), cos);
-        }
         let cos = match emitters {
-            Emitters::Beams => self.widened(cos),
-            Emitters::Mixed => self.widened(self.widened(cos)),
-            // The greatest factor of areas over that of the axis.
+            _ if self.is_similarity => cos,
+            Emitters::Mixed => -1.0,
+            Emitters::Beams if cos <= -self.turn.x => -1.0,
+            Emitters::Beams => cos * self.turn.x - (1.0 - cos * cos).max(0.0).sqrt() * self.turn.y,
+            // The greatest factor of areas over that of the axis. `max` turns NaN, which singular matrices
+            // make, into -1.
             Emitters::Surfaces => {
-                (cos.min(0.0) - AXIS_ROUNDING) * (self.determinant.abs() / (self.least_scale * image.length()))
+                let greatest = self.determinant.abs() / (self.least_scale * image.length());
+                ((cos.min(0.0) - AXIS_ROUNDING) * greatest).max(-1.0)
             }
         };
-        // False for NaN, which singular matrices make.
-        let is_cap = cos >= MIN_CAP_COSINE;
-        (image.normalize_or_zero(), if is_cap { cos } else { -1.0 })
-    }
-
-    /// The cosine of the half-angle of a cap that is widened by [`Self::turn`]: -1 if it becomes
-    /// all directions.
-    fn widened(&self, cos: f32) -> f32 {
-        let sin = (1.0 - cos * cos).max(0.0).sqrt();
-        if cos <= -self.turn.x { -1.0 } else { cos * self.turn.x - sin * self.turn.y }
+        (image.normalize_or_zero(), cos)
     }
 
     /// The flux of a cluster after the transform, in lumens: points and spots keep their flux, and
@@ -257,12 +249,12 @@ impl Linear {
 /// Cosine and sine of the greatest angle by which a matrix turns two directions against each other,
 /// at most half a turn, for the greatest by the least singular value κ.
 ///
-/// The angle is 4 atan(√κ) − π (docs/math.md, Caps under a map). The sine of half of it is
-/// (κ − 1) / (κ + 1).
+/// The angle is 4 atan(√κ) − π (docs/math.md, Caps under a map).
 fn greatest_turn(condition: f64) -> Vec2 {
-    let half_sin = 1.0 - 2.0 / (condition + 1.0);
-    let half_cos = (1.0 - half_sin * half_sin).max(0.0).sqrt();
-    Vec2::new((1.0 - 2.0 * half_sin * half_sin) as f32, (2.0 * half_sin * half_cos) as f32)
+    let angle = 4.0 * condition.sqrt().atan() - std::f64::consts::PI;
+    // A cosine of 1 stands for a similarity.
+    let cos = (angle.cos() as f32).min(1.0 - 0.5 * f32::EPSILON);
+    if angle < MAX_TURN { Vec2::new(cos, angle.sin() as f32) } else { Vec2::NEG_X }
 }
 
 /// The greatest singular value of a matrix.
@@ -338,6 +330,7 @@ mod tests {
             assert!((f64::from(map.least_scale) / least - 1.0).abs() < error, "{least}: {}", map.least_scale);
             // The directions of the greatest turn lie to both sides of the axis that shrinks least.
             let expected = 2.0 * (condition.sqrt().atan() - condition.sqrt().recip().atan());
+            let expected = if expected < MAX_TURN { expected } else { std::f64::consts::PI };
             assert!((turn_of(&map) - expected).abs() < error + 4.0e-4, "{condition}: {} {expected}", turn_of(&map));
             let exact = map.linear.as_dmat3();
             for i in 0..50 {

@@ -455,7 +455,6 @@ pub(crate) fn constants() -> String {
         ("POSITION_MARGIN", importance::POSITION_MARGIN),
         ("RIGID_TOLERANCE", cluster::RIGID_TOLERANCE),
         ("AXIS_ROUNDING", cluster::AXIS_ROUNDING),
-        ("MIN_CAP_COSINE", cluster::MIN_CAP_COSINE),
         ("MAX_DIST_SQ", importance::MAX_DIST_SQ),
         ("COSINE_MARGIN", importance::COSINE_MARGIN),
         ("ANGLE_MARGIN", importance::ANGLE_MARGIN),
@@ -853,7 +852,7 @@ mod tests {
                  LightChild.facing LightChild.center_sq \
                  LightChild.center_facing LightChild.axis_length LightChild.cos_half_angle LIGHT_KIND_SPOT \
                  LIGHT_LAMBERTIAN LIGHT_LOBE_SHARE LIGHT_RIM_WIDTH_SQ LIGHT_RIM_MIN_SQ LIGHT_MAX_LOBE_LENGTH \
-                 LIGHT_CAP_STEPS LIGHT_ANGLE_MARGIN light_widened light_cap_cosine LIGHT_AXIS_ROUNDING LIGHT_MIN_CAP_COSINE light_see_axis light_seen_axis light_axis_in_axes light_end light_halved \
+                 LIGHT_CAP_STEPS LIGHT_ANGLE_MARGIN light_cap_cosine LIGHT_AXIS_ROUNDING light_see_axis light_seen_axis light_axis_in_axes light_end light_halved \
                  LightEnd LightEnd.place LightEnd.dist light_is_turned_away_along light_emitted_along LIGHT_LEAST_NORMAL_CODE",
             ),
             (
@@ -917,7 +916,7 @@ mod tests {
                 Effects::NON_RIGID,
                 "light_rigid_to_local light_flux_shares light_axes light_axis_in_axes \
                  light_box_in_axes light_scaled_child LightMappedBox LightMappedBox.bounds \
-                 LightMappedBox.size_sq light_widened light_cap_cosine LIGHT_LEAST_NORMAL_CODE LIGHT_ALL_SURFACES LIGHT_AXIS_ROUNDING LIGHT_MIN_CAP_COSINE LightInstance.to_local \
+                 LightMappedBox.size_sq light_cap_cosine LIGHT_LEAST_NORMAL_CODE LIGHT_ALL_SURFACES LIGHT_AXIS_ROUNDING LightInstance.to_local \
                  LightPackedChild.area_ratio LightLocalShadingPoint.scaled_instance \
                  LIGHT_NON_RIGID LIGHT_MAX_FLUX",
             ),

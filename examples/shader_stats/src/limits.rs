@@ -85,7 +85,7 @@ pub const LIMITS: [Limit; 59] = [
     limit("shared light_sample", "all", [128, 0, 7900]),
     limit("shared or split light_sample", "all", [144, 0, 9600]),
     limit("shared light_resample", "all", [144, 528, 8300]),
-    limit("shared light_pmf", "all", [112, 0, 5100]),
+    limit("shared light_pmf", "all", [120, 0, 5100]),
 ];
 
 /// What exceeds its limits, one line for each kernel. A kernel without limits exceeds them.

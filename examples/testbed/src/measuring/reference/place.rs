@@ -2,6 +2,7 @@
 //! The shading point in tree space).
 
 use girandole::glam::{DMat3, DVec3};
+use std::f64::consts::PI;
 
 /// A linear map with what is derived from it.
 #[derive(Clone, Copy, Debug)]
@@ -60,21 +61,25 @@ impl Map {
     }
 
     /// The image of a cap: its unit axis and its half-angle, `None` for all directions. The axis is that
-    /// of surfaces if `has_normal`. Half spaces of surfaces alone stay half spaces, and other caps are
-    /// widened by the angle by which directions turn against each other.
+    /// of surfaces if `has_normal`. Half spaces of surfaces alone stay half spaces. Caps of lights without size
+    /// are widened by the angle by which directions turn against each other.
     pub fn cap(&self, [has_normal, is_surface]: [bool; 2], axis: DVec3, half_angle: f64) -> (DVec3, Option<f64>) {
         let image = if has_normal { self.cofactor() } else { self.linear } * axis;
         let condition = greatest_scale(&self.linear) * greatest_scale(&self.inverse);
-        if condition < 1.0 + 1.0e-5 {
-            return (image.normalize(), Some(half_angle));
-        }
-        let cos = if is_surface {
-            half_angle.cos().min(0.0) * greatest_scale(&self.cofactor()) / image.length()
-        } else {
-            let turn = 4.0 * condition.sqrt().atan() - std::f64::consts::PI;
-            (half_angle + if has_normal { 2.0 } else { 1.0 } * turn).min(std::f64::consts::PI).cos()
+        let turn = match 4.0 * condition.sqrt().atan() - PI {
+            _ if condition < 1.0 + 1.0e-5 => 0.0,
+            turn if turn >= 3.0 => PI,
+            turn => turn,
         };
-        (image.normalize(), (cos >= -0.999).then(|| cos.acos()))
+        let half_angle = match () {
+            () if turn == 0.0 => half_angle,
+            () if is_surface => {
+                (half_angle.cos().min(0.0) * greatest_scale(&self.cofactor()) / image.length()).max(-1.0).acos()
+            }
+            () if has_normal => PI,
+            () => half_angle + turn,
+        };
+        (image.normalize(), (half_angle < PI).then_some(half_angle))
     }
 
     /// The factor of the flux of surfaces that emit along a unit vector on the mean; `length` is
