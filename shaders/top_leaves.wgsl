@@ -1,20 +1,14 @@
-// Top level, stage 1: the cluster of each part of an instance, and the bounds of the means of these
-// clusters. Twin of `LightWorld::parts`. One invocation for each part.
+// Top level, stage 1: the cluster of each part of an instance. Twin of `LightWorld::parts`. One
+// invocation for each part.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
 @group(0) @binding(1) var<storage, read_write> clusters: array<LightCluster>;
-// See top_space.wgsl. This stage finds the extremes, the numbers and the lists. The extremes and
-// the numbers are cleared before it.
-@group(0) @binding(2) var<storage, read_write> bounds: array<atomic<u32>, TOP_SPACE_WORDS>;
-@group(0) @binding(3) var<storage, read_write> nodes: array<u32>;
+@group(0) @binding(2) var<storage, read_write> nodes: array<u32>;
 // For each part the slot of its instance, or LIGHT_NO_INSTANCE, and its index among the parts of
 // that instance.
-@group(0) @binding(4) var<storage, read> parts: array<vec2<u32>>;
-@group(0) @binding(5) var<storage, read> instances: array<vec4<u32>>;
-@group(0) @binding(6) var<storage, read> trees: array<LightTree>;
-
-// The bounds for this workgroup. Maxima and sums do not depend on the order of the invocations.
-var<workgroup> group_bounds: array<atomic<u32>, 8>;
+@group(0) @binding(3) var<storage, read> parts: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read> instances: array<vec4<u32>>;
+@group(0) @binding(5) var<storage, read> trees: array<LightTree>;
 
 // Reads an instance as light_instance in stored.wgsl does.
 fn instance_of(slot: u32) -> LightInstance {
@@ -73,58 +67,10 @@ fn leaf_of(index: u32) -> LightCluster {
     return cluster_transformed(tree, instance, map, max(flux, LIGHT_MIN_FLUX));
 }
 
-// Twin of `hash` in src/tree/space_order.rs.
-fn leaf_hash(number: u32) -> u32 {
-    let state = number * 747796405u + 2891336453u;
-    let word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
-    return (word >> 22u) ^ word;
-}
-
-// Adds a part to the list of its level, unless it is full. Twin of `sample` and `identity` in
-// src/tree/space_order.rs. Full lists are not part of the sample, so the order of the parts does not matter.
-fn leaf_list(index: u32) {
-    let identity = leaf_hash(parts[index].x) + parts[index].y;
-    let hash = leaf_hash(identity) | 0x1ffu;
-    let zeros = countLeadingZeros(hash);
-    let level = 4u * zeros + 3u - (((hash << zeros) >> 29u) & 3u);
-    // A first look, because most parts find their list full.
-    if atomicLoad(&bounds[8u + level]) <= TOP_LEVEL_SAMPLES {
-        let place = atomicAdd(&bounds[8u + level], 1u);
-        if place < TOP_LEVEL_SAMPLES {
-            atomicStore(&bounds[TOP_LISTS_AT + level * TOP_LEVEL_SAMPLES + place], index);
-        }
-    }
-}
-
 @compute @workgroup_size(TOP_LANES)
-fn top_leaves(
-    @builtin(global_invocation_id) id: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    if lane < 8u {
-        atomicStore(&group_bounds[lane], 0u);
-    }
-    workgroupBarrier();
+fn top_leaves(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let part = top_index(id, groups);
     if part < top_pass.count {
-        let leaf = leaf_of(part);
-        clusters[part] = leaf;
-        if leaf.flux > 0.0 {
-            leaf_list(part);
-            atomicAdd(&group_bounds[6], 1u);
-            for (var axis = 0u; axis < 3u; axis++) {
-                let place = top_ordered(leaf.mean[axis]);
-                atomicMax(&group_bounds[axis], place);
-                atomicMax(&group_bounds[axis + 3u], ~place);
-            }
-        }
-    }
-    workgroupBarrier();
-    if lane < 6u {
-        atomicMax(&bounds[lane], atomicLoad(&group_bounds[lane]));
-    }
-    if lane == 6u {
-        atomicAdd(&bounds[6], atomicLoad(&group_bounds[6]));
+        clusters[part] = leaf_of(part);
     }
 }

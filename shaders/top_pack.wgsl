@@ -1,25 +1,40 @@
 // Packs a node of the top level. Binds nothing; uses the variables `top_pass`, `clusters` and
 // `nodes` of the stage.
 
-// The cluster of each node of the piece that is packed already.
-var<workgroup> pack_clusters: array<LightCluster, TOP_MAX_NODES>;
+// The clusters of nodes that this workgroup has packed: other invocations of this dispatch may not see
+// what one of them writes to `clusters`.
+var<workgroup> pack_clusters: array<LightCluster, TOP_HELD>;
 // For each such node the three words of its `MaskShares`.
-var<workgroup> pack_shares: array<u32, 3u * TOP_MAX_NODES>;
+var<workgroup> pack_shares: array<u32, 3u * TOP_HELD>;
 
-// The cluster of a child. Nodes of the same piece, which begin at `first`, have theirs in workgroup
-// memory: other invocations of this dispatch may not see what one of them writes to `clusters`.
-fn node_child(child_bits: u32, first: u32) -> LightCluster {
-    if child_bits == LIGHT_EMPTY_SLOT {
+// The value of `held` for a child that this workgroup has not packed.
+const NODE_STORED: u32 = 0xffffffffu;
+
+// A child of a node that is packed.
+struct NodeChild {
+    // LIGHT_EMPTY_SLOT, LIGHT_LEAF with the number of a part, or a node.
+    bits: u32,
+    // The place of its cluster in pack_clusters, or NODE_STORED.
+    held: u32,
+}
+
+const NODE_NO_CHILD = NodeChild(LIGHT_EMPTY_SLOT, NODE_STORED);
+
+fn node_layout() -> NodeLayout {
+    return NodeLayout(top_pass.node_stride, top_pass.node_lobes);
+}
+
+fn node_cluster(child: NodeChild) -> LightCluster {
+    if child.bits == LIGHT_EMPTY_SLOT {
         return CLUSTER_EMPTY;
     }
-    if (child_bits & LIGHT_LEAF) != 0u {
-        return clusters[child_bits & ~LIGHT_LEAF];
+    if (child.bits & LIGHT_LEAF) != 0u {
+        return clusters[child.bits & ~LIGHT_LEAF];
     }
-    let in_piece = child_bits - first;
-    if in_piece < TOP_MAX_NODES {
-        return pack_clusters[in_piece];
+    if child.held != NODE_STORED {
+        return pack_clusters[child.held];
     }
-    return clusters[top_pass.capacity + child_bits];
+    return clusters[top_pass.capacity + child.bits];
 }
 
 // The child bits of the leaf that is a part. Twin of `Part::leaf`.
@@ -32,41 +47,36 @@ fn node_leaf(part: u32) -> u32 {
 }
 
 // The `MaskShares` of a child.
-fn node_shares(child_bits: u32, first: u32) -> vec3<u32> {
-    if child_bits == LIGHT_EMPTY_SLOT {
+fn node_shares(child: NodeChild) -> vec3<u32> {
+    if child.bits == LIGHT_EMPTY_SLOT {
         return vec3(0u);
     }
-    if (child_bits & LIGHT_LEAF) != 0u {
-        return vec3(nodes[top_part(child_bits & ~LIGHT_LEAF) + 3u]);
+    if (child.bits & LIGHT_LEAF) != 0u {
+        return vec3(nodes[top_part(child.bits & ~LIGHT_LEAF) + 3u]);
     }
-    let in_piece = child_bits - first;
-    if in_piece < TOP_MAX_NODES {
-        let at = 3u * in_piece;
+    if child.held != NODE_STORED {
+        let at = 3u * child.held;
         return vec3(pack_shares[at], pack_shares[at + 1u], pack_shares[at + 2u]);
     }
-    let at = top_masks(child_bits);
+    let at = top_masks(child.bits);
     return vec3(nodes[at], nodes[at + 1u], nodes[at + 2u]);
 }
 
-// Packs a node from the clusters of the children that its child bits name, and writes into each part
-// where its leaf is. Twin of `WideCluster::merged` and `Node::pack`. Eight neighbouring invocations
-// pack a node, one for each child; those without a node have `is_used` false. `piece` is the first
-// node of the piece. Call from uniform control flow.
-fn node_pack(lane: u32, node: u32, is_used: bool, piece: u32) {
+// Packs a node whose parent's place is `parent`, and holds its cluster at `held`. Writes into each part where its leaf
+// is, and into each node that was packed by an earlier dispatch the place of its parent. Twin of `Build::pack` in
+// src/top/mod.rs. Eight neighbouring invocations pack a node, one for each child; those without a node have `is_used`
+// false. Call from uniform control flow.
+fn node_pack(lane: u32, node: u32, parent: u32, is_used: bool, child: NodeChild, held: u32) {
     let stored = node_layout();
     let slot = lane % LIGHT_WIDTH;
     let first = lane - slot;
     let place = node * LIGHT_WIDTH + slot;
-    var child_bits = LIGHT_EMPTY_SLOT;
-    if is_used {
-        child_bits = nodes[node_child_word(stored, place)];
-    }
     if top_pass.masks != 0u {
         // First, while few registers are in use.
-        pack_masks(lane, node, is_used, child_bits, piece);
+        pack_masks(lane, node, is_used, child, held);
     }
-    let child = node_child(child_bits, piece);
-    let merged = pack_merged(lane, child, child.flux);
+    let cluster = node_cluster(child);
+    let merged = pack_merged(lane, cluster, cluster.flux);
     if is_used {
         let bits = vec3(
             step_bits(merged.box_min.x, merged.box_max.x),
@@ -74,20 +84,25 @@ fn node_pack(lane: u32, node: u32, is_used: bool, piece: u32) {
             step_bits(merged.box_min.z, merged.box_max.z),
         );
         if slot == 0u {
-            let parent = nodes[node_tail_word(stored, node)];
             node_store(stored, node, merged.box_min, bits, parent);
             let finished = pack_finished(first, merged, pack_between(first, merged));
             clusters[top_pass.capacity + node] = finished;
-            pack_clusters[node - piece] = finished;
+            pack_clusters[held] = finished;
         }
-        node_store_child(stored, place, child_packed(child, merged.box_min, bits));
-        if child_bits != LIGHT_EMPTY_SLOT && (child_bits & LIGHT_LEAF) != 0u {
-            let part = child_bits & ~LIGHT_LEAF;
-            nodes[top_part(part) + 2u] = place;
-            node_store_child_bits(stored, place, node_leaf(part));
+        node_store_child(stored, place, child_packed(cluster, merged.box_min, bits));
+        var child_bits = child.bits;
+        if child_bits != LIGHT_EMPTY_SLOT {
+            if (child_bits & LIGHT_LEAF) != 0u {
+                let part = child_bits & ~LIGHT_LEAF;
+                nodes[top_part(part) + 2u] = place;
+                child_bits = node_leaf(part);
+            } else if child.held == NODE_STORED {
+                node_store_parent(stored, child_bits, place);
+            }
         }
+        node_store_child_bits(stored, place, child_bits);
     }
-    // The words may be written again.
+    // The words may be written again, and the cluster is read.
     workgroupBarrier();
 }
 
@@ -109,16 +124,16 @@ fn pack_code(sum: u32, total: u32) -> u32 {
     return code;
 }
 
-// Stores the `NodeMasks` of a node. The arguments are as for node_pack, and the bits of a child. Twin of
-// `MaskShares::merged`. Call from uniform control flow.
-fn pack_masks(lane: u32, node: u32, is_used: bool, child_bits: u32, piece: u32) {
+// Stores the `NodeMasks` of a node. The arguments are as for node_pack. Twin of `MaskShares::merged`.
+// Call from uniform control flow.
+fn pack_masks(lane: u32, node: u32, is_used: bool, child: NodeChild, held: u32) {
     let slot = lane % LIGHT_WIDTH;
     let first = lane - slot;
     var flux = 0u;
     var shares = vec3(0u);
     if is_used {
-        flux = pack_half(node_child(child_bits, piece).flux, 0x8000u);
-        shares = node_shares(child_bits, piece);
+        flux = pack_half(node_cluster(child).flux, 0x8000u);
+        shares = node_shares(child);
         nodes[top_masks(node) + 4u + slot] = shares.x | shares.y | shares.z;
     }
     for (var j = 0u; j < 3u; j++) {
@@ -156,7 +171,7 @@ fn pack_masks(lane: u32, node: u32, is_used: bool, child_bits: u32, piece: u32) 
             word |= ((bits | (bits >> 3u) | (bits >> 6u) | (bits >> 9u)) & 15u) << (4u * child);
         }
         nodes[top_masks(node) + slot] = word;
-        pack_shares[3u * (node - piece) + slot] = word;
+        pack_shares[3u * held + slot] = word;
     }
     // The words may be written again.
     workgroupBarrier();

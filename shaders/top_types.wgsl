@@ -1,8 +1,6 @@
 // What the stages of the top-level build share. Binds nothing.
 
-// One pass of the build. A unit is a part of an instance or a node that has no parent yet. The
-// number of a unit is that of the part if it is below `capacity`, and otherwise `capacity` plus the
-// node's index. Twin of `TopPass` in src/plan/top/passes.rs; the test
+// The parameters of a dispatch. Twin of `TopPass` in src/plan/top/buffers.rs; the test
 // `the_stages_are_valid_and_have_the_sizes_that_the_host_expects` compares them.
 struct TopPass {
     // The number of parts, in use or not.
@@ -12,20 +10,15 @@ struct TopPass {
     capacity: u32,
     // Where the parts begin in the buffer of the nodes, in units of 16 bytes.
     parts: u32,
-    // The place in `units` of what the last pass has left, and how many pieces it had.
-    // `units_before` is TOP_FIRST_PASS in the first pass, whose units are the parts in the order
-    // of the sort.
-    units_before: u32,
-    pieces_before: u32,
-    // The place in `units` of what this pass leaves. One word: how many entries each piece has.
-    // Three words for each piece: how many units it leaves, its first node, the number of its nodes.
-    // Then the entries, which are the numbers of these units.
-    units_after: u32,
-    // The greatest number of pieces; 0 in the last pass, whose one piece is the whole tree.
-    pieces: u32,
-    // The first node of this pass. The nodes of a piece begin one node after that for each
-    // TOP_UNITS_PER_NODE units before the piece.
-    first_node: u32,
+    // The number of nodes of the partition, in use or not.
+    nodes: u32,
+    // The index of the first run.
+    runs: u32,
+    // Whether the root of the partition is divided.
+    is_divided: u32,
+    // The word of `planes` at which the roots of the blocks of this stage begin, and their number.
+    blocks: u32,
+    block_count: u32,
     // The layout of records: see LightParams.
     node_stride: u32,
     node_lobes: u32,
@@ -57,14 +50,11 @@ fn top_index(id: vec3<u32>, groups: vec3<u32>) -> u32 {
     return id.y * groups.x * TOP_LANES + id.x;
 }
 
-// The bits of a float, changed so that unsigned integers have the same order as the floats. Atomics
-// can then find extremes. 0 is below the bits of every number.
-fn top_ordered(x: f32) -> u32 {
-    let bits = bitcast<u32>(x);
-    return select(bits | 0x80000000u, ~bits, (bits & 0x80000000u) != 0u);
-}
-
-// The float of such bits.
-fn top_unordered(ordered: u32) -> f32 {
-    return bitcast<f32>(select(~ordered, ordered & 0x7fffffffu, (ordered & 0x80000000u) != 0u));
+// The first word of a divided node's record in `planes`. Twin of `PlanesRecord` in
+// src/plan/top/partition.rs: the bits of the children that are of its block, from bit 8 on those of the
+// children that are divided; the place of its parent; where its planes are, and
+// from which sectors; two codes of planes in each
+// word; its children.
+fn top_planes(node: u32) -> u32 {
+    return TOP_PLANES_WORDS * node;
 }

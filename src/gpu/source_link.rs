@@ -5,11 +5,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 use crate::keys::TreeKey;
-use crate::plan::{BufferId, LightReadback, MeasureReadback};
+use crate::plan::{BufferId, LightReadback, MeasureReadback, PartReadback};
 use crate::world::LightWorld;
 
 /// The trees that are measured in one frame.
 pub(super) const MEASURED_PER_FRAME: u32 = 32;
+
+/// The parts of trees whose places are read back in one frame, and the most ranges that they make.
+pub(super) const PARTS_PER_FRAME: u32 = 2048;
+pub(super) const PART_RANGES_PER_FRAME: usize = 32;
 
 /// The bytes of lights that are read back in one frame, unless the first tree has more.
 pub(super) const LIGHT_BYTES_PER_FRAME: u64 = 4 << 20;
@@ -51,6 +55,7 @@ pub(super) struct Readback {
     pub buffer: wgpu::Buffer,
     pub state: Arc<AtomicU8>,
     pub measures: MeasureReadback,
+    pub parts: Vec<PartReadback>,
     pub lights: Vec<LightReadback>,
 }
 
@@ -106,10 +111,15 @@ impl SourceLink {
 impl SourceLink {
     /// Tells the world what a readback says.
     pub fn take(&mut self, readback: &Readback, world: &mut LightWorld) {
-        let Readback { buffer, measures, lights, .. } = readback;
-        let end = measures.bytes + lights.iter().map(|lights| lights.bytes).sum::<u64>();
+        let Readback { buffer, measures, parts, lights, .. } = readback;
+        let sizes = parts.iter().map(|parts| parts.bytes).chain(lights.iter().map(|lights| lights.bytes));
+        let end = measures.bytes + sizes.sum::<u64>();
         let Some(bytes) = buffer.slice(..end).get_mapped_range().view() else { return };
         let mut at = measures.bytes as usize;
+        for parts in parts {
+            parts.apply(world, &bytes[at..][..parts.bytes as usize]);
+            at += parts.bytes as usize;
+        }
         for lights in lights {
             lights.apply(world, &bytes[at..][..lights.bytes as usize]);
             self.read.push(lights.tree);
@@ -122,5 +132,20 @@ impl SourceLink {
                 self.wanted.push_back(tree);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::documented::{assert_says, grouped};
+
+    #[test]
+    fn the_documentation_names_what_is_read_back() {
+        let says = |sentence: &str| assert_says(include_str!("sources.rs"), sentence);
+        says(&format!("measures {MEASURED_PER_FRAME} of them"));
+        let parts = grouped(PARTS_PER_FRAME as usize);
+        says(&format!("where {parts} of their parts are, 80 bytes each, in at most {PART_RANGES_PER_FRAME} ranges"));
+        assert_says(include_str!("../../docs/gpu-lights.md"), &format!("where {parts} parts"));
     }
 }

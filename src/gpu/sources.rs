@@ -4,10 +4,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 use super::source_link::{
-    Fate, IS_LOST, IS_READABLE, LIGHT_BYTES_PER_FRAME, MAX_READ, MAX_WAITING, MEASURED_PER_FRAME, Readback, WAITS,
+    Fate, IS_LOST, IS_READABLE, LIGHT_BYTES_PER_FRAME, MAX_READ, MAX_WAITING, MEASURED_PER_FRAME,
+    PART_RANGES_PER_FRAME, PARTS_PER_FRAME, Readback, WAITS,
 };
 use super::{GpuLights, memory};
-use crate::plan::{BufferId, wgsl_of_sources};
+use crate::plan::{BufferId, PartReadback, wgsl_of_sources};
 use crate::world::LightWorld;
 
 impl GpuLights {
@@ -52,9 +53,11 @@ impl GpuLights {
     /// [`GpuLights::sync`] does.
     ///
     /// Each build of the top level refits these trees, measures 32 of them, and copies 32 bytes for each into a
-    /// buffer that is read some frames later; nothing waits for the GPU. Trees whose policies request a rebuild
-    /// have their lights copied too, at most 4 MiB a frame or one tree. The world then holds these
-    /// lights, and rebuilds the tree within its budget. O(trees that were measured, lights that were copied).
+    /// buffer that is read some frames later; nothing waits for the GPU. It also copies where 2,048 of their parts are,
+    /// 80 bytes each, in at most 32 ranges, so that the top level has nodes where kernels have moved them. Trees whose
+    /// policies request a rebuild have their lights copied too, at most 4 MiB a frame or one tree. The world then holds
+    /// these lights, and rebuilds the tree within its budget. O(trees that were measured, parts and lights that were
+    /// copied).
     pub fn follow_sources(&mut self, world: &mut LightWorld) {
         self.sources.read.retain(|tree| world.rebuild_state(*tree).is_some_and(|state| state.waited.is_some()));
         while let Some(state) = self.sources.readbacks.front().map(|readback| readback.state.load(Ordering::Acquire)) {
@@ -80,7 +83,18 @@ impl GpuLights {
         sources.next = if sources.next < planner.source_count() { sources.next } else { 0 };
         let Some(measures) = planner.measures(sources.next, MEASURED_PER_FRAME) else { return };
         sources.next += MEASURED_PER_FRAME;
-        let (mut bytes, mut lights) = (measures.bytes, Vec::new());
+        let (mut bytes, mut parts, mut lights) = (measures.bytes, Vec::new(), Vec::new());
+        let mut left = PARTS_PER_FRAME;
+        while left > 0
+            && parts.len() < PART_RANGES_PER_FRAME
+            && let Some(some) = planner.source_parts(left)
+            // Otherwise all parts are read back in this frame.
+            && parts.first().is_none_or(|first: &PartReadback| first.offset != some.offset)
+        {
+            bytes += some.bytes;
+            left -= some.len();
+            parts.push(some);
+        }
         let underway = sources.read.len() + sources.readbacks.iter().map(|other| other.lights.len()).sum::<usize>();
         while underway + lights.len() < MAX_READ
             && let Some(tree) = sources.wanted.front()
@@ -102,6 +116,7 @@ impl GpuLights {
         let Some(buffer) = spare.map_or_else(|| made().ok(), Some) else { return };
         let ranges = std::iter::once((measures.buffer, measures.offset, measures.bytes));
         let mut at = 0;
+        let ranges = ranges.chain(parts.iter().map(|p| (p.buffer, p.offset, p.bytes)));
         for (from, offset, bytes) in ranges.chain(lights.iter().map(|l| (l.buffer, l.offset, l.bytes))) {
             encoder.copy_buffer_to_buffer(player.buffer(from), offset, &buffer, at, Some(bytes));
             at += bytes;
@@ -111,6 +126,6 @@ impl GpuLights {
         encoder.map_buffer_on_submit(&buffer, wgpu::MapMode::Read, 0..at, move |result| {
             fate.0.store(if result.is_ok() { IS_READABLE } else { IS_LOST }, Ordering::Release);
         });
-        sources.readbacks.push_back(Readback { buffer, state, measures, lights });
+        sources.readbacks.push_back(Readback { buffer, state, measures, parts, lights });
     }
 }

@@ -55,7 +55,6 @@ pub(crate) fn nearest(position: DVec3) -> DVec3 {
 }
 
 /// The number of a sector along each axis, from its centre.
-#[cfg(feature = "gpu-plan")]
 pub(crate) fn number(center: Vec3) -> [i32; 3] {
     (center / EDGE).to_array().map(|sectors| sectors as i32)
 }

@@ -84,7 +84,7 @@ impl Kernel {
         self.bindings
     }
 
-    /// What it is a part of: `"leaves"`, `"keys"`, `"sort"`, `"groups"` and `"nodes"` of the top level,
+    /// What it is a part of: `"leaves"`, `"keys"`, `"sort"`, `"cells"` and `"blocks"` of the top level,
     /// `"relayout"`, `"scatter"`, `"cuts"` or `"visibility"`.
     pub fn stage(&self) -> &'static str {
         self.stage

@@ -34,7 +34,7 @@ impl LightPlanner {
     /// little is ever copied. While it grows, the old and the new buffer together exceed the share
     /// by at most a sixteenth. Without a limit, buffers double. A lower limit than before may send
     /// all trees again. A limit below 131,072 counts as 131,072. Instances and the top level do not
-    /// count towards the limit: they take about 270 bytes for each instance of a whole tree, about 190
+    /// count towards the limit: they take up to 350 bytes for each instance of a whole tree, up to 270
     /// for each part of an instance of an opened tree ([`FrameReport::parts`](crate::FrameReport)
     /// counts them), and up to twice as much because their buffers double.
     ///
@@ -133,7 +133,7 @@ mod tests {
             let _ = planner.reserve(&world).expect("it fits").plan();
             let memory = planner.memory();
             let bytes = (memory.buffers - memory.trees) as f64 / parts as f64;
-            assert!((bytes - 190.0).abs() < 10.0, "{bytes} bytes for each of {parts} parts");
+            assert!((230.0..275.0).contains(&bytes), "{bytes} bytes for each of {parts} parts");
         }
     }
 
@@ -151,7 +151,7 @@ mod tests {
             let _ = planner.reserve(&world).expect("it fits").plan();
             let memory = planner.memory();
             let bytes = (memory.buffers - memory.trees) as f64 / f64::from(count);
-            assert!((bytes - 270.0).abs() < 10.0, "{bytes} bytes for each of {count} instances");
+            assert!((310.0..355.0).contains(&bytes), "{bytes} bytes for each of {count} instances");
         }
     }
 }

@@ -121,7 +121,7 @@ pub use limits::PlanLimits;
 pub use memory::GpuMemory;
 pub use module::naga_oil_module;
 pub use reserve::Reservation;
-pub use sources::{LightReadback, MeasureReadback, wgsl_of_sources};
+pub use sources::{LightReadback, MeasureReadback, PartReadback, wgsl_of_sources};
 pub use tables::TableReservation;
 pub use target_hook::TargetHook;
 pub use text::{ShaderParts, wgsl, wgsl_of_marks, wgsl_previous, wgsl_with};
@@ -152,11 +152,10 @@ pub const KERNELS: &[Kernel] = &[
     relayout::RELAYOUT,
     scatter::SCATTER,
     top::LEAVES,
-    top::PLANES,
     top::KEYS,
     sort::SCATTER_KEYS,
-    top::GROUP,
-    top::NODE,
+    top::CELLS,
+    top::BLOCKS,
     sources::REFIT,
     sources::PARTS,
 ];
@@ -372,6 +371,13 @@ impl LightPlanner {
         let stride = self.trees.lights.stride();
         let (offset, bytes) = (u64::from(range.start) * stride, range.len() as u64 * stride);
         Some(LightReadback { buffer: self.trees.lights.buffer(), offset, bytes, tree: version.tree, version, stride })
+    }
+
+    /// Where some parts of a tree with a source are after the last plan, at most `most`, for an engine that reads back
+    /// where its kernels have moved them: each time those that follow on the last ones. `None` if the GPU holds no such
+    /// tree.
+    pub fn source_parts(&mut self, most: u32) -> Option<PartReadback> {
+        self.sources.next_parts(most, &self.trees.records)
     }
 
     fn build_top(&self, commands: &mut Commands) {

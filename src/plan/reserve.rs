@@ -235,7 +235,8 @@ impl LightPlanner {
         room.parts = self.instances.parts.reserve(counts.into_iter(), growth)?;
         let parts = self.instances.parts.count();
         let maps = map_sizes(world, effects);
-        self.top.reserve(parts, maps, growth, (&mut self.buffers.ids, &mut room.new_buffers))
+        let nodes = self.top.fitting(world.partition(), parts, maps).len() as u32;
+        self.top.reserve([parts, nodes], maps, growth, (&mut self.buffers.ids, &mut room.new_buffers))
     }
 
     fn make_room_of_others(
@@ -376,7 +377,7 @@ impl LightPlanner {
 }
 
 /// Whether there are masks, and the quads of maps, beside the top level.
-fn map_sizes(world: &LightWorld, effects: Effects) -> (bool, MapQuads) {
+pub(super) fn map_sizes(world: &LightWorld, effects: Effects) -> (bool, MapQuads) {
     let quads = MapQuads {
         // Shaders that know portals read their number wherever there is a sky.
         portals: match effects.contains(Effects::PORTALS) {

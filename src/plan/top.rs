@@ -7,75 +7,67 @@
 //!
 //! The build has these stages; `shaders/top_*.wgsl` are their sources.
 //!
-//! 1. The leaves: the cluster of each part, the bounds of their means, and a sample of them.
-//! 2. The planes that divide space, as medians of a sample of the means.
-//! 3. The keys: the place of each part in the order that the planes make, counted for the sort.
-//! 4. The sort.
-//! 5. Passes of two stages each. The first divides the units into pieces of neighbours, splits each
-//!    piece and chooses the children of its nodes. The second packs these nodes. The last pass, once
-//!    few units are left, makes the root.
+//! 1. The leaves: the cluster of each part.
+//! 2. The keys: the cell of the partition in which each part lies, counted for the sort.
+//! 3. The sort.
+//! 4. The cells: the nodes of all cells, and runs for cells of too many parts.
+//! 5. The divided nodes of the partition, by stages (`top/stages.rs`).
 //!
-//! Only the GPU knows how many units a pass leaves, so the build records as many passes as the worst
-//! case needs, and some may only hand their units on. No workgroup waits for another: the bounds are
-//! maxima, which do not depend on the order of the operations.
+//! No workgroup waits for another.
 
 mod buffers;
-mod passes;
+mod partition;
 mod stage;
 
+use std::borrow::Cow;
+
 pub(crate) use buffers::MapQuads;
-use buffers::{BOUNDS_BYTES, TopBuffers, most_parts};
-use passes::{MAX_PASSES, Passes, Places, TopPass};
+use buffers::{Capacity, TopBuffers, TopPass, most_nodes, most_parts};
+use partition::{PlanesRecord, SentPartition};
+use stage::LANES;
 pub(super) use stage::NODE_LANES;
-use stage::{LANES, Stage};
 
 use super::buffers::{BufferId, Ids, NewBuffer};
 use super::commands::{CommandSizes, Commands};
 use super::error::PlanError;
-use super::kernel::{Binding, Kernel, UNIFORM_ALIGNMENT, pass_bytes};
+use super::kernel::{Binding, Kernel, UNIFORM_ALIGNMENT};
 use super::layout::Strides;
 use super::pool::Growth;
+use super::sort::SortBuffers;
+use crate::top::partition::Partition;
+use crate::tree::WIDTH;
 
-/// The largest number of stages of a build: four, and two for each pass.
+/// Passes that there are uniforms for: one for the first stages, and one for each stage of divided nodes. Each stage
+/// has at least twice as many nodes below it as the one before, so there are never more.
+const MAX_PASSES: u32 = 32;
+
+/// The largest number of stages of a build: three, the sort, and those of divided nodes.
 #[cfg(feature = "gpu")]
-pub(crate) const MAX_STAGES: u32 = 4 + 2 * MAX_PASSES;
+pub(crate) const MAX_STAGES: u32 = 3 + 4 + MAX_PASSES - 1;
 
-/// Parts that the first buffers have room for.
-const FIRST_CAPACITY: u32 = 64;
+/// Parts, and nodes of the partition, that the first buffers have room for.
+const FIRST_CAPACITY: Capacity = Capacity { parts: 64, nodes: 16 };
+
+use Binding::{Read, ReadWrite};
 
 const UNIFORM: Binding = Binding::Uniform { bytes: size_of::<TopPass>() as u32 };
 
-/// Clusters, bounds and nodes; parts, instances and trees.
-const LEAF_BINDINGS: &[Binding] =
-    &[UNIFORM, Binding::ReadWrite, Binding::ReadWrite, Binding::ReadWrite, Binding::Read, Binding::Read, Binding::Read];
+/// Clusters and nodes; parts, instances and trees.
+const LEAF_BINDINGS: &[Binding] = &[UNIFORM, ReadWrite, ReadWrite, Read, Read, Read];
 
-/// Clusters and bounds.
-const PLANE_BINDINGS: &[Binding] = &[UNIFORM, Binding::ReadWrite, Binding::ReadWrite];
+/// Clusters, parts and partition; keys, order and the histogram of the sort.
+const KEY_BINDINGS: &[Binding] = &[UNIFORM, Read, Read, Read, ReadWrite, ReadWrite, ReadWrite];
 
-/// Clusters and bounds; keys, order and the histogram of the sort.
-const KEY_BINDINGS: &[Binding] =
-    &[UNIFORM, Binding::ReadWrite, Binding::ReadWrite, Binding::ReadWrite, Binding::ReadWrite, Binding::ReadWrite];
+/// Clusters and nodes; keys, order and parts; units.
+const CELL_BINDINGS: &[Binding] = &[UNIFORM, ReadWrite, ReadWrite, Read, Read, Read, ReadWrite];
 
-/// Clusters, bounds and nodes; keys, order and units.
-const BINDINGS: &[Binding] = &[
-    UNIFORM,
-    Binding::ReadWrite,
-    Binding::ReadWrite,
-    Binding::ReadWrite,
-    Binding::ReadWrite,
-    Binding::ReadWrite,
-    Binding::ReadWrite,
-];
-
-const fn kernel(stage: &'static Stage, name: &'static str, text: fn() -> String) -> Kernel {
-    Kernel::new(stage.entry, name, BINDINGS, text)
-}
+/// Clusters, nodes, partition and units.
+const BLOCK_BINDINGS: &[Binding] = &[UNIFORM, ReadWrite, ReadWrite, Read, ReadWrite];
 
 pub(super) const LEAVES: Kernel = Kernel::new(stage::LEAVES.entry, "leaves", LEAF_BINDINGS, || stage::LEAVES.text());
-pub(super) const PLANES: Kernel = Kernel::new(stage::PLANES.entry, "planes", PLANE_BINDINGS, || stage::PLANES.text());
 pub(super) const KEYS: Kernel = Kernel::new(stage::KEYS.entry, "keys", KEY_BINDINGS, || stage::KEYS.text());
-pub(super) const GROUP: Kernel = kernel(&stage::GROUP, "groups", || stage::GROUP.text());
-pub(super) const NODE: Kernel = kernel(&stage::NODE, "nodes", || stage::NODE.text());
+pub(super) const CELLS: Kernel = Kernel::new(stage::CELLS.entry, "cells", CELL_BINDINGS, || stage::CELLS.text());
+pub(super) const BLOCKS: Kernel = Kernel::new(stage::BLOCKS.entry, "blocks", BLOCK_BINDINGS, || stage::BLOCKS.text());
 
 /// The buffers of the top level, and what the next build makes of them.
 ///
@@ -91,9 +83,9 @@ pub(crate) struct TopBuild {
     /// The buffers after this frame, if they are others.
     replacement: Option<TopBuffers>,
     new_uniforms: Option<BufferId>,
-    /// The passes of the last build; `None` before the first build and after the buffers were
-    /// replaced.
-    passes: Option<Passes>,
+    /// The passes as they were sent: of the first stages, then one for each stage of divided nodes.
+    passes: Vec<TopPass>,
+    partition: SentPartition,
     /// Something has changed since the last build.
     pub(super) is_due: bool,
     /// What the last build took.
@@ -110,7 +102,8 @@ impl TopBuild {
             uniforms: None,
             replacement: None,
             new_uniforms: None,
-            passes: None,
+            passes: Vec::new(),
+            partition: SentPartition::default(),
             is_due: true,
             sizes: CommandSizes::default(),
         }
@@ -125,32 +118,51 @@ impl TopBuild {
         }
     }
 
-    /// Makes room for `parts` parts, for masks if `has_masks` or if there is room for them
+    /// The partition as far as there can be room for its nodes beside `parts` parts, masks and maps.
+    pub(crate) fn fitting<'a>(
+        &self,
+        partition: &'a Partition,
+        parts: u32,
+        (has_masks, map_quads): (bool, MapQuads),
+    ) -> Cow<'a, Partition> {
+        let most = most_nodes(parts, (has_masks || self.masks() != 0, map_quads), self.limit) as usize;
+        if partition.len() <= most { Cow::Borrowed(partition) } else { Cow::Owned(partition.coarse(most)) }
+    }
+
+    /// Makes room for `parts` parts and a partition of `nodes` nodes, for masks if `has_masks` or if there is room for them
     /// already, and for profiles and the sky's map. Adds new buffers to `new`.
     ///
     /// Fails with [`PlanError::Full`] and changes nothing if a buffer would be too large.
     pub(crate) fn reserve(
         &mut self,
-        parts: u32,
+        [parts, nodes]: [u32; 2],
         (has_masks, map_quads): (bool, MapQuads),
         growth: Growth,
         (ids, new): (&mut Ids, &mut Vec<NewBuffer>),
     ) -> Result<(), PlanError> {
         let (capacity, had_masks, had_quads) =
             self.buffers.as_ref().map_or_else(Default::default, |b| (b.capacity, b.places.masks != 0, b.map_quads));
-        if self.buffers.is_none() || parts > capacity || has_masks && !had_masks || !had_quads.hold(map_quads) {
-            let wanted = match parts > capacity {
-                true if growth == Growth::Double => parts.max(capacity.saturating_mul(2)).max(FIRST_CAPACITY),
-                true => parts,
-                false => capacity,
+        let is_full = parts > capacity.parts || nodes > capacity.nodes;
+        if self.buffers.is_none() || is_full || has_masks && !had_masks || !had_quads.hold(map_quads) {
+            let grown = |needed: u32, present: u32, first: u32| match needed > present {
+                true if growth == Growth::Double => needed.max(present.saturating_mul(2)).max(first),
+                true => needed,
+                false => present,
+            };
+            let wanted = Capacity {
+                parts: grown(parts, capacity.parts, FIRST_CAPACITY.parts),
+                nodes: grown(nodes, capacity.nodes, FIRST_CAPACITY.nodes),
             };
             let has_masks = has_masks || had_masks;
-            let mut make = |capacity| {
+            let mut make = |capacity: Capacity| {
                 let mut buffers = Vec::new();
-                let made = TopBuffers::new(ids, &mut buffers, capacity, (has_masks, map_quads), self.limit)?;
+                let present = self.buffers.as_ref().filter(|present| present.capacity.nodes == capacity.nodes);
+                let partition = present.map(|present| present.partition);
+                let made =
+                    TopBuffers::new(ids, &mut buffers, (capacity, partition), (has_masks, map_quads), self.limit)?;
                 Ok((made, buffers))
             };
-            let (made, buffers) = make(wanted).or_else(|_| make(parts))?;
+            let (made, buffers) = make(wanted).or_else(|_| make(Capacity { parts, nodes }))?;
             self.replacement = Some(made);
             new.extend(buffers);
         }
@@ -173,10 +185,13 @@ impl TopBuild {
         self.uniforms = self.new_uniforms.take().or(self.uniforms);
         let Some(new) = self.replacement.take() else { return };
         commands.zero(new.nodes, 0..new.nodes_bytes);
-        self.passes = None;
-        if let Some(old) = self.buffers.replace(new) {
-            freed.extend(old.ids());
+        self.passes.clear();
+        let partition = new.partition;
+        let old = self.buffers.replace(new);
+        if old.as_ref().is_none_or(|old| old.partition != partition) {
+            self.partition.lose();
         }
+        freed.extend(old.iter().flat_map(TopBuffers::ids).filter(|id| *id != partition));
     }
 
     /// Drops what was reserved.
@@ -187,61 +202,78 @@ impl TopBuild {
 
     /// The device may lack what was written, so the next [`TopBuild::prepare`] sends all of it.
     pub(crate) fn lose(&mut self) {
-        self.passes = None;
+        self.passes.clear();
+        self.partition.lose();
         if let Some(buffers) = &mut self.buffers {
             buffers.sort.lose();
         }
     }
 
     /// Sets what the next builds read and store: `parts` parts, records with these strides, masks at
-    /// this place of the nodes, 0 for none, and places relative to the centre of the sector `home`.
-    /// Sends 80 bytes if only `home` changes, and a few hundred if others of them change.
+    /// this place of the nodes, 0 for none, places relative to the centre of the sector `home`, and the nodes of a
+    /// partition. Sends what changed: 80 bytes for each pass, 96 for each divided node, and the roots of blocks.
     pub(crate) fn prepare(
         &mut self,
         commands: &mut Commands,
-        parts: u32,
+        (parts, partition): (u32, &Partition),
         strides: Strides,
         (masks, home): (u32, [i32; 3]),
     ) {
         let (Some(buffers), Some(uniforms)) = (&mut self.buffers, self.uniforms) else { return };
         buffers.sort.set_count(commands, parts);
-        let is_same = |pass: &TopPass| (pass.count, pass.strides, pass.masks) == (parts, strides, masks);
-        if let Some(Passes { passes, .. }) = self.passes.as_mut().filter(|all| is_same(&all.passes[0])) {
-            // Only the leaves are placed, by the first pass.
-            if passes[0].home != home {
-                passes[0].home = home;
-                commands.write(uniforms, 0, bytemuck::bytes_of(&passes[0]));
+        self.partition.send(commands, (buffers.partition, buffers.capacity.nodes), partition);
+        let SentPartition { stages, nodes, is_divided, .. } = &self.partition;
+        let first = TopPass {
+            count: parts,
+            capacity: buffers.capacity.parts,
+            parts: buffers.places.parts,
+            nodes: *nodes,
+            runs: buffers.capacity.nodes,
+            is_divided: u32::from(*is_divided),
+            strides,
+            masks,
+            sort_block: SortBuffers::block_keys(parts),
+            home,
+            ..TopPass::default()
+        };
+        let roots = buffers.capacity.nodes * (size_of::<PlanesRecord>() / 4) as u32;
+        let passes: Vec<TopPass> = std::iter::once(first)
+            .chain(stages.iter().map(|stage| TopPass {
+                blocks: roots + stage.first,
+                block_count: stage.count,
+                home: [0; 3],
+                ..first
+            }))
+            .collect();
+        for (pass, index) in passes.iter().zip(0..) {
+            if self.passes.get(index as usize) != Some(pass) {
+                commands.write(uniforms, u64::from(index * UNIFORM_ALIGNMENT), bytemuck::bytes_of(pass));
             }
-            return;
         }
-        let places = Places { masks, ..buffers.places };
-        let mut all = Passes::new(parts, buffers.capacity, places, strides);
-        all.passes[0].home = home;
-        commands.write(uniforms, 0, &pass_bytes(&all.passes, UNIFORM_ALIGNMENT));
-        self.passes = Some(all);
+        self.passes = passes;
     }
 
     /// Adds the build from these buffers of parts, instances and trees. Adds nothing before the
     /// first [`TopBuild::prepare`].
     ///
-    /// Takes 3 dispatches, 4 more for the sort, and 2 for each pass: 13 for a million parts.
+    /// Takes 3 dispatches, 4 more for the sort, and one for each stage of divided nodes: 10 for a million parts.
     pub(crate) fn build(&self, commands: &mut Commands, [parts, instances, trees]: [BufferId; 3]) {
-        let (Some(buffers), Some(uniforms), Some(all)) = (&self.buffers, self.uniforms, &self.passes) else { return };
-        let TopBuffers { bounds, nodes, clusters, units, sort, .. } = buffers;
-        commands.zero(*bounds, 0..BOUNDS_BYTES);
+        let (Some(buffers), Some(uniforms), [first, stages @ ..]) = (&self.buffers, self.uniforms, &self.passes[..])
+        else {
+            return;
+        };
+        let TopBuffers { nodes, clusters, partition, units, sort, .. } = buffers;
         sort.clear(commands);
-        let leaves = [uniforms, *clusters, *bounds, *nodes, parts, instances, trees];
-        let work = [uniforms, *clusters, *bounds, *nodes, sort.keys, sort.values, *units];
-        let groups = all.passes[0].count.div_ceil(LANES);
-        commands.dispatch(LEAVES, &leaves, 0, groups);
-        commands.dispatch(PLANES, &[uniforms, *clusters, *bounds], 0, 1);
-        let keys = [uniforms, *clusters, *bounds, sort.keys, sort.values, sort.histogram];
+        let groups = first.count.div_ceil(LANES);
+        commands.dispatch(LEAVES, &[uniforms, *clusters, *nodes, parts, instances, trees], 0, groups);
+        let keys = [uniforms, *clusters, parts, *partition, sort.keys, sort.values, sort.histogram];
         commands.dispatch(KEYS, &keys, 0, groups);
         sort.sort_counted(commands);
-        for (pass, index) in all.passes.iter().zip(0..) {
-            for kernel in [GROUP, NODE] {
-                commands.dispatch(kernel, &work, index * UNIFORM_ALIGNMENT, pass.pieces.max(1));
-            }
+        let cells = [uniforms, *clusters, *nodes, sort.keys, sort.values, parts, *units];
+        commands.dispatch(CELLS, &cells, 0, first.nodes.div_ceil(NODE_LANES / WIDTH as u32));
+        for (stage, index) in stages.iter().zip(1..) {
+            let blocks = [uniforms, *clusters, *nodes, *partition, *units];
+            commands.dispatch(BLOCKS, &blocks, index * UNIFORM_ALIGNMENT, stage.block_count);
         }
     }
 
@@ -285,7 +317,7 @@ impl TopBuild {
     /// The number of parts that there is room for.
     #[cfg(test)]
     pub(crate) fn capacity(&self) -> u32 {
-        self.buffers.as_ref().map_or(0, |buffers| buffers.capacity)
+        self.buffers.as_ref().map_or(0, |buffers| buffers.capacity.parts)
     }
 }
 

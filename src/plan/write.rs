@@ -109,7 +109,9 @@ impl Reservation<'_> {
         let ParamsRecord { strides, masks, home, .. } = planner.uniforms.params;
         planner.sources.adopt(sources, strides, commands, &mut plan.freed);
         planner.top.is_due |= planner.sources.is_active();
-        planner.top.prepare(commands, planner.instances.parts.count(), strides, (masks, home));
+        let parts = planner.instances.parts.count();
+        let partition = planner.top.fitting(world.partition(), parts, super::reserve::map_sizes(world, effects));
+        planner.top.prepare(commands, (parts, &partition), strides, (masks, home));
         if changes.concern_lights || is_new_top || former != (strides, masks, home) || planner.top.is_due {
             planner.finish_top(&mut plan.top);
         }

@@ -1,17 +1,18 @@
-use std::collections::HashMap;
+mod lasting;
 
 use glam::{DVec3, Quat, Vec3};
 
+use super::partition::renewal::RENEWED_PARTS;
 use super::*;
-use crate::cluster::Aabb;
 use crate::instance::placement::Placement;
 use crate::light::{Light, luminance};
 use crate::policy::Policy;
 use crate::sampling::sample::LightSampler;
+use crate::scheduler::FrameBudget;
 use crate::shading::shading_point::ShadingPoint;
 use crate::tree::LightTree;
 use crate::tree::testing::Rng;
-use crate::tree::{BuildItem, LEAF, fills_nodes, middle, shape};
+use crate::tree::{BuildItem, LEAF, shape};
 use crate::world::LightWorld;
 
 /// A number in [0, 1) for each index and purpose.
@@ -55,28 +56,21 @@ fn city(instances: usize) -> LightWorld {
 
 /// The top level over the same parts that is built like a bottom-level tree.
 fn by_cost(parts: &[(Part, Cluster)], slots: usize) -> TopLevel {
-    let lit: Vec<u32> = (0..parts.len() as u32).filter(|part| parts[*part as usize].1.flux > 0.0).collect();
-    let item = |(part, i): (&u32, u32)| BuildItem::new(&parts[*part as usize].1, i);
-    let mut items: Vec<BuildItem> = lit.iter().zip(0..).map(item).collect();
-    let shape = shape(&mut items);
-    let mut tree = PieceTree::default();
-    let mut made: Vec<Option<Unit>> = vec![None; shape.len()];
-    for (index, node) in shape.iter().enumerate().rev() {
-        let units: Vec<Unit> = node.children[..node.count as usize]
-            .iter()
-            .map(|child| match child & LEAF {
-                0 => made[*child as usize].expect("children come after their parents"),
-                _ => {
-                    let part = lit[(child & !LEAF) as usize];
-                    Unit { cluster: parts[part as usize].1, kind: UnitKind::Part(part) }
-                }
-            })
-            .collect();
-        made[index] = Some(tree.add_node(&units));
-    }
+    let item = |((_, cluster), i): (&(Part, Cluster), u32)| BuildItem::new(cluster, i);
+    let shape = shape(&mut parts.iter().zip(0..).map(item).collect::<Vec<_>>());
     let mut top = TopLevel::without_nodes(parts, slots);
-    top.append(tree, &mut Vec::new());
-    top
+    top.nodes.resize(shape.len(), Node::EMPTY);
+    let mut build = Build { top, parts, order: Vec::new(), starts: Vec::new(), partition: &Partition::default() };
+    let mut made = vec![Unit::EMPTY; shape.len()];
+    for (index, node) in shape.iter().enumerate().rev() {
+        let unit = |child: &u32| match child & LEAF {
+            0 => made[*child as usize],
+            _ => Unit { cluster: parts[(child & !LEAF) as usize].1, kind: UnitKind::Part(child & !LEAF) },
+        };
+        let units: Vec<Unit> = node.children[..node.count as usize].iter().map(unit).collect();
+        made[index] = build.pack(index as u32, &units);
+    }
+    build.top
 }
 
 /// The exact relative standard deviation of one sample at each shading point (docs/benchmarks.md).
@@ -99,16 +93,15 @@ fn sigmas(sampler: &LightSampler<'_>, shading_points: &[ShadingPoint]) -> Vec<f6
 
 #[test]
 fn the_top_level_is_at_most_20_percent_noisier_than_a_bottom_level_build_over_the_instances() {
-    // Enough instances for a pass of several pieces before the last pass.
-    let world = city(6000);
+    let mut world = city(6000);
+    world.update(FrameBudget::NONE);
     let (parts, slots) = (world.parts(), world.slot_count());
-    let (ours, best) = (TopLevel::build(&parts, slots), by_cost(&parts, slots));
+    let (ours, best) = (TopLevel::build(&parts, slots, world.partition()), by_cost(&parts, slots));
     let size = 12.0 * 6000.0_f32.sqrt();
     let position = |i: usize| Vec3::new(random(i, 20) * size, 0.0, random(i, 21) * size);
     let shading_points: Vec<ShadingPoint> = (0..40).map(|i| ShadingPoint::surface(position(i), Vec3::Y)).collect();
     let [ours, best] = [&ours, &best].map(|top| sigmas(&world.sampler().with_top(top), &shading_points));
     let mean = |sigmas: &[f64]| sigmas.iter().sum::<f64>() / sigmas.len() as f64;
-    // What is typical. Medians of 40 points vary by a fifth with the sample that divides space.
     let geometric = |sigmas: &[f64]| mean(&sigmas.iter().map(|sigma| sigma.ln()).collect::<Vec<_>>()).exp();
     let (means, typical) = (mean(&ours) / mean(&best), geometric(&ours) / geometric(&best));
     assert!(mean(&best) > 0.1, "there is too little noise to compare");
@@ -116,158 +109,177 @@ fn the_top_level_is_at_most_20_percent_noisier_than_a_bottom_level_build_over_th
     assert!(means < 1.2 && typical < 1.2, "{means} {typical}");
 }
 
-/// The worst that can become of a part, whatever its units are.
-#[derive(Clone, Copy, Default)]
-struct Worst {
-    /// The cuts of the part and of all that it is cut into.
-    cuts: usize,
-    /// The rounds in which the part, and parts of its kind that it is cut into, are cut.
-    rounds: usize,
+/// The parts of lamps at some places, each an instance.
+fn lamps(at: impl Iterator<Item = Vec3>) -> Vec<(Part, Cluster)> {
+    let lamp =
+        |(slot, at): (u32, Vec3)| (Part { slot, entry: ChildRef::Node(0) }, Light::point(at, Vec3::ONE).cluster());
+    (0..).zip(at).map(lamp).collect()
 }
 
-/// The worst for a part of `count` units that comes from `round` cuts of its kind.
-fn worst(count: usize, round: usize, known: &mut HashMap<(usize, usize), Worst>) -> Worst {
-    if count <= WIDTH {
-        return Worst::default();
-    }
-    if let Some(worst) = known.get(&(count, round)) {
-        return *worst;
-    }
-    let is_large = |count: usize| count > SMALL;
-    let last = if is_large(count) { LARGE_ROUNDS } else { SMALL_ROUNDS };
-    let cuts = |left: usize| round < last && fills_nodes(left) && fills_nodes(count - left);
-    let mut all = Worst::default();
-    for left in (1..count).filter(|left| *left == middle(count) || cuts(*left)) {
-        let mut both = Worst { cuts: 1, rounds: 1 };
-        for half in [left, count - left] {
-            let is_alike = is_large(half) == is_large(count);
-            let below = worst(half, if is_alike { last.min(round + 1) } else { 0 }, known);
-            both.cuts += below.cuts;
-            both.rounds = both.rounds.max(if is_alike { 1 + below.rounds } else { 0 });
-        }
-        all = Worst { cuts: all.cuts.max(both.cuts), rounds: all.rounds.max(both.rounds) };
-    }
-    known.insert((count, round), all);
-    all
+/// A partition of lamps, divided by all of them.
+fn partition_of(parts: &[(Part, Cluster)]) -> Partition {
+    let mut partition = Partition::default();
+    parts.iter().for_each(|(part, cluster)| partition.file(part.slot, std::iter::once(Some(cluster.mean))));
+    partition.renew(usize::MAX, |part| parts[part.slot as usize].1);
+    partition
 }
 
-#[test]
-fn no_piece_needs_more_rounds_than_shaders_make() {
-    let known = &mut HashMap::new();
-    let large = (SMALL + 1..=PIECE).map(|count| worst(count, 0, known).rounds).max();
-    let small = (WIDTH + 1..=SMALL).map(|count| worst(count, 0, known).rounds).max();
-    assert_eq!((large, small), (Some(LARGE_ROUNDS + LARGE_HALVINGS), Some(SMALL_ROUNDS + SMALL_HALVINGS)));
-}
-
-/// Whether a side of a cut can have `count` units.
-fn is_side(count: usize) -> bool {
-    fills_nodes(count) || [middle(31), 31 - middle(31)].contains(&count)
-}
-
-/// For each number of units the most nodes that they need, as one part that is a node.
-fn most_nodes_of_parts() -> Vec<usize> {
-    // Nodes without nodes below them but those of full parts: `parts` parts of 1 or of 6 to 8 units.
-    let mut most: Vec<usize> = (0..=PIECE).map(|count| usize::from(count > 1)).collect();
-    for (singles, sixes, sevens) in (0..9).flat_map(|a| (0..9).flat_map(move |b| (0..9).map(move |c| (a, b, c)))) {
-        for eights in 0..9 {
-            let parts = singles + sixes + sevens + eights;
-            let count = singles + 6 * sixes + 7 * sevens + 8 * eights;
-            if !(2..=WIDTH).contains(&parts) || count <= WIDTH {
-                continue;
+/// Checks that each part is a leaf once, where its place says, and returns the depth of the tree.
+fn checked_depth(top: &TopLevel, parts: usize) -> usize {
+    let mut leaves = 0;
+    let mut stack = vec![(ROOT, 1)];
+    let mut deepest = 0;
+    while let Some((node, depth)) = stack.pop() {
+        deepest = deepest.max(depth);
+        let record = &top.nodes[node as usize];
+        for slot in 0..WIDTH {
+            let place = node * WIDTH as u32 + slot as u32;
+            match record.child(slot) {
+                None => {}
+                Some(ChildRef::Leaf(leaf)) => {
+                    leaves += 1;
+                    assert_eq!(top.places(top.part(leaf).expect("a part").slot), [place]);
+                }
+                Some(ChildRef::Node(child)) => {
+                    assert_eq!(top.nodes[child as usize].parent, place);
+                    stack.push((child, depth + 1));
+                }
             }
-            let sizes = [1; WIDTH].into_iter().take(singles).chain([6; WIDTH].into_iter().take(sixes));
-            let sizes = sizes.chain([7; WIDTH].into_iter().take(sevens)).chain([8; WIDTH].into_iter().take(eights));
-            let mut room = WIDTH - parts;
-            let closed = sizes.filter(|size| {
-                let is_inlined = *size - 1 <= room;
-                room -= if is_inlined { *size - 1 } else { 0 };
-                !is_inlined
-            });
-            most[count] = most[count].max(1 + closed.count());
         }
     }
-    // No cut of 10 or 11 leaves full parts, and 9 and 17 leave one unit alone.
-    for count in [9, 10, 11, 17] {
-        most[count] = most[count].max(2 + count / 10);
-    }
-    // Other nodes have eight children: `below[k][count]` is the most nodes of k children.
-    let mut below = vec![[None::<usize>; PIECE + 1]; WIDTH + 1];
-    below[0][0] = Some(0);
-    for count in 1..=PIECE {
-        for children in 2..=WIDTH {
-            let of = |child: usize| Some(below[children - 1][count - child]? + if child > 1 { most[child] } else { 0 });
-            below[children][count] = (1..count).filter(|child| is_side(*child)).filter_map(of).max();
-        }
-        if count > WIDTH {
-            most[count] = most[count].max(below[WIDTH][count].map_or(0, |nodes| nodes + 1));
-        }
-        below[1][count] = is_side(count).then_some(if count > 1 { most[count] } else { 0 });
-    }
-    most
+    assert_eq!(leaves, parts);
+    deepest
 }
 
 #[test]
-fn no_piece_has_more_cuts_or_nodes_than_there_is_room_for() {
-    let known = &mut HashMap::new();
-    let cuts = (0..=PIECE).map(|count| worst(count, 0, known).cuts).max();
-    assert!(cuts.is_some_and(|cuts| (200..=MAX_CUTS).contains(&cuts)), "{cuts:?}");
-    // The number of the first cut of a part has eight bits and is not 0.
-    const { assert!(MAX_CUTS < 256 && PIECE < 512) };
-    // The nodes of a piece that leaves any number of parts.
-    let of_part = most_nodes_of_parts();
-    let mut most = vec![0; PIECE + 1];
-    for count in 1..=PIECE {
-        let sides = (1..=count).filter(|part| is_side(*part));
-        let nodes = sides.map(|part| most[count - part] + if part > 1 { of_part[part] } else { 0 });
-        most[count] = nodes.max().unwrap_or(0);
+fn any_number_of_parts_anywhere_makes_a_sound_tree() {
+    let far = |i: usize| {
+        let (distance, angle) = (10.0_f32.powf(-3.0 + 12.0 * random(i, 1)), 6.3 * random(i, 2));
+        distance * Vec3::new(angle.cos(), 0.2, angle.sin())
+    };
+    type At<'a> = &'a dyn Fn(usize) -> Vec3;
+    let places: [(&str, At<'_>, usize); 4] = [
+        ("one place", &|_| Vec3::ONE, 9),
+        ("a line", &|i| Vec3::X * i as f32, 9),
+        ("a grid", &|i| Vec3::new((i % 1000) as f32, 0.0, (i / 1000) as f32), 9),
+        ("twelve decades", &far, 16),
+    ];
+    for (name, at, most) in places {
+        for count in [0, 1, 8, 9, 16, 17, 170, 1_000_000] {
+            let parts = lamps((0..count).map(at));
+            let partition = partition_of(&parts);
+            partition.check();
+            let depth = checked_depth(&TopLevel::build(&parts, count, &partition), count);
+            assert!(depth <= most, "{name}, {count}: {depth}");
+            // Without planes the runs of the root hold all parts.
+            let depth = checked_depth(&TopLevel::build(&parts, count, &Partition::default()), count);
+            assert!(depth <= 7, "{name}, {count}: {depth}");
+        }
     }
-    // A piece that fits into a node is one, whatever its count.
-    for nodes in &mut most[2..=WIDTH] {
-        *nodes = 1.max(*nodes);
-    }
-    for count in UNITS_PER_NODE..=PIECE {
-        assert!(most[count] <= most_nodes(count), "{count}: {}", most[count]);
-    }
-    // The whole tree has a root even for one unit, and one node more is reserved for it.
-    for count in 0..=PIECE {
-        assert!(of_part[count].max(1) <= most_nodes(count) + 1, "{count}: {}", of_part[count]);
-    }
-    assert!(most[PIECE] > PIECE / 5, "the bound is not far from the worst case");
 }
 
-/// Clusters whose boxes halve in numbers and shrink to a fortieth, or lose one unit or eight, with each cut.
-fn nested(count: usize, origin: f32, size: f32, rng: &mut Rng, units: &mut Vec<Cluster>) {
-    let sides = [1, 8, count / 2, count / 2 + 1].map(|side| side.min(count));
-    let side = sides[(rng.unit() * 4.0) as usize];
-    if count <= 2 * WIDTH || !fills_nodes(side) || !fills_nodes(count - side) {
-        let lamp = LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid").cluster();
-        units.extend((0..count).map(|_| {
-            let mean = Vec3::X * (origin + size * rng.unit());
-            Cluster { mean, aabb: Aabb { min: mean, max: mean }, ..lamp }
-        }));
-        return;
-    }
-    nested(count - side, origin, size / 40.0, rng, units);
-    nested(side, origin + size, size / 40.0, rng, units);
+/// The divided nodes that changed after a change with a number.
+fn changed_after(partition: &Partition, number: u64) -> usize {
+    partition.all_divided().filter(|(.., changed, _)| *changed > number).count()
 }
 
 #[test]
-fn tiny_parts_need_no_more_nodes_than_there_is_room_for() {
-    // One tiny part at each depth to which cuts are searched for.
-    let mut most_tiny = 0;
-    for (round, count) in (0..40).flat_map(|round| [WIDTH + 1, 31, 32, 100, 300, PIECE].map(|count| (round, count))) {
-        let mut units = Vec::new();
-        nested(count, 0.0, 1.0e15, &mut Rng(round << 32 | count as u64), &mut units);
-        let split = SplitPiece::new(units.iter(), count / 3);
-        let tiny = split.parts.iter().filter(|part| part.is_tiny).count();
-        let in_order = split.order.iter().zip(0..);
-        let in_order: Vec<Unit> =
-            in_order.map(|(unit, i)| Unit { cluster: units[*unit], kind: UnitKind::Part(i) }).collect();
-        let mut root = PieceTree::default();
-        root.add_part(&in_order, &split.parts, split.parts[0]);
-        assert!(root.nodes.len() <= most_nodes(count) + 1 + tiny, "{round}, {count}: {}, {tiny}", root.nodes.len());
-        assert!(tiny <= MAX_TINY, "{round}, {count}: {tiny}");
-        most_tiny = most_tiny.max(tiny);
+fn a_part_that_goes_far_away_and_comes_back_changes_few_nodes() {
+    let count = 20_000;
+    let mut parts = lamps((0..count).map(|i| 100.0 * Vec3::new(random(i, 1), 0.1 * random(i, 2), random(i, 3))));
+    let mut partition = partition_of(&parts);
+    let depth = checked_depth(&TopLevel::build(&parts, count, &partition), count);
+    let (size, home) = (partition.len(), parts[7].1.mean);
+    // In each direction as far as positions go, then back.
+    for way in [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::new(0.3, -1.0, -0.5)] {
+        for step in (0..14).chain((0..14).rev()) {
+            let number = partition.number();
+            let at = home + way * 4.0_f32.powi(step);
+            parts[7].1 = Light::point(at, Vec3::ONE).cluster();
+            partition.file(7, std::iter::once(Some(at)));
+            partition.renew(0, |part| parts[part.slot as usize].1);
+            partition.check();
+            assert!(changed_after(&partition, number) < 100, "{} nodes", changed_after(&partition, number));
+            let top = TopLevel::build(&parts, count, &partition);
+            assert!(checked_depth(&top, count) <= depth + 16);
+            // It is alone, or among few others.
+            let place = top.places(7)[0];
+            let beside = (0..WIDTH).filter(|slot| top.nodes[place as usize / WIDTH].child(*slot).is_some()).count();
+            assert!(step < 6 || beside == 2, "{at}: {beside}");
+        }
     }
-    assert!(most_tiny > MAX_TINY / 4, "{most_tiny}");
+    assert!(partition.len() <= size + 64, "{} nodes, {size} before", partition.len());
+    assert_eq!(checked_depth(&TopLevel::build(&parts, count, &partition), count), depth);
+}
+
+#[test]
+fn large_nodes_are_divided_over_several_renewals_while_parts_move() {
+    for moves in [0, 1000] {
+        let count = 60_000;
+        let mut parts = lamps((0..count).map(|i| 100.0 * Vec3::new(random(i, 1), 0.1 * random(i, 2), random(i, 3))));
+        let mut partition = partition_of(&parts);
+        let file = |partition: &mut Partition, parts: &mut [(Part, Cluster)], i: usize, at: Vec3| {
+            parts[i].1 = Light::point(at, Vec3::ONE).cluster();
+            partition.file(i as u32, std::iter::once(Some(at)));
+        };
+        // Most of them gather in a tenth of the space.
+        for i in (0..count).filter(|i| i % 8 != 0) {
+            let at = Vec3::new(10.0 * random(i, 4), 10.0 * random(i, 5), 100.0 * random(i, 6));
+            file(&mut partition, &mut parts, i, at);
+        }
+        let (mut renewals, mut quiet) = (0, 0);
+        while quiet < 2 {
+            for i in (0..moves).map(|i| (i * 7919 + renewals * 104_729) % count) {
+                let at = parts[i].1.mean + Vec3::new(random(i, 7), 0.0, random(i, 8)) - 0.5;
+                file(&mut partition, &mut parts, i, at);
+            }
+            partition.renew(RENEWED_PARTS, |part| parts[part.slot as usize].1);
+            partition.check();
+            quiet = if partition.is_dividing() { 0 } else { quiet + 1 };
+            renewals += 1;
+            assert!(renewals < 200, "{moves} moves");
+            if renewals % 10 == 0 {
+                checked_depth(&TopLevel::build(&parts, count, &partition), count);
+            }
+        }
+        assert!(renewals > 10, "{renewals} renewals");
+        // The cells are about as full as those of a fresh partition.
+        let fresh = partition_of(&parts);
+        let share = partition.len() as f32 / fresh.len() as f32;
+        assert!((0.8..1.25).contains(&share), "{} nodes, {} fresh ones", partition.len(), fresh.len());
+    }
+}
+
+#[test]
+fn partitions_follow_parts_that_move_come_and_go() {
+    let mut parts = lamps((0..5000).map(|i| 100.0 * Vec3::new(random(i, 1), 0.1 * random(i, 2), random(i, 3))));
+    let mut partition = partition_of(&parts);
+    let size = partition.len();
+    let renew = |partition: &mut Partition, parts: &[(Part, Cluster)]| {
+        partition.check();
+        let is_changed = partition.renew(usize::MAX, |part| parts[part.slot as usize].1);
+        partition.check();
+        checked_depth(&TopLevel::build(parts, parts.len(), partition), parts.len());
+        is_changed
+    };
+    assert!(!renew(&mut partition, &parts), "nothing has moved");
+    // Half of them turn away, then all gather at one place, and spread again.
+    for round in 0..3 {
+        for i in 0..5000 {
+            let at = match round {
+                0 if i % 2 == 0 => continue,
+                1 => Vec3::splat(7.0),
+                _ => 100.0 * Vec3::new(random(i, 4), 3.0 + random(i, 5), random(i, 6)),
+            };
+            parts[i].1 = Light::point(at, Vec3::ONE).cluster();
+            partition.file(i as u32, std::iter::once(Some(at)));
+        }
+        assert!(renew(&mut partition, &parts), "round {round}");
+    }
+    assert!(partition.len() < 2 * size, "{} {size}", partition.len());
+    // All but one go.
+    (1..5000).for_each(|slot| partition.file(slot, std::iter::empty()));
+    parts.truncate(1);
+    assert!(renew(&mut partition, &parts));
+    assert_eq!(partition.len(), 1);
 }

@@ -45,11 +45,11 @@ pub(crate) use pack::{ALL_SURFACES, CAP_STEPS, DIRECTION_STEPS, LEAST_NORMAL_COD
 pub(crate) use pack::{FluxShares, Unpacked};
 pub(crate) use refitted::Refitted;
 
-#[cfg(test)]
-pub(crate) use shape::{BuildItem, shape};
-pub(crate) use shape::{ChildGroup, Children, fills_nodes, middle};
 #[cfg(feature = "gpu-plan")]
-pub(crate) use shape::{FULL, SPARSE_COUNTS};
+pub(crate) use shape::BY_IDENTITY;
+#[cfg(test)]
+pub(crate) use shape::shape;
+pub(crate) use shape::{BuildItem, EXIT, Planes, divide};
 pub(crate) use stepped_build::{MAX_EXTRA_UNITS, TreeBuild};
 pub(crate) use units::units_of_build;
 pub(crate) use wide::{Lanes, WideCluster};
@@ -239,7 +239,6 @@ impl LightTree {
     }
 
     /// The number of builds of the whole tree so far.
-    #[cfg(feature = "gpu-plan")]
     pub(crate) fn builds(&self) -> u32 {
         self.builds
     }

@@ -1,7 +1,6 @@
-//! An order of the parts of instances, or of the lights of a placeholder. Neighbours in this order are
-//! neighbours in space.
+//! An order of the lights of a placeholder. Neighbours in this order are neighbours in space.
 //!
-//! Twin of `shaders/top_space.wgsl` and `top_planes.wgsl`. Based on Bentley, Multidimensional Binary
+//! Based on Bentley, Multidimensional Binary
 //! Search Trees Used for Associative Searching (1975): space is divided by planes, and each bit of a
 //! key tells on which side of a plane a position lies. Differs:
 //!
@@ -10,20 +9,15 @@
 //! - Boxes are halved in codes of positions, of which most belong to the middle of the sample.
 //! - A cell is divided across the axis along which the middle half of its sample is longest, so that a
 //!   lamp far away does not stretch it.
-//! - Medians have as many pieces of the top level on both sides as there are, not as many positions.
 //!
-//! It uses only sums, powers of two and integers, so the GPU gets the same bits. A Gray code in place of
-//! this order was tried and gained nothing beyond what another sample changes.
+//! A Gray code in place of this order was tried and gained nothing beyond what another sample changes.
 
 use glam::Vec3;
 
 use crate::cluster::bounds::Aabb;
 
-/// Bits of a key. One more bit is left for [`NO_KEY`], which sorts after all keys.
+/// Bits of a key.
 pub(crate) const KEY_BITS: u32 = 31;
-
-/// The key of a slot without a shining instance.
-pub(crate) const NO_KEY: u32 = u32::MAX;
 
 /// Positions of which the medians are taken: one for each invocation of a workgroup.
 pub(crate) const SAMPLES: usize = 256;
@@ -161,11 +155,6 @@ fn sample(positions: impl Iterator<Item = (u32, Vec3)> + Clone) -> Vec<Vec3> {
         count += counts[least];
     }
     positions.filter(|(identity, _)| level(*identity) >= least).map(|(_, position)| position).collect()
-}
-
-/// The identity of a part of an instance: its slot, and the number of the part there.
-pub(crate) fn identity(slot: u32, part: u32) -> u32 {
-    hash(slot).wrapping_add(part)
 }
 
 /// A hash of a number: PCG of Jarzynski and Olano, Hash Functions for GPU Rendering (2020).

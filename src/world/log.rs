@@ -82,13 +82,11 @@ impl<'w> Changes<'w> {
     }
 
     /// The slots of trees that were added, edited, rebuilt or removed.
-    #[cfg(feature = "gpu-plan")]
     pub(crate) fn trees(&self) -> impl Iterator<Item = u32> + use<'w> {
         slots_after([&self.log.trees], self.since.number)
     }
 
     /// The slots of instances whose record on a GPU changed.
-    #[cfg(feature = "gpu-plan")]
     pub(crate) fn instance_records(&self) -> impl Iterator<Item = u32> + use<'w> {
         let WorldLog { added, removed, moved, shown, altered, user_data, .. } = self.log;
         slots_after([added, removed, moved, shown, altered, user_data], self.since.number)
@@ -206,6 +204,11 @@ impl WorldLog {
     /// Records that some directional light was added, changed or removed.
     pub fn directionals(&mut self) {
         self.directionals = self.next();
+    }
+
+    /// Records that the top level is divided otherwise.
+    pub fn partition(&mut self) {
+        self.next();
     }
 
     /// Records that the map of the sky changed.

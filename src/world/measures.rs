@@ -1,19 +1,12 @@
 //! What refits on the GPU measure of the trees that kernels write.
 
 use super::LightWorld;
+use super::scene::TreeVersion;
 use super::source_table::TreeSource;
 use crate::keys::TreeKey;
 use crate::policy::RebuildRequest;
 use crate::scheduler::TreeFeatures;
 use crate::tree::Attributes;
-
-/// The version of a tree that the GPU holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct TreeVersion {
-    pub tree: TreeKey,
-    /// The exchange and the build that made it.
-    made_by: (u32, u32),
-}
 
 /// What a refit on the GPU found out about a tree.
 #[derive(Clone, Copy, Debug)]
@@ -29,8 +22,7 @@ pub(crate) struct SourceMeasure {
 impl LightWorld {
     /// The present version of a tree.
     pub(crate) fn version(&self, tree: TreeKey) -> Option<TreeVersion> {
-        let entry = self.scene.trees.get(tree)?;
-        Some(TreeVersion { tree, made_by: (entry.replaced, entry.tree.builds()) })
+        self.scene.version(tree)
     }
 
     /// Takes what a refit on the GPU found out about a version of a tree. Returns whether the tree's policies

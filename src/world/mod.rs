@@ -7,9 +7,12 @@ mod births;
 mod build_thread;
 mod change_log;
 mod crowds;
+mod divide;
 #[cfg(feature = "bake")]
 mod dump;
 mod edit;
+mod filing;
+mod kernel_parts;
 mod key_set;
 mod log;
 #[cfg(feature = "gpu-plan")]
@@ -45,7 +48,7 @@ mod update;
 mod viewpoint;
 
 use std::fmt;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use glam::Vec3;
 
@@ -56,15 +59,19 @@ pub(crate) use births::{BIRTH_BITS, of_instance as birth_of_instance};
 pub(crate) use change_log::TreeChanges;
 #[cfg(feature = "bake")]
 pub use dump::{DumpError, LeftOut};
+#[cfg(feature = "gpu-plan")]
+pub(crate) use kernel_parts::KernelPart;
 pub use log::{Changes, Revision};
 #[cfg(feature = "gpu-plan")]
-pub(crate) use measures::{SourceMeasure, TreeVersion};
+pub(crate) use measures::SourceMeasure;
 pub use memory::WorldMemory;
 pub use origin::OriginMode;
 pub use region::{RefusedRegion, Region, RegionInstance, RegionTree};
 pub use region_table::RegionView;
 pub use regions::RemovedRegion;
 pub use reports::{BackgroundReport, FrameReport, JobReport, RebuildState};
+#[cfg(feature = "gpu-plan")]
+pub(crate) use scene::TreeVersion;
 pub(crate) use scene::{Instance, TreeEntry};
 pub use source_table::TreeSource;
 
@@ -79,6 +86,7 @@ use crate::scheduler::{Clock, SystemClock};
 use crate::top::TopLevel;
 use crate::tree::{LightTree, Node, Opening};
 use crowds::Crowds;
+use filing::{Filing, TopCache};
 use log::WorldLog;
 use opening::OpeningEdit;
 use placing::MoveScratch;
@@ -106,7 +114,8 @@ pub struct LightWorld {
     rebuilds: Rebuilds,
     crowds: Crowds,
     regions: Regions,
-    top: OnceLock<TopLevel>,
+    filing: Filing,
+    top: TopCache,
 }
 
 impl Default for LightWorld {
@@ -149,7 +158,8 @@ impl LightWorld {
             rebuilds: Rebuilds::new(clock),
             crowds: Crowds::default(),
             regions: Regions::default(),
-            top: OnceLock::new(),
+            filing: Filing::default(),
+            top: TopCache::default(),
         }
     }
 
@@ -382,14 +392,14 @@ impl LightWorld {
     /// level too. Threads that call this at the same time may each build it; the results are equal
     /// and the first one is kept.
     pub(crate) fn top_level(&self) -> &TopLevel {
-        if let Some(top) = self.top.get() {
+        if let Some(top) = self.top.level.get() {
             return top;
         }
-        let mut built = TopLevel::build(&self.parts(), self.scene.instances.slot_count());
+        let mut built = TopLevel::build(&self.parts(), self.scene.instances.slot_count(), self.partition());
         if self.active_effects().contains(Effects::MASKS) {
             built.set_masks(|slot| self.instance_at(slot).map_or(0, |key| self.scene.instances[key].appearance.mask));
         }
-        self.top.get_or_init(|| built)
+        self.top.level.get_or_init(|| built)
     }
 
     /// The nodes of the top level on the CPU, for tools that look into it: the root first, and the boxes

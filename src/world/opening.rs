@@ -9,13 +9,11 @@
 //! on how a world is cut into trees. Where openings of all such trees would be too many, all trees get
 //! the same share of what they want (docs/decisions.md, 49).
 
-use std::sync::OnceLock;
-
+use super::filing::TopCache;
 use super::log::WorldLog;
 use super::scene::{CROWD_UNIT, Scene, TreeEntry};
 use super::sums::Sums;
 use crate::keys::{TreeKey, slot_of};
-use crate::top::TopLevel;
 use crate::tree::{Opening, WIDTH};
 
 /// Openings that any world may have in addition to those for its trees' lights and instances. Each takes
@@ -85,7 +83,7 @@ pub(super) struct OpeningEdit<'a> {
     pub scene: &'a mut Scene,
     pub sums: &'a mut Sums,
     pub log: &'a mut WorldLog,
-    pub top: &'a mut OnceLock<TopLevel>,
+    pub top: &'a mut TopCache,
 }
 
 impl OpeningEdit<'_> {

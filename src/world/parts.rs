@@ -1,6 +1,6 @@
 //! The parts of instances that become leaves of the top level.
 
-use super::scene::Scene;
+use super::scene::{Scene, TreeEntry};
 use crate::cluster::{Cluster, MAX_FLUX};
 use crate::instance::part::Part;
 use crate::keys::InstanceKey;
@@ -13,7 +13,7 @@ impl Scene {
         let mut parts = Vec::with_capacity(self.instances.slot_count());
         for slot in 0..self.instances.slot_count() as u32 {
             if let Some(key) = self.instances.key_at(slot) {
-                self.add_parts(slot, key, &mut parts);
+                parts.extend(self.parts_of(slot, key));
             }
         }
         parts
@@ -25,21 +25,20 @@ impl Scene {
         self.cluster_of(key, &self.trees[self.instances[key].tree].tree.cluster())
     }
 
-    fn add_parts(&self, slot: u32, key: InstanceKey, parts: &mut Vec<(Part, Cluster)>) {
-        let tree_key = self.instances[key].tree;
-        let tree = &self.trees[tree_key].tree;
-        if self.trees[tree_key].openings.is_empty() {
-            parts.push((Part { slot, entry: ChildRef::Node(0) }, self.cluster_of(key, &tree.cluster())));
-        }
-        for opening in &self.trees[tree_key].openings {
-            let entry = ChildRef::of(opening.child_bits).expect("an opening is a child");
-            parts.push((Part { slot, entry }, self.cluster_of(key, &tree.opening_cluster(opening))));
-        }
+    /// The parts of an instance, with their clusters in the world.
+    pub fn parts_of(&self, slot: u32, key: InstanceKey) -> impl Iterator<Item = (Part, Cluster)> {
+        let TreeEntry { tree, openings, .. } = &self.trees[self.instances[key].tree];
+        let whole = openings.is_empty().then(|| (ChildRef::Node(0), tree.cluster()));
+        let opened = openings.iter().map(|opening| {
+            (ChildRef::of(opening.child_bits).expect("an opening is a child"), tree.opening_cluster(opening))
+        });
+        let parts = whole.into_iter().chain(opened);
+        parts.map(move |(entry, cluster)| (Part { slot, entry }, self.cluster_of(key, &cluster)))
     }
 
     /// A cluster of an instance's tree in the world. Empty if it is dark, or if the instance is hidden or the
     /// sky.
-    fn cluster_of(&self, key: InstanceKey, cluster: &Cluster) -> Cluster {
+    pub(super) fn cluster_of(&self, key: InstanceKey, cluster: &Cluster) -> Cluster {
         let instance = &self.instances[key];
         let Some(placed) = instance.shown().filter(|_| cluster.flux > 0.0 && !instance.is_sky) else {
             return Cluster::EMPTY;
@@ -49,6 +48,21 @@ impl Scene {
         let flux = flux.min(MAX_FLUX / brightness.max(1.0)) * brightness;
         // At a small enough scale, the flux of a light that is not dark would round to 0.
         cluster.transformed(&placed.linear, placed.translation(self.origin.home), flux.max(MIN_FLUX))
+    }
+}
+
+impl TreeEntry {
+    /// The parts of each instance.
+    pub fn part_count(&self) -> usize {
+        self.openings.len().max(1)
+    }
+
+    /// The cluster of a part in the tree's space; `None` if there is no such part.
+    pub fn part(&self, index: usize) -> Option<Cluster> {
+        match self.openings.get(index) {
+            Some(opening) => Some(self.tree.opening_cluster(opening)),
+            None => (self.openings.is_empty() && index == 0).then(|| self.tree.cluster()),
+        }
     }
 }
 

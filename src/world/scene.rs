@@ -42,6 +42,12 @@ impl Scene {
         let origin = self.origin.position;
         self.placed_portals = self.portals.iter().map(|portal| portal.placed(origin)).collect();
     }
+
+    /// The present version of a tree.
+    pub fn version(&self, tree: TreeKey) -> Option<TreeVersion> {
+        let entry = self.trees.get(tree)?;
+        Some(TreeVersion { tree, made_by: (entry.replaced, entry.tree.builds()) })
+    }
 }
 
 /// Crowds are added up as whole numbers of this part of a light, so that sums are exact.
@@ -78,6 +84,14 @@ pub(crate) struct TreeEntry {
     pub build_since: u64,
     /// What the sums over all trees hold of this one.
     pub(super) counted: TreeTerms,
+}
+
+/// The version of a tree that the GPU holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct TreeVersion {
+    pub tree: TreeKey,
+    /// The exchange and the build that made it.
+    made_by: (u32, u32),
 }
 
 /// What the weight of one tree is computed from.

@@ -18,7 +18,8 @@ impl LightWorld {
     ///
     /// What the CPU knows of such a tree are the lights as they were last [set](LightWorld::set_lights):
     /// a [`LightSampler`](crate::LightSampler) samples these, crowds are counted and stand-ins are made from
-    /// them. So set them where the lights really are about, before or after this call.
+    /// them. So set them where the lights really are about, before or after this call. The top level follows what is
+    /// read back of them: see `GpuLights::follow_sources`.
     ///
     /// | | [`TreeSource::GpuMesh`] | [`TreeSource::GpuParticles`] |
     /// |---|---|---|

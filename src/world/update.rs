@@ -39,8 +39,13 @@ impl LightWorld {
     ///    [`LightWorld::effects`], and trees at rest are frozen
     ///    ([`LightTree::freeze`](crate::LightTree::freeze)).
     ///
-    /// Cost besides rebuilds: O(lights of edited trees), and O(1) for each instance that was added
-    /// and for each tree that comes to rest.
+    /// The space of the top level is divided anew where parts of instances have become too many for a cell, or are
+    /// distributed otherwise than when it was divided. This takes no part of the budget: where it is about more than
+    /// 4,096 parts, a call divides 16,384 parts by one level, and later calls go on.
+    ///
+    /// Cost besides rebuilds: O(lights of edited trees), O(1) for each tree that comes to rest, O(depth) for each
+    /// part of an instance that was added or moved, and O(n log n) in the parts that are added to a cell or divided
+    /// anew.
     pub fn update(&mut self, budget: FrameBudget) -> FrameReport {
         span!("update");
         let moved_instances = self.log.count_moved();
@@ -52,6 +57,7 @@ impl LightWorld {
         let (crowds, mut edit) = self.crowds();
         crowds.look(report.moved_instances > 0, &mut edit);
         self.do_jobs(&mut report);
+        self.renew_partition();
         self.effects.count_update();
         self.freeze_resting();
         report.placeholder_trees = self.sums.placeholders;
@@ -82,8 +88,9 @@ mod tests {
     use glam::Vec3;
 
     use super::super::crowds;
-    use crate::documented::assert_says;
+    use crate::documented::{assert_says, grouped};
     use crate::scheduler::{Clock, FrameBudget, sealed};
+    use crate::top::partition::renewal::{MOST_AT_ONCE, RENEWED_PARTS};
     use crate::tree::testing::Rng;
     use crate::{Light, LightTree, LightWorld, Placement, Policy};
 
@@ -91,6 +98,8 @@ mod tests {
     fn the_documentation_of_an_update_names_its_limits() {
         let says = |sentence: &str| assert_says(include_str!("update.rs"), sentence);
         says(&format!("and {} others in each call while anything moves.", crowds::SLOTS_PER_UPDATE));
+        let [at_once, renewed] = [MOST_AT_ONCE, RENEWED_PARTS].map(grouped);
+        says(&format!("more than {at_once} parts, a call divides {renewed} parts by one level"));
     }
 
     /// A clock whose time is a function of the number of calls so far.

@@ -45,6 +45,8 @@ impl LightWorld {
             self.switch(Effects::SECTORS, is_on_grid);
         }
         self.scene.origin = origin;
+        self.filing.partition.set_origin(origin.position, is_on_grid);
+        self.top.take();
         Ok(())
     }
 
@@ -71,6 +73,7 @@ impl LightWorld {
         }
         self.scene.origin = origin;
         self.scene.place_portals();
+        self.filing.partition.set_origin(position, self.scene.origin.mode != OriginMode::Free);
         self.top.take();
         Ok(())
     }

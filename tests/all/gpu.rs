@@ -388,7 +388,10 @@ fn an_upload_sends_what_changed_and_nothing_else() {
     let unchanged = upload(&mut world);
     assert_eq!((unchanged.bytes, unchanged.trees, unchanged.instances), (0, 0, 0));
     let mover = world.instances().nth(5).expect("twelve instances");
-    world.move_instance(mover, Placement::at(DVec3::ONE)).expect("valid");
+    // A move by a millimetre divides no space anew.
+    let place = world.placement(mover).expect("it lives");
+    let place = Placement { translation: place.translation + DVec3::splat(1.0e-3), ..place };
+    world.move_instance(mover, place).expect("valid");
     let moved = upload(&mut world);
     assert_eq!((moved.bytes, moved.trees, moved.instances), (128, 0, 1));
     let tree = world.trees().next().expect("a tree");
@@ -438,11 +441,11 @@ fn a_world_of_points_sends_no_bytes_for_cones_ranges_and_scales() {
     // So far away that the other tree is whole.
     world.add_instance(spots, Placement::at(DVec3::X * 100.0), Policy::Budgeted).expect("valid");
     let table = 16 + 2 * 14 * 16;
-    let sent = 20 * 64 + nodes(&world, spots) * 224 + 80 + 80 + 8 + 2 * table + 64 + 4 * 256 + 256;
+    let sent = 20 * 64 + nodes(&world, spots) * 224 + 80 + 80 + 8 + 2 * table + 64 + 4 * 256 + 80;
     assert_eq!(upload(&mut world), sent);
     // A scaled instance lengthens all instances.
     world.move_instance(instance, Placement { linear: 2.0 * Mat3::IDENTITY, ..Placement::IDENTITY }).expect("valid");
-    assert_eq!(upload(&mut world), 128 + table + 64 + 256);
+    assert_eq!(upload(&mut world), 128 + table + 64 + 80);
 }
 
 #[test]

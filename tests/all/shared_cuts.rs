@@ -68,7 +68,7 @@ fn assert_exact(world: &LightWorld, table: &CutTable, at: &[ShadingPoint], rng: 
             if let Some(pick) = pick {
                 assert!((pick.pmf / with.pmf(at, pick.light) - 1.0).abs() < PMF_TOLERANCE);
             } else {
-                assert!(sum < 1.0 - 1.0e-3, "a draw ends without a light, though all add up to {sum}");
+                assert!(sum < 1.0 - SUM_TOLERANCE, "a draw ends without a light, though all add up to {sum}");
             }
         }
     }

@@ -21,7 +21,7 @@ const OF_NO_CELLS: f64 = 1.05;
 
 /// The scenes that do not reach both goals, and the most that sigma may be there: 5 to 10 % above
 /// what was measured.
-const MISSED: [(&str, f64); 9] = [
+const MISSED: [(&str, f64); 10] = [
     ("scales from 0.001 to 1", 0.58),
     ("sheared spots", 3.0),
     ("squashed by 0.9 over a turn", 0.33),
@@ -31,6 +31,7 @@ const MISSED: [(&str, f64); 9] = [
     ("on a glowing ball", 1.78),
     ("inside a sphere light", 4.8),
     ("dense clusters far apart", 1.35),
+    ("metal floor", 1.37),
 ];
 /// Below this sigma the ratios do not matter: the lights of others than the sampler decide the
 /// noise.
@@ -67,21 +68,13 @@ const RESOLVED: f64 = 0.01;
 /// The most that sigma by one tree may be where two levels are compared with it. Measured: 1.81.
 const MOST_OF_FLAT: f64 = 2.0;
 
-/// The goal of [`OF_FLAT`] for scenes that once were cliffs: all but these, for which a top level is due that divides
-/// space by cost. The values are sigma relative to one tree as measured.
-const MISSED_CLIFFS: [(&str, f64); 12] = [
-    ("one tree at scales from 0.01 to 1", 1.70),
-    ("2250 overlapping instances of 64 lamps", 11.4),
-    ("4060 overlapping instances of 64 lamps", 29.3),
-    ("a town of 40000 lamps beside 4000", 5.39),
-    ("a town of 60000 lamps beside 4000", 4.05),
-    ("a town of 120000 lamps beside 4000", 4.11),
-    ("30,000 lamps from 10 m to 1e4 m", 3.12),
-    ("30,000 lamps from 10 m to 1e5 m", 3.46),
-    ("30,000 lamps from 10 m to 1e6 m", 2.34),
-    ("eight instances from 17 m to 1.4e8 m", 15_800.0),
-    ("one tree at scales from 0.001 to 1000", 1.97),
-    ("4,000 overlapping trees of ten lamps", 1.74),
+/// The goal of [`OF_FLAT`] for scenes that once were cliffs: all but these, whose instances overlap. The values are
+/// sigma relative to one tree as measured.
+const MISSED_CLIFFS: [(&str, f64); 4] = [
+    ("one tree at scales from 0.01 to 1", 1.61),
+    ("2250 overlapping instances of 64 lamps", 9.51),
+    ("4060 overlapping instances of 64 lamps", 26.7),
+    ("eight instances from 17 m to 1.4e8 m", 13_200.0),
 ];
 
 #[test]

@@ -1530,6 +1530,13 @@ GirandoleStatus girandole_planner_measures(struct GirandolePlanner *planner,
                                            uint32_t most,
                                            struct GirandoleReadback **readback);
 
+// Makes a readback of where kernels have moved some parts of a tree with a source, at most most of them, 80 bytes each:
+// each time those that follow on the last ones, of all trees in turn. Stores NULL if the GPU holds no such tree. Copy
+// the range after the commands in top. Destroy the readback with girandole_readback_destroy.
+GirandoleStatus girandole_planner_source_parts(struct GirandolePlanner *planner,
+                                               uint32_t most,
+                                               struct GirandoleReadback **readback);
+
 // Makes a readback of the lights of a tree with a source, for a rebuild: of the trees that
 // girandole_readback_apply stores. Stores NULL if the tree has no source, or if the GPU does not hold it whole.
 // Copy the range after the kernel of the engine has run. Destroy the readback with girandole_readback_destroy.
@@ -1548,6 +1555,8 @@ GirandoleStatus girandole_readback_view(const struct GirandoleReadback *readback
 // policies request a rebuild, and in count how many. Read the lights of these trees back too, unless such a
 // readback is under way. trees has room for capacity keys: at least most_trees of the view, or the call is
 // refused with GIRANDOLE_ERROR_NO_SPACE and stores this number in count.
+//
+// Parts: the top level has nodes where they are from the next update on. Stores no tree.
 //
 // Lights: the tree's lights are set as the bytes say, so that it is rebuilt from these. Stores no tree.
 //

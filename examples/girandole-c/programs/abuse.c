@@ -331,7 +331,7 @@ static void sources(GirandoleWorld *world)
     GirandoleWorld *other = NULL;
     GirandolePlanner *planner = NULL;
     GirandolePlan *plan = NULL;
-    GirandoleReadback *measures = NULL, *lights = NULL, *none = NULL;
+    GirandoleReadback *measures = NULL, *parts = NULL, *lights = NULL, *none = NULL;
     GirandoleReadbackView view;
     GirandolePlanView of_plan;
     GirandoleShader *text = NULL;
@@ -367,6 +367,7 @@ static void sources(GirandoleWorld *world)
     EXPECT(GIRANDOLE_OK, girandole_world_update(world, 0.0, NULL));
     EXPECT(GIRANDOLE_OK, girandole_planner_reserve(planner, world, 0, &buffers, &count));
     EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_planner_measures(planner, 0, 9, &none));
+    EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_planner_source_parts(planner, 9, &none));
     EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_planner_source_lights(planner, tree, &none));
     EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_planner_source_bindings(planner, ids));
     EXPECT(GIRANDOLE_OK, girandole_planner_plan(planner, &plan));
@@ -388,6 +389,9 @@ static void sources(GirandoleWorld *world)
     EXPECT(GIRANDOLE_OK, girandole_planner_measures(planner, UINT32_MAX, UINT32_MAX, &none));
     EXPECT(GIRANDOLE_OK, girandole_planner_source_lights(planner, 1, &none));
     REQUIRE(none == NULL);
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_planner_source_parts(NULL, 9, &none));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_planner_source_parts(planner, 9, NULL));
+    EXPECT(GIRANDOLE_OK, girandole_planner_source_parts(planner, 0, &parts));
     EXPECT(GIRANDOLE_OK, girandole_planner_measures(planner, 0, UINT32_MAX, &measures));
     EXPECT(GIRANDOLE_OK, girandole_planner_source_lights(planner, tree, &lights));
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_readback_view(NULL, &view));
@@ -412,6 +416,10 @@ static void sources(GirandoleWorld *world)
     REQUIRE(refused == 0);
 
     /* Bytes that no GPU has written. */
+    EXPECT(GIRANDOLE_OK, girandole_readback_view(parts, &view));
+    REQUIRE(view.size % 80 == 0 && view.size <= sizeof bytes && view.most_trees == 0);
+    EXPECT(GIRANDOLE_OK, girandole_readback_apply(parts, world, noise, (size_t)view.size, NULL, 0, &count));
+    EXPECT(GIRANDOLE_OK, girandole_readback_apply(parts, world, bytes, (size_t)view.size, NULL, 0, &count));
     EXPECT(GIRANDOLE_OK, girandole_readback_apply(measures, world, noise, 32, trees, 2, &count));
     EXPECT(GIRANDOLE_OK, girandole_readback_view(lights, &view));
     REQUIRE(view.size <= sizeof bytes && view.most_trees == 0);
@@ -428,6 +436,7 @@ static void sources(GirandoleWorld *world)
     EXPECT(GIRANDOLE_OK, girandole_readback_apply(lights, world, noise, (size_t)view.size, NULL, 0, &count));
     REQUIRE(count == 0);
     girandole_readback_destroy(measures);
+    girandole_readback_destroy(parts);
     girandole_readback_destroy(lights);
     girandole_plan_destroy(plan);
     EXPECT(GIRANDOLE_OK, girandole_world_destroy(other));

@@ -272,6 +272,7 @@ void kernel_lights(vulkan::Device &device, const std::string &folder) {
     frame();
     const auto wanted = player.apply(player.measures().get(), world.get());
     require(wanted.size() == 1 && wanted[0] == tree, "the policy of the instance wants a rebuild");
+    require(player.apply(player.source_parts(2048).get(), world.get()).empty(), "parts name no trees");
     uint64_t refused = 0;
     check(girandole_world_refused_writes(world.get(), tree, &refused));
     require(refused == 1, "the sphere that was written as a point is refused");

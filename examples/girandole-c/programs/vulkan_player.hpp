@@ -101,6 +101,12 @@ public:
             [&](GirandoleReadback **it) { return girandole_planner_measures(planner_.get(), 0, count, it); });
     }
 
+    // Some parts of trees with a source.
+    girandole::Owned<GirandoleReadback> source_parts(uint32_t most) {
+        return girandole::make<GirandoleReadback>(
+            [&](GirandoleReadback **it) { return girandole_planner_source_parts(planner_.get(), most, it); });
+    }
+
     // The lights of a tree with a source.
     girandole::Owned<GirandoleReadback> source_lights(uint64_t tree) {
         return girandole::make<GirandoleReadback>(

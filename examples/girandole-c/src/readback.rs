@@ -1,7 +1,7 @@
 //! What an engine reads back of trees whose lights its kernels write.
 
 use girandole::TreeKey;
-use girandole::plan::{LightReadback, MeasureReadback};
+use girandole::plan::{LightReadback, MeasureReadback, PartReadback};
 
 use crate::memory::{array, destroy, list, object, object_mut, result};
 use crate::planner::GirandolePlanner;
@@ -20,6 +20,7 @@ pub struct GirandoleReadback {
 #[derive(Debug)]
 enum What {
     Measures(MeasureReadback, usize),
+    Parts(PartReadback),
     Lights(LightReadback),
 }
 
@@ -41,6 +42,7 @@ impl GirandoleReadback {
     fn view(&self) -> GirandoleReadbackView {
         let (buffer, offset, size, most_trees) = match &self.what {
             What::Measures(of, most) => (of.buffer, of.offset, of.bytes, *most),
+            What::Parts(of) => (of.buffer, of.offset, of.bytes, 0),
             What::Lights(of) => (of.buffer, of.offset, of.bytes, 0),
         };
         GirandoleReadbackView { buffer: buffer.get(), offset, size, most_trees }
@@ -69,6 +71,28 @@ pub unsafe extern "C" fn girandole_planner_measures(
             let numbers = lights.source_count().saturating_sub(first).min(most) as usize;
             let measures = lights.measures(first, most).map(|measures| What::Measures(measures, numbers));
             Ok(store(measures, planner.world()))
+        };
+        // SAFETY: see the crate's documentation.
+        out.set(unsafe { object_mut(planner, "planner")? }.edit(get)?);
+        Ok(())
+    })
+}
+
+/// Makes a readback of where kernels have moved some parts of a tree with a source, at most most of them, 80 bytes each:
+/// each time those that follow on the last ones, of all trees in turn. Stores NULL if the GPU holds no such tree. Copy
+/// the range after the commands in top. Destroy the readback with girandole_readback_destroy.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn girandole_planner_source_parts(
+    planner: *mut GirandolePlanner,
+    most: u32,
+    readback: *mut *mut GirandoleReadback,
+) -> GirandoleStatus {
+    call(|| {
+        // SAFETY: see the crate's documentation.
+        let out = unsafe { result(readback, "readback")? };
+        let get = |planner: &mut GirandolePlanner| {
+            let parts = planner.free()?.source_parts(most).map(What::Parts);
+            Ok(store(parts, planner.world()))
         };
         // SAFETY: see the crate's documentation.
         out.set(unsafe { object_mut(planner, "planner")? }.edit(get)?);
@@ -120,6 +144,8 @@ pub unsafe extern "C" fn girandole_readback_view(
 /// readback is under way. trees has room for capacity keys: at least most_trees of the view, or the call is
 /// refused with GIRANDOLE_ERROR_NO_SPACE and stores this number in count.
 ///
+/// Parts: the top level has nodes where they are from the next update on. Stores no tree.
+///
 /// Lights: the tree's lights are set as the bytes say, so that it is rebuilt from these. Stores no tree.
 ///
 /// size is that of the view. Bytes that no GPU has written do no harm.
@@ -155,6 +181,10 @@ pub unsafe extern "C" fn girandole_readback_apply(
         let wanted = world.edit(|world| {
             Ok(match &readback.what {
                 What::Measures(measures, _) => measures.apply(world, bytes),
+                What::Parts(parts) => {
+                    parts.apply(world, bytes);
+                    Vec::new()
+                }
                 What::Lights(lights) => {
                     lights.apply(world, bytes);
                     Vec::new()

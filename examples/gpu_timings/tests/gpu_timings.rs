@@ -42,12 +42,11 @@ fn the_timings_have_every_row_and_count_bytes_dispatches_and_nodes() {
     assert_positive(uploads, &["instances", "percent_moved", "moved", "bytes"]);
     let moved: Vec<_> = uploads.iter().map(|row| number(row, "moved")).collect();
     assert_eq!(moved, [10.0, 100.0, 1000.0]);
-    // One record for each moved instance, and its place where many are scattered.
-    let record = number(&uploads[0], "bytes") / 10.0;
-    assert!(record <= 128.0);
+    // One record for each moved instance, and its place where many are scattered. An instance that turns up elsewhere
+    // may change two nodes of the top level, of 112 bytes.
     for row in uploads {
-        let bytes = number(row, "bytes") - record * number(row, "moved");
-        assert!((0.0..=4.0 * number(row, "moved") + 16.0).contains(&bytes), "{row}");
+        let bytes = number(row, "bytes") / number(row, "moved");
+        assert!((48.0..=128.0 + 4.0 + 2.0 * 112.0).contains(&bytes), "{row}");
     }
     assert!(uploads.iter().all(|row| is_time(&row["upload_call"]) && is_time(&row["submit_and_wait"])));
 

@@ -253,13 +253,14 @@ fn burn(
         if frame % EVERY != 0 {
             continue;
         }
-        // The CPU's twins: the top level over all lights, or the tree as the GPU has refitted it.
+        // The CPU's twins: the top level over all lights as if it knew them, or the tree as the GPU has refitted it.
         let mut tree = world.tree(keys[0]).cloned().unwrap_or_default();
         tree.set_lights(&(0..).zip(lights.iter().copied()).collect::<Vec<_>>())?;
         tree.refit();
         let (mut twin, twins) = one(tree)?;
         if source == TreeSource::GpuParticles {
             twin.set_light_source(twins[0], source)?;
+            twin.update(FrameBudget::NONE);
         }
         let (fresh, _) = one(LightTree::new(lights.clone())?)?;
         let now = sigma(&twin, &lights, &points);

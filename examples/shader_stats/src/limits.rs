@@ -26,15 +26,14 @@ const fn limit(kernel: &'static str, effects: &'static str, most: [u64; 3]) -> L
 /// Registers, bytes of scratch memory for each lane, and instructions. Registers and scratch memory
 /// are those that were measured; instructions are rounded up. Mesa
 /// 22.3.6, 2026-11-28, by `cargo run --release -p shader_stats -- --out FILE.csv`.
-pub const LIMITS: [Limit; 59] = [
+pub const LIMITS: [Limit; 58] = [
     limit("relayout", "", [16, 0, 100]),
     limit("scatter", "", [8, 0, 100]),
     limit("top_leaves", "", [56, 0, 700]),
-    limit("top_planes", "", [32, 0, 1200]),
     limit("top_keys", "", [24, 0, 200]),
     limit("sort_scatter", "", [16, 0, 400]),
-    limit("top_group", "", [88, 0, 6100]),
-    limit("top_node", "", [64, 0, 1700]),
+    limit("top_cells", "", [64, 0, 2300]),
+    limit("top_blocks", "", [64, 0, 2100]),
     limit("refit", "", [120, 0, 2500]),
     limit("refit_parts", "", [40, 0, 700]),
     limit("light_put_triangle", "", [24, 0, 250]),

@@ -17,6 +17,7 @@ use crate::plan::node_record::NodeRecord;
 use crate::plan::sources::MeasureRecord;
 use crate::plan::{BufferId, Command, LightPlanner, MeasureReadback, PlanLimits, ShaderBuffers};
 use crate::scheduler::VirtualClock;
+use crate::top::partition::MOST_PARTS;
 use crate::tree::{LightTree, NO_LEAF, Node, WIDTH};
 use crate::{
     Effects, FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint, Texture, TexturedSurface, TreeKey,
@@ -687,6 +688,51 @@ fn frames_that_are_dropped_and_trees_that_go_disturb_no_readback() {
     }
     assert_eq!(world.tree(third).expect("live").lights(), whirl(90, 0.0), "it never asks for its lights");
     assert_ne!(world.tree(second).expect("live").lights(), whirl(90, 0.0));
+}
+
+#[test]
+fn the_top_level_has_nodes_where_kernels_have_moved_particles() {
+    // The most parts in a cell of the top level if the lights are at these places, and the number of cells with any.
+    let fullest = |world: &LightWorld, lights: &[Light], offset: Vec3| {
+        let mut counts = std::collections::HashMap::new();
+        for (light, i) in lights.iter().zip(0..) {
+            *counts.entry(world.partition().cell(light.cluster().mean + offset, i)).or_insert(0) += 1;
+        }
+        (counts.values().copied().max().unwrap_or(0), counts.len())
+    };
+    let count = 3_000;
+    let mut world = LightWorld::new();
+    // The CPU knows no more than where the emitter is.
+    let tree =
+        world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE); count as usize]).expect("valid"));
+    let emitter = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+    world.set_light_source(tree, TreeSource::GpuParticles).expect("no profiles");
+    let mut lights = gpu_lights();
+    world.update(FrameBudget::NONE);
+    lights.upload(&world).expect("room");
+    for time in 0..12 {
+        let puts = puts_of(&world, tree, &whirl(count, time as f32));
+        frame(&mut lights, &mut world, &puts);
+    }
+    let (most, cells) = fullest(&world, &whirl(count, 11.0), Vec3::ZERO);
+    assert!(most <= 3 * MOST_PARTS && cells > 200, "{most} in one of {cells} cells");
+    // An emitter that moves, and particles that are gone at once.
+    for time in 12..24 {
+        world.move_instance(emitter, Placement::at(DVec3::X * 100.0 * f64::from(time - 11))).expect("live");
+        let mut puts = puts_of(&world, tree, &whirl(count, time as f32));
+        puts.iter_mut().skip(1_000).for_each(|put| put.kind = 99);
+        frame(&mut lights, &mut world, &puts);
+    }
+    let (most, cells) = fullest(&world, &whirl(1_000, 23.0), Vec3::X * 1_200.0);
+    assert!(most <= 3 * MOST_PARTS && (70..300).contains(&cells), "{most} in one of {cells} cells");
+    // The CPU's lights are told nothing.
+    assert_eq!(world.tree(tree).expect("live").lights()[7], Light::point(Vec3::ZERO, Vec3::ONE));
+    // What the CPU writes again is where the CPU says.
+    world.set_light_source(tree, TreeSource::Cpu).expect("live");
+    world.set_lights(tree, &(0..).zip(whirl(count, 0.0)).collect::<Vec<_>>()).expect("valid");
+    world.update(FrameBudget::NONE);
+    let parts = world.parts();
+    assert!(parts.len() < 100 && parts.iter().all(|(_, cluster)| cluster.mean.x > 1_000.0));
 }
 
 #[test]

@@ -21,6 +21,7 @@ use crate::plan::node_record::NodeRecord;
 use crate::plan::pool::Growth;
 use crate::plan::stored::Missing;
 use crate::plan::top::{MapQuads, TopBuild};
+use crate::scheduler::FrameBudget;
 use crate::top::masks::NodeMasks;
 use crate::tree::LightTree;
 use crate::tree::{ChildRef, Node, WIDTH};
@@ -128,6 +129,7 @@ fn world_of(slots: u32, place: impl Fn(u32) -> Placement) -> LightWorld {
         world.set_factor(*key, Vec3::new(0.5, 100.0 * random(i, 25), 2.0)).unwrap();
         world.set_mask(*key, 1 << (i % 32)).unwrap();
     }
+    world.update(FrameBudget::NONE);
     world
 }
 
@@ -178,12 +180,20 @@ fn build(top: &mut TopRig, world: &LightWorld) -> Built {
     let count = parts.len() as u32;
     let has_masks = world.effects().contains(Effects::MASKS);
     let mut new = Vec::new();
-    top.top.reserve(count, (has_masks, MapQuads::default()), Growth::Double, (&mut top.rig.ids, &mut new)).unwrap();
+    let nodes = world.partition().len() as u32;
+    top.top
+        .reserve([count, nodes], (has_masks, MapQuads::default()), Growth::Double, (&mut top.rig.ids, &mut new))
+        .unwrap();
     let (strides, build) = (top.strides, &mut top.top);
     top.rig.play(&new, |commands| {
         build.adopt(commands, &mut Vec::new());
         let masks = if has_masks { build.masks() } else { 0 };
-        build.prepare(commands, count, strides, (masks, crate::instance::sector::number(world.home())));
+        build.prepare(
+            commands,
+            (count, world.partition()),
+            strides,
+            (masks, crate::instance::sector::number(world.home())),
+        );
         build.build(commands, pools);
     });
     let (top, rig) = (&top.top, &top.rig);

@@ -11,7 +11,7 @@ mod records;
 mod stage;
 
 use pieces::Pieces;
-pub use readback::{LightReadback, MeasureReadback};
+pub use readback::{LightReadback, MeasureReadback, PartReadback};
 pub(crate) use records::MeasureRecord;
 use records::{RefitCluster, RefitPass, SourceRecord};
 use stage::PART_LANES;
@@ -26,7 +26,7 @@ use super::changes::FrameChanges;
 use super::commands::Commands;
 use super::error::PlanError;
 use super::kernel::{UNIFORM_ALIGNMENT, pass_bytes};
-use super::layout::Strides;
+use super::layout::{Strides, TreeRecord};
 use super::pool::{Growth, Pool};
 use super::residency::{Form, TreeState};
 use super::scatter::Scattered;
@@ -51,6 +51,8 @@ pub(super) struct SourceStore {
     /// By the number of the source.
     states: Vec<SourceState>,
     list: Range<u32>,
+    /// The source and the part that are read back next.
+    next_part: (u32, u32),
     /// The passes of the last plan, and the strides that they are for.
     passes: Vec<RefitPass>,
     strides: Strides,
@@ -103,6 +105,7 @@ impl SourceStore {
             new_uniform: None,
             states: Vec::new(),
             list: 0..0,
+            next_part: (0, 0),
             passes: Vec::new(),
             strides: Strides::default(),
         }
@@ -410,6 +413,27 @@ impl SourceStore {
         let (offset, bytes) = (u64::from(first) * stride, versions.len() as u64 * stride);
         self.uniform.filter(|_| bytes > 0 && self.is_active())?;
         Some(MeasureReadback { buffer: self.measures.buffer(), offset, bytes, versions })
+    }
+
+    /// The next parts to be read back, at most `most`, of a source; each time those that follow on the last ones. `None`
+    /// if no source has parts. `records` are the records of all parts. O(sources).
+    pub fn next_parts(&mut self, most: u32, records: &Pool<TreeRecord>) -> Option<PartReadback> {
+        // The present source may come once more, from its first part on.
+        for _ in 0..=self.states.len() {
+            let (source, first) = self.next_part;
+            if let Some(SourceState { version: Some(version), record, .. }) = self.states.get(source as usize)
+                && first < record.record_count
+            {
+                let end = record.record_count.min(first.saturating_add(most.max(1)));
+                self.next_part = (source, end);
+                let stride = records.stride();
+                let (offset, bytes) = (u64::from(record.record_base + first) * stride, u64::from(end - first) * stride);
+                let (version, count) = (*version, record.record_count as usize);
+                return Some(PartReadback { buffer: records.buffer(), offset, bytes, version, first, count });
+            }
+            self.next_part = if source < self.states.len() as u32 { (source + 1, 0) } else { (0, 0) };
+        }
+        None
     }
 
     /// The number of sources, in use or not.

@@ -3,12 +3,12 @@
 use bytemuck::pod_read_unaligned;
 
 use super::super::buffers::BufferId;
-use super::super::layout::LightRecord;
+use super::super::layout::{LightRecord, TreeRecord};
 use super::records::MeasureRecord;
 use crate::keys::TreeKey;
 use crate::light::{Light, Shape};
 use crate::tree::Attributes;
-use crate::world::{LightWorld, SourceMeasure, TreeVersion};
+use crate::world::{KernelPart, LightWorld, SourceMeasure, TreeVersion};
 
 /// A range of a buffer with what the last refit found out about some trees, 32 bytes each. Copy it after
 /// the refit, read the copy whenever it is there, and pass its bytes to [`MeasureReadback::apply`].
@@ -40,6 +40,23 @@ pub struct LightReadback {
     pub(in crate::plan) version: TreeVersion,
     /// From one light to the next.
     pub(in crate::plan) stride: u64,
+}
+
+/// A range of a buffer with the clusters of some parts of a tree, 80 bytes each. Copy it after the refit, read the copy
+/// whenever it is there, and pass its bytes to [`PartReadback::apply`].
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct PartReadback {
+    /// The buffer.
+    pub buffer: BufferId,
+    /// The first byte.
+    pub offset: u64,
+    /// How many bytes, more than 0.
+    pub bytes: u64,
+    pub(super) version: TreeVersion,
+    pub(super) first: u32,
+    /// The parts of the tree.
+    pub(super) count: usize,
 }
 
 impl MeasureReadback {
@@ -75,6 +92,22 @@ impl LightReadback {
         let changes: Vec<_> = lights.map(|((index, light), bytes)| (index, light_of(light, bytes))).collect();
         // What shaders accept, the world accepts too, but for trees that have become static.
         let _ = world.set_lights(self.version.tree, &changes);
+    }
+}
+
+impl PartReadback {
+    /// The number of parts.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn len(&self) -> u32 {
+        (self.bytes / size_of::<TreeRecord>() as u64) as u32
+    }
+
+    /// Tells the world where the parts are, so that the top level has nodes of their size there from the next update on.
+    /// Does nothing for a tree that was removed, rebuilt or opened otherwise meanwhile. O(parts).
+    pub fn apply(&self, world: &mut LightWorld, bytes: &[u8]) {
+        let records = bytes.chunks_exact(size_of::<TreeRecord>()).map(pod_read_unaligned::<TreeRecord>);
+        let parts = records.map(|record| KernelPart { mean: record.cluster.mean.into(), flux: record.cluster.flux });
+        world.follow_kernel((self.version, self.first, self.count), parts);
     }
 }
 

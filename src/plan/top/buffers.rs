@@ -5,32 +5,68 @@ use super::super::error::PlanError;
 use super::super::layout::{ClusterRecord, LeafRecord, Strides};
 use super::super::node_record::NodeRecord;
 use super::super::sort::SortBuffers;
-use super::passes::{Passes, Places};
-use crate::effects::Effects;
+use super::partition::PlanesRecord;
+use crate::top::PARTS_PER_RUN;
 use crate::top::masks::NodeMasks;
-use crate::tree::space_order::{LEVEL_SAMPLES, LEVELS, PLANE_BITS};
+
+/// The bytes of a divided node, and of the root of a block.
+const PARTITION_BYTES: u64 = size_of::<PlanesRecord>() as u64 + 4;
 
 /// The bytes of the masks of one node.
 const MASK_BYTES: u64 = size_of::<NodeMasks>() as u64;
 
-/// What each build clears: the extremes of all means, the number of parts that are not dark, one unused
-/// word, and the numbers of parts of each level.
-pub(super) const BOUNDS_BYTES: u64 = 4 * (8 + LEVELS as u64);
+/// The number of nodes of the partition that room is planned for where it is not known: one for so many parts. Cells
+/// hold five parts or more in most worlds.
+const PARTS_PER_NODE: u32 = 4;
 
-/// The word after them, where the corners of a box begin.
-pub(super) const BOX_AT: u32 = BOUNDS_BYTES as u32 / 4;
+/// The parameters of a dispatch. Twin of `TopPass` in `shaders/top_types.wgsl`, which explains the fields.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub(super) struct TopPass {
+    pub count: u32,
+    pub capacity: u32,
+    pub parts: u32,
+    pub nodes: u32,
+    pub runs: u32,
+    pub is_divided: u32,
+    pub blocks: u32,
+    pub block_count: u32,
+    pub strides: Strides,
+    pub masks: u32,
+    pub sort_block: u32,
+    pub padding: u32,
+    /// The sector whose centre the origin is.
+    pub home: [i32; 3],
+    pub padding_after: u32,
+}
 
-/// The word after the box, where the lens begins.
-pub(super) const LENS_AT: u32 = BOX_AT + 6;
+/// Where the parts, the masks and the map of the sky, before which profiles lie, begin in the buffer of the nodes, in
+/// units of 16 bytes. `masks` is 0 if they are not stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Places {
+    pub parts: u32,
+    pub masks: u32,
+    pub sky_map: u32,
+}
 
-/// The word after the lens, where an axis and a place for each plane begin.
-pub(super) const PLANES_AT: u32 = LENS_AT + 4;
+/// The numbers of parts and of nodes of the partition that there is room for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Capacity {
+    pub parts: u32,
+    pub nodes: u32,
+}
 
-/// The word after the planes, where the lists of parts of each level begin.
-pub(super) const LISTS_AT: u32 = PLANES_AT + (2 << PLANE_BITS);
+impl Capacity {
+    /// Room for so many parts in most worlds.
+    fn of_parts(parts: u32) -> Self {
+        Self { parts, nodes: parts.div_ceil(PARTS_PER_NODE) }
+    }
 
-/// All words about the order in space.
-pub(super) const SPACE_WORDS: u32 = LISTS_AT + LEVELS * LEVEL_SAMPLES as u32;
+    /// The nodes of the partition, and runs.
+    fn all_nodes(self) -> u64 {
+        u64::from(self.nodes) + u64::from(self.parts) / PARTS_PER_RUN as u64
+    }
+}
 
 /// How many quads of maps there are beside the top level in its buffer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -52,10 +88,8 @@ impl MapQuads {
 
 #[derive(Clone, Debug)]
 pub(super) struct TopBuffers {
-    /// The number of parts that there is room for.
-    pub capacity: u32,
+    pub capacity: Capacity,
     pub places: Places,
-    pub bounds: BufferId,
     /// The nodes, portals, the parts, the masks of the nodes if they are stored, profiles, and the map of the sky.
     pub nodes: BufferId,
     pub nodes_bytes: u64,
@@ -63,24 +97,26 @@ pub(super) struct TopBuffers {
     pub map_quads: MapQuads,
     /// The clusters of all parts, then of all nodes.
     pub clusters: BufferId,
-    /// The lists of units that the passes leave.
+    /// The divided nodes of the partition, then the roots of blocks.
+    pub partition: BufferId,
+    /// What each node of the partition is as a child.
     pub units: BufferId,
     pub sort: SortBuffers,
 }
 
 impl TopBuffers {
-    /// Room for `capacity` parts, for masks if `has_masks`, and for portals, profiles and the sky's map. Adds the
+    /// Room for parts and nodes, beside the buffer of a partition if it is large enough, for masks if `has_masks`, and for portals, profiles and the sky's map. Adds the
     /// buffers to `new`. Fails with [`PlanError::Full`] if a buffer would be larger than `limit`.
     pub(super) fn new(
         ids: &mut Ids,
         new: &mut Vec<NewBuffer>,
-        capacity: u32,
+        (capacity, partition): (Capacity, Option<BufferId>),
         (has_masks, map_quads): (bool, MapQuads),
         limit: u64,
     ) -> Result<Self, PlanError> {
         let sizes = Sizes::of(capacity, (has_masks, map_quads));
         sizes.check(limit)?;
-        let sort = SortBuffers::new(ids, new, capacity, limit)?;
+        let sort = SortBuffers::new(ids, new, capacity.parts, limit)?;
         let mut add = |what, bytes| {
             let buffer = ids.storage(what, bytes);
             new.push(buffer);
@@ -96,17 +132,18 @@ impl TopBuffers {
             },
             map_quads,
             sort,
-            bounds: add("top level bounds", u64::from(SPACE_WORDS) * 4),
             nodes: add("top level nodes", sizes.nodes),
             nodes_bytes: sizes.nodes,
             clusters: add("top level clusters", sizes.clusters),
-            units: add("top level units", sizes.units),
+            partition: partition
+                .unwrap_or_else(|| add("top level partition", u64::from(capacity.nodes) * PARTITION_BYTES)),
+            units: add("top level units", 4 * u64::from(capacity.nodes)),
         })
     }
 
     /// All buffers.
     pub(super) fn ids(&self) -> impl Iterator<Item = BufferId> {
-        [self.bounds, self.nodes, self.clusters, self.units].into_iter().chain(self.sort.ids())
+        [self.nodes, self.clusters, self.partition, self.units].into_iter().chain(self.sort.ids())
     }
 }
 
@@ -117,24 +154,22 @@ struct Sizes {
     sky_map: u64,
     nodes: u64,
     clusters: u64,
-    units: u64,
 }
 
 impl Sizes {
-    fn of(capacity: u32, (has_masks, map_quads): (bool, MapQuads)) -> Self {
-        let passes = Passes::new(capacity, capacity, Places::default(), Strides::of(Effects::all()));
-        let nodes = u64::from(passes.nodes) * size_of::<NodeRecord>() as u64;
+    fn of(capacity: Capacity, (has_masks, map_quads): (bool, MapQuads)) -> Self {
+        let count = capacity.all_nodes();
+        let nodes = count * size_of::<NodeRecord>() as u64;
         let parts = nodes + 16 * u64::from(map_quads.portals);
-        let masks = parts + u64::from(capacity) * size_of::<LeafRecord>() as u64;
-        let profiles = masks + if has_masks { u64::from(passes.nodes) * MASK_BYTES } else { 0 };
+        let masks = parts + u64::from(capacity.parts) * size_of::<LeafRecord>() as u64;
+        let profiles = masks + if has_masks { count * MASK_BYTES } else { 0 };
         let sky_map = profiles + 16 * u64::from(map_quads.profiles);
         Self {
             parts,
             masks,
             sky_map,
             nodes: sky_map + 16 * u64::from(map_quads.sky),
-            clusters: (u64::from(capacity) + u64::from(passes.nodes)) * size_of::<ClusterRecord>() as u64,
-            units: u64::from(passes.words) * 4,
+            clusters: (u64::from(capacity.parts) + count) * size_of::<ClusterRecord>() as u64,
         }
     }
 
@@ -149,9 +184,23 @@ impl Sizes {
     }
 }
 
-/// The greatest number of parts for which all buffers stay within `limit`; 0 if none do.
+/// The greatest number of nodes of a partition for which all buffers stay within `limit` beside `parts` parts, at
+/// least 1.
+pub(super) fn most_nodes(parts: u32, maps: (bool, MapQuads), limit: u64) -> u32 {
+    let fits = |nodes| Sizes::of(Capacity { parts, nodes }, maps).check(limit).is_ok();
+    let (mut most, mut too_many) = (1, u32::MAX);
+    while too_many - most > 1 {
+        let middle = most.midpoint(too_many);
+        if fits(middle) { most = middle } else { too_many = middle }
+    }
+    most
+}
+
+/// The greatest number of parts for which all buffers of most worlds stay within `limit`; 0 if none do.
 pub(super) fn most_parts(maps: (bool, MapQuads), limit: u64) -> u32 {
-    let fits = |parts| Sizes::of(parts, maps).check(limit).is_ok() && SortBuffers::fit(parts, limit).is_ok();
+    let fits = |parts| {
+        Sizes::of(Capacity::of_parts(parts), maps).check(limit).is_ok() && SortBuffers::fit(parts, limit).is_ok()
+    };
     let (mut most, mut too_many) = (0, u32::MAX);
     while too_many - most > 1 {
         let middle = most.midpoint(too_many);

@@ -2,68 +2,77 @@
 
 use std::mem::offset_of;
 
+use glam::Vec3;
 use naga::TypeInner;
 
-use super::passes::{MAX_PASSES, Passes, Places, TopPass};
-use super::stage::{GROUP, KEYS, LANES, LEAVES, NODE, NODE_LANES, PLANES, SPLIT_LANES};
+use super::stage::{BLOCKS, CELLS, KEYS, LANES, LEAVES, NODE_LANES};
 use super::*;
 use crate::effects::Effects;
 use crate::plan::kernel::MAX_WORKGROUPS;
 use crate::plan::layout::{ClusterRecord, LeafRecord};
 use crate::plan::node_record::NodeRecord;
 use crate::plan::{Command, MAX_LARGEST_BUFFER};
-use crate::top;
-use crate::tree::space_order;
+use crate::top::PARTS_PER_RUN;
 
 /// Reserves and takes into use. Returns the bytes of the new buffers by what they hold.
-fn reserve(top: &mut TopBuild, parts: u32, has_masks: bool, growth: Growth) -> Result<Vec<NewBuffer>, PlanError> {
+fn reserve(top: &mut TopBuild, sizes: [u32; 2], has_masks: bool, growth: Growth) -> Result<Vec<NewBuffer>, PlanError> {
     let mut new = Vec::new();
-    top.reserve(parts, (has_masks, MapQuads::default()), growth, (&mut Ids::default(), &mut new))?;
+    top.reserve(sizes, (has_masks, MapQuads::default()), growth, (&mut Ids::default(), &mut new))?;
     top.adopt(&mut Commands::default(), &mut Vec::new());
     Ok(new)
 }
 
 #[test]
-fn more_parts_than_the_device_can_bind_are_refused_and_change_nothing() {
+fn more_parts_or_nodes_than_the_device_can_bind_are_refused_and_change_nothing() {
     let limit = 128 << 20;
     let mut top = TopBuild::new(limit);
-    let first = reserve(&mut top, 3, false, Growth::Double).unwrap();
+    let first = reserve(&mut top, [3, 1], false, Growth::Double).unwrap();
     assert_eq!((first.len(), top.capacity()), (11, 64));
-    assert_eq!(reserve(&mut top, 64, false, Growth::Double), Ok(Vec::new()));
-    // The largest number of parts whose clusters and nodes fit, and one more.
-    let needed = |parts: u32| {
-        let nodes = u64::from(Passes::new(parts, parts, Places::default(), Strides::of(Effects::all())).nodes);
+    assert_eq!(reserve(&mut top, [64, 16], false, Growth::Double), Ok(Vec::new()));
+    // The largest number of parts whose clusters and nodes fit beside their nodes, and one more.
+    let needed = |[parts, nodes]: [u32; 2]| {
+        let nodes = u64::from(nodes) + u64::from(parts) / PARTS_PER_RUN as u64;
         let clusters = (u64::from(parts) + nodes) * size_of::<ClusterRecord>() as u64;
         let records = u64::from(parts) * size_of::<LeafRecord>() as u64;
         [("top-level clusters", clusters), ("top-level nodes", nodes * size_of::<NodeRecord>() as u64 + records)]
     };
-    let too_much = |parts: u32| needed(parts).into_iter().find(|(_, needed)| *needed > limit);
-    let (mut fits, mut fails) = (0u32, 1 << 24);
-    while fails - fits > 1 {
-        let middle = fits.midpoint(fails);
-        if too_much(middle).is_none() { fits = middle } else { fails = middle }
+    let too_much = |sizes: [u32; 2]| needed(sizes).into_iter().find(|(_, needed)| *needed > limit);
+    for share in [4, 1] {
+        let sizes = |parts: u32| [parts, parts.div_ceil(share)];
+        let (mut fits, mut fails) = (0u32, 1 << 24);
+        while fails - fits > 1 {
+            let middle = fits.midpoint(fails);
+            if too_much(sizes(middle)).is_none() { fits = middle } else { fails = middle }
+        }
+        assert!(fits > 400_000 && (fits >= 1 << 20 || share == 1), "{fits} parts fit");
+        if share == 4 {
+            assert_eq!(top.most_parts((false, MapQuads::default())), fits);
+        }
+        let before = (top.nodes(), top.capacity());
+        for parts in [fails, 10 * fails, u32::MAX] {
+            let (what, needed) = too_much(sizes(parts)).unwrap();
+            let refused = reserve(&mut top, sizes(parts), false, Growth::Double);
+            assert_eq!(refused, Err(PlanError::Full { what, needed, limit }));
+        }
+        assert_eq!((top.nodes(), top.capacity()), before);
+        let mut full = TopBuild::new(limit);
+        assert_eq!(reserve(&mut full, sizes(fits), false, Growth::Double).map(|new| new.len()), Ok(11));
+        assert_eq!(full.capacity(), fits);
     }
-    assert!(fits > 1_100_000, "{fits} parts fit");
-    let before = (top.nodes(), top.capacity());
-    for parts in [fails, u32::MAX] {
-        let (what, needed) = too_much(parts).unwrap();
-        let refused = reserve(&mut top, parts, false, Growth::Double);
-        assert_eq!(refused, Err(PlanError::Full { what, needed, limit }));
-    }
-    assert_eq!((top.nodes(), top.capacity()), before);
-    assert_eq!(reserve(&mut top, fits, false, Growth::Double).map(|new| new.len()), Ok(10));
-    assert_eq!(top.capacity(), fits);
 }
 
 #[test]
 fn forty_million_parts_are_covered_by_dispatches_of_two_dimensions_and_words_of_32_bits() {
     const PARTS: u32 = 40_000_000;
+    const NODES: u32 = PARTS / 5;
     let mut top = TopBuild::new(MAX_LARGEST_BUFFER);
-    let new = reserve(&mut top, PARTS, true, Growth::Exact).expect("large buffers");
+    let new = reserve(&mut top, [PARTS, NODES], true, Growth::Exact).expect("large buffers");
     // Kernels count the words of a buffer in 32 bits.
     assert!(new.iter().all(|buffer| buffer.bytes / 4 <= 1 << 32), "{new:?}");
     let mut commands = Commands::default();
-    top.prepare(&mut commands, PARTS, Strides::of(Effects::all()), (top.masks(), [0; 3]));
+    let masks = top.masks();
+    top.prepare(&mut commands, (PARTS, &Partition::default()), Strides::of(Effects::all()), (masks, [0; 3]));
+    top.passes[0].nodes = NODES;
     top.build(&mut commands, [0; 3].map(|_| Ids::default().storage("read only", 4).id));
     let mut groups = Vec::new();
     for command in commands.iter() {
@@ -74,53 +83,73 @@ fn forty_million_parts_are_covered_by_dispatches_of_two_dimensions_and_words_of_
     }
     let lanes = |entry: &str| groups.iter().find(|(other, _)| *other == entry).map(|(_, groups)| *groups);
     assert!(lanes("top_leaves").is_some_and(|groups| groups * u64::from(LANES) >= u64::from(PARTS)));
-    let pieces = u64::from(PARTS.div_ceil(top::SHARE as u32));
-    assert!(pieces > u64::from(MAX_WORKGROUPS), "one dimension is too short");
-    assert!(lanes("top_group").is_some_and(|groups| groups >= pieces));
-    // Leaves, planes, keys, four passes of the sort, and two stages for each of four passes.
-    assert_eq!(groups.len(), 15);
+    assert!(lanes("top_cells").is_some_and(|groups| groups * u64::from(NODE_LANES) / 8 >= u64::from(NODES)));
+}
+
+/// A partition of lamps in a square.
+fn partition_of(parts: u32) -> Partition {
+    let at = |i: u32| Vec3::new((i * 37 % 1009) as f32, 0.01 * (i % 7) as f32, (i * 53 % 997) as f32);
+    let mut partition = Partition::default();
+    (0..parts).for_each(|i| partition.file(i, std::iter::once(Some(at(i)))));
+    partition.renew(usize::MAX, |part| crate::Light::point(at(part.slot), Vec3::ONE).cluster());
+    partition
+}
+
+#[test]
+fn a_build_takes_ten_dispatches_or_fewer_and_each_block_is_packed_once_after_those_below_it() {
+    for (parts, most) in [(0, 7), (1, 7), (100, 8), (20_000, 9), (1_000_000, 10)] {
+        let partition = partition_of(parts);
+        let mut top = TopBuild::new(MAX_LARGEST_BUFFER);
+        reserve(&mut top, [parts, partition.len() as u32], false, Growth::Double).unwrap();
+        let mut commands = Commands::default();
+        top.prepare(&mut commands, (parts, &partition), Strides::of(Effects::all()), (0, [0; 3]));
+        let mut build = Commands::default();
+        top.build(&mut build, [0; 3].map(|_| Ids::default().storage("read only", 4).id));
+        let dispatches = build.iter().filter(|command| matches!(command, Command::Dispatch { .. })).count();
+        assert!(dispatches <= most, "{parts}: {dispatches}");
+        let divided = partition.all_divided().count();
+        let [_, stages @ ..] = &top.passes[..] else { panic!("there are passes") };
+        let blocks: u32 = stages.iter().map(|stage| stage.block_count).sum();
+        assert_eq!(blocks > 0, divided > 0);
+        let in_blocks: usize =
+            partition.all_divided().map(|(.., divided)| divided.stage.same.count_ones() as usize).sum();
+        assert_eq!(blocks as usize + in_blocks, divided, "{parts}");
+        // Nothing is sent twice.
+        let sent = commands.bytes_written();
+        top.prepare(&mut commands, (parts, &partition), Strides::of(Effects::all()), (0, [0; 3]));
+        assert_eq!(commands.bytes_written(), sent);
+        top.prepare(&mut commands, (parts, &partition), Strides::of(Effects::all()), (0, [1; 3]));
+        assert_eq!(commands.bytes_written(), sent + size_of::<TopPass>() as u64);
+    }
 }
 
 #[test]
 fn buffers_double_or_grow_to_what_is_needed_and_make_room_for_masks_once() {
     let nodes = |new: &[NewBuffer]| new.iter().find(|buffer| buffer.what == "top level nodes").unwrap().bytes;
     let mut top = TopBuild::new(128 << 20);
-    reserve(&mut top, 100, false, Growth::Double).unwrap();
+    reserve(&mut top, [100, 1], false, Growth::Double).unwrap();
     assert_eq!(top.capacity(), 100);
-    reserve(&mut top, 101, false, Growth::Exact).unwrap();
+    reserve(&mut top, [101, 1], false, Growth::Exact).unwrap();
     assert_eq!(top.capacity(), 101);
-    let plain = nodes(&reserve(&mut top, 102, false, Growth::Double).unwrap());
+    let plain = nodes(&reserve(&mut top, [102, 1], false, Growth::Double).unwrap());
     assert_eq!((top.capacity(), top.masks()), (202, 0));
-    let masked = nodes(&reserve(&mut top, 102, true, Growth::Double).unwrap());
+    let masked = nodes(&reserve(&mut top, [102, 1], true, Growth::Double).unwrap());
     assert!(masked > plain && top.masks() > top.parts());
     assert_eq!(top.capacity(), 202);
-    assert_eq!(reserve(&mut top, 102, true, Growth::Double), Ok(Vec::new()));
+    assert_eq!(reserve(&mut top, [102, 16], true, Growth::Double), Ok(Vec::new()));
+    assert!(nodes(&reserve(&mut top, [102, 17], true, Growth::Double).unwrap()) > masked);
     // An undone frame leaves the buffers in use.
     let before = (top.nodes(), top.capacity());
-    top.reserve(1000, (true, MapQuads::default()), Growth::Double, (&mut Ids::default(), &mut Vec::new())).unwrap();
+    let maps = (true, MapQuads::default());
+    top.reserve([1000, 1], maps, Growth::Double, (&mut Ids::default(), &mut Vec::new())).unwrap();
     top.undo();
     assert!(!top.is_replaced());
     assert_eq!((top.nodes(), top.capacity()), before);
 }
 
 #[test]
-fn the_passes_for_any_number_of_parts_fit_into_the_uniform() {
-    for parts in [0, 1, 511, 512, 513, 100_000, 1 << 20, 1 << 30, u32::MAX] {
-        let all = Passes::new(parts, parts, Places::default(), Strides::of(Effects::all()));
-        assert!(all.passes.len() <= MAX_PASSES as usize, "{parts}: {}", all.passes.len());
-        assert!(u64::from(all.nodes) <= u64::from(parts) / 4 + u64::from(parts) / 150 + 512, "{parts}: {}", all.nodes);
-    }
-}
-
-#[test]
 fn the_stages_are_valid_and_have_the_sizes_that_the_host_expects() {
-    for (stage, lanes) in [
-        (&LEAVES, LANES),
-        (&PLANES, space_order::SAMPLES as u32),
-        (&KEYS, LANES),
-        (&GROUP, SPLIT_LANES),
-        (&NODE, NODE_LANES),
-    ] {
+    for (stage, lanes) in [(&LEAVES, LANES), (&KEYS, LANES), (&CELLS, NODE_LANES), (&BLOCKS, NODE_LANES)] {
         let text = stage.text();
         let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect(stage.entry);
         naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())
@@ -146,11 +175,11 @@ fn the_stages_are_valid_and_have_the_sizes_that_the_host_expects() {
                 ("count", offset_of!(TopPass, count)),
                 ("capacity", offset_of!(TopPass, capacity)),
                 ("parts", offset_of!(TopPass, parts)),
-                ("units_before", offset_of!(TopPass, units_before)),
-                ("pieces_before", offset_of!(TopPass, pieces_before)),
-                ("units_after", offset_of!(TopPass, units_after)),
-                ("pieces", offset_of!(TopPass, pieces)),
-                ("first_node", offset_of!(TopPass, first_node)),
+                ("nodes", offset_of!(TopPass, nodes)),
+                ("runs", offset_of!(TopPass, runs)),
+                ("is_divided", offset_of!(TopPass, is_divided)),
+                ("blocks", offset_of!(TopPass, blocks)),
+                ("block_count", offset_of!(TopPass, block_count)),
                 ("node_stride", offset_of!(TopPass, strides.node)),
                 ("node_lobes", offset_of!(TopPass, strides.lobes)),
                 ("light_stride", offset_of!(TopPass, strides.light)),

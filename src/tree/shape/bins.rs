@@ -106,7 +106,8 @@ impl GridBox {
 
 impl BinGrid {
     pub fn new(whole: &Group, bins: f32) -> Self {
-        let position = GridBox::new(&whole.means.position, bins, MIN_EXTENT_SHARE);
+        let min_share = if whole.is_cut_along_longest { 1.0 } else { MIN_EXTENT_SHARE };
+        let position = GridBox::new(&whole.means.position, bins, min_share);
         let direction = GridBox::new(&whole.means.direction, bins, MIN_DIRECTION_SHARE);
         let [x, y, z] = position.stretch.to_array();
         let [a, b, c] = (direction_penalty(whole) * direction.stretch).to_array();

@@ -13,7 +13,7 @@ pub(super) struct CostedGroup {
     pub group: Group,
     cost: f32,
     /// See [`ChildGroup::is_tiny`].
-    is_tiny: bool,
+    pub is_tiny: bool,
 }
 
 impl CostedGroup {

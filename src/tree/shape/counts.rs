@@ -4,10 +4,10 @@
 use crate::tree::WIDTH;
 
 /// The fewest children of a full node.
-pub(crate) const FULL: usize = 6;
+pub(super) const FULL: usize = 6;
 
 /// The counts that do not fill nodes, as bits: 0, 2 to 5, 9 to 11, 17. All larger counts do.
-pub(crate) const SPARSE_COUNTS: u32 = {
+const SPARSE_COUNTS: u32 = {
     let (mut bits, mut count) = (1, 2_usize);
     while count < u32::BITS as usize {
         if count < FULL * count.div_ceil(WIDTH) {
@@ -20,7 +20,7 @@ pub(crate) const SPARSE_COUNTS: u32 = {
 
 /// Whether nodes over `count` lights can hold [`FULL`] or more children each. One light needs no
 /// node.
-pub(crate) fn fills_nodes(count: usize) -> bool {
+pub(super) fn fills_nodes(count: usize) -> bool {
     count >= u32::BITS as usize || SPARSE_COUNTS >> count & 1 == 0
 }
 
@@ -30,7 +30,7 @@ pub(crate) fn fills_nodes(count: usize) -> bool {
 /// - No cut of 10 or 11 fills nodes on both sides. Only a root has so few lights. The left side
 ///   fits into it as single lights.
 /// - 31 is cut into 14 and 17, of which 17 does not fill its nodes.
-pub(crate) fn middle(count: usize) -> usize {
+pub(super) fn middle(count: usize) -> usize {
     let nodes = count.div_ceil(WIDTH);
     match count {
         9 | 17 => 1,

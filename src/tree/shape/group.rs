@@ -56,6 +56,11 @@ impl BuildItem {
         self.max.w.to_bits()
     }
 
+    /// The mean position.
+    pub fn position(&self) -> Vec3 {
+        self.mean.truncate()
+    }
+
     /// The mean direction of emission. The fourth lane has no meaning.
     #[inline(always)]
     pub(super) fn direction(&self) -> Vec4 {
@@ -195,10 +200,13 @@ pub(super) struct Group {
     pub tree_sq: f32,
     /// Left empty for groups that fit into one node: no split needs it.
     pub means: MeanBounds,
+    /// The group is cut along its longest axis alone.
+    pub is_cut_along_longest: bool,
 }
 
 impl Group {
-    pub const EMPTY: Self = Self { count: 0, sums: GroupSums::EMPTY, tree_sq: 0.0, means: MeanBounds::EMPTY };
+    pub const EMPTY: Self =
+        Self { count: 0, sums: GroupSums::EMPTY, tree_sq: 0.0, means: MeanBounds::EMPTY, is_cut_along_longest: false };
 
     pub fn around(items: &[BuildItem]) -> Self {
         let parts = map_runs(items, |run| {

@@ -8,6 +8,7 @@ mod costed;
 mod counts;
 mod group;
 mod median;
+mod planes;
 mod sides;
 mod split;
 mod stepped;
@@ -16,12 +17,12 @@ mod stepped_split;
 mod tests;
 
 use children::ChildChooser;
-pub(crate) use children::{ChildGroup, Children};
+use children::Children;
 use costed::CostedGroup;
-#[cfg(feature = "gpu-plan")]
-pub(crate) use counts::{FULL, SPARSE_COUNTS};
-pub(crate) use counts::{fills_nodes, middle};
 pub(crate) use group::BuildItem;
+#[cfg(feature = "gpu-plan")]
+pub(crate) use planes::BY_IDENTITY;
+pub(crate) use planes::{EXIT, Planes, divide};
 pub(super) use stepped::SteppedShape;
 
 use super::node::{EMPTY_SLOT, LEAF, NO_PARENT, WIDTH};

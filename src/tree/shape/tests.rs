@@ -6,7 +6,7 @@ use std::cmp::Reverse;
 use glam::{DVec3, Vec3};
 
 use super::costed::TINY_SHARE;
-use super::counts::FULL;
+use super::counts::{FULL, fills_nodes};
 use super::*;
 use crate::cluster::bounds::Aabb;
 use crate::cluster::{Cluster, MAX_FLUX};

@@ -22,8 +22,8 @@ impl LightWorld {
     ///
     /// Trees and instances come in the order of the world that was dumped, with new keys. Instances
     /// have the [slots](LightWorld::slot) that they had. Samples and probabilities are those of that
-    /// world, bit for bit, unless lights of a tree with other objects between its lights were added or
-    /// removed one by one: then trees of instances may come in another order into the top level.
+    /// world, bit for bit, if nothing had moved in it since its first update. Otherwise they differ a little,
+    /// because the top level is divided anew.
     /// Nothing is built until the world is edited: trees count as built, and stay opened as far as
     /// they are until an instance is added.
     ///

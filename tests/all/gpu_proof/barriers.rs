@@ -9,13 +9,15 @@ use naga::{AddressSpace, Block, Expression, Function, GlobalVariable, Handle, Mo
 
 /// Kernels with a loop that reads and writes one variable, where no invocation reads what another
 /// one writes.
-const WITHOUT_EXCHANGE: [(&str, &str); 5] = [
-    // The units of the last pass are read, those of this pass are written.
-    ("top_group", "units"),
-    // Clusters of the last pass are read. Those of this pass are in workgroup memory as well.
-    ("top_node", "clusters"),
+const WITHOUT_EXCHANGE: [(&str, &str); 6] = [
+    // Clusters of parts are read, those of nodes are written. Those of children are in workgroup memory.
+    ("top_cells", "clusters"),
+    // Each invocation reads the record of its own part, and writes the words of its own child.
+    ("top_cells", "nodes"),
+    // Clusters of earlier stages are read. Those of the block are in workgroup memory as well.
+    ("top_blocks", "clusters"),
     // Each invocation reads and writes the words of its own child.
-    ("top_node", "nodes"),
+    ("top_blocks", "nodes"),
     // Clusters of the last pass are read. Those within a piece are in workgroup memory.
     ("refit", "clusters"),
     // What the children of a node are and how many are read, and no dispatch changes these bits.

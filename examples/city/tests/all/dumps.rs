@@ -74,7 +74,8 @@ fn a_dump_of_a_session_shows_the_boxes_and_lights_of_its_world() {
     let world = session.world();
     world.write_dump(&mut File::create(&file).expect("a writable folder")).expect("room");
     let camera = dump::stage(&file, 16.0 / 9.0).expect("a dump").scene.camera;
-    for level in [-1, 0, 2] {
+    // Of the top level a dump has no partition, so its nodes depend on the moves before.
+    for level in [0, 2] {
         let lines = open(&file, &folder, level).expect("a dump");
         let lights = format!("{} lights in {} instances", world.light_count(), world.instance_count());
         assert!(lines.last().is_some_and(|line| line.starts_with(&lights)), "{lines:?}");

@@ -45,11 +45,10 @@ pub const TOP_LEVEL: Figure = table(
         cells: &[
             cell("dispatches", "dispatches", Fixed(0)),
             cell("leaves", "stages.leaves.time.median_ms", Digits(2)),
-            cell("planes", "stages.planes.time.median_ms", Digits(2)),
             cell("keys", "stages.keys.time.median_ms", Digits(2)),
             cell("sort", "stages.sort.time.median_ms", Digits(2)),
-            cell("groups", "stages.groups.time.median_ms", Digits(2)),
-            cell("nodes", "stages.nodes.time.median_ms", Digits(2)),
+            cell("cells", "stages.cells.time.median_ms", Digits(2)),
+            cell("blocks", "stages.blocks.time.median_ms", Digits(2)),
             cell("total, ms", "total.median_ms", Digits(3)),
             cell("sort alone", "sort_alone.median_ms", Digits(2)),
             cell("of the sort", "total_per_sort_alone", Digits(3)),

@@ -1,0 +1,208 @@
+//! Divides nodes of the partition anew where that is worth it.
+
+use glam::Vec3;
+
+use super::division::Division;
+use super::part_id::PartId;
+use super::{Content, MOST_PARTS, NOWHERE, Partition, PoolNode, ROOT};
+use crate::cluster::Cluster;
+use crate::tree::{BuildItem, WIDTH};
+
+/// A node is divided anew if one of its children has this many times the share of parts that it had, or as many times
+/// less.
+const SHARE_CHANGE: u32 = 2;
+
+/// A node is divided anew once it has this many times the parts.
+const GROWTH: u32 = 2;
+
+/// The child for parts that are set apart was made for one in so many of all.
+const APART_SHARE: f32 = 32.0;
+
+/// A divided node of more parts is divided anew over several renewals, unless its new planes are to be found at once.
+pub(crate) const MOST_AT_ONCE: usize = 4096;
+
+/// The parts that such nodes may divide in one update, each counted once for each level.
+pub(crate) const RENEWED_PARTS: usize = 16_384;
+
+impl Partition {
+    /// Whether a node should be divided anew: a cell with too many parts; a divided node with so few that they fit into
+    /// one, one with all parts in one child, one with few parts of which some are far away, and one whose parts are
+    /// distributed otherwise than when it was divided.
+    pub(super) fn should_renew(&self, node: u32) -> bool {
+        let PoolNode { count, content, has_far_parts, .. } = &self.nodes[node as usize];
+        let divided = match content {
+            Content::Free => return false,
+            Content::Cell(_) => return *count > MOST_PARTS,
+            Content::Divided(divided) => divided,
+        };
+        if *count <= WIDTH as u32 || *has_far_parts || self.only_child(node).is_some() {
+            return true;
+        }
+        let built: u32 = divided.built.iter().sum();
+        if *count > GROWTH * built {
+            return true;
+        }
+        let scale = *count as f32 / built.max(1) as f32;
+        divided.children().iter().zip(divided.built).any(|(child, built)| {
+            let (then, now) = (built as f32 * scale, self.nodes[*child as usize].count as f32);
+            let (change, few) = (SHARE_CHANGE as f32, WIDTH as f32);
+            // A child that was made for parts far away may have a share at once.
+            let least = if built == 0 { *count as f32 / APART_SHARE } else { then };
+            then > few.max(change * now) || now > few.max(change * least)
+        })
+    }
+
+    /// Divides nodes anew whose parts have become too many, too few, or distributed otherwise. `cluster` returns the
+    /// cluster of a part. Large nodes are divided until `most` parts were, and the next renewal goes on. Returns whether
+    /// a node changed. O(n log n) in the parts of other nodes and in `most`.
+    pub fn renew(&mut self, mut most: usize, cluster: impl Fn(PartId) -> Cluster) -> bool {
+        let before = self.number;
+        self.go_on(&mut most, &cluster);
+        let mut large = Vec::new();
+        while let Some(node) = self.due.pop() {
+            if node as usize >= self.nodes.len() || !std::mem::take(&mut self.nodes[node as usize].is_due) {
+                continue;
+            }
+            if !self.should_renew(node) {
+                continue;
+            }
+            if let Some(child) = self.only_child(node) {
+                self.lift(node, child);
+            } else if self.divided(node).is_none() || self.nodes[node as usize].count as usize <= MOST_AT_ONCE {
+                self.division.take_if(|division| division.node == node);
+                let mut division = self.begin_division(node, &cluster);
+                division.go_on(&mut { usize::MAX });
+                self.finish_division(division, |part| cluster(part).mean);
+            } else {
+                large.push(node);
+            }
+        }
+        // The largest first, since what is below it is divided too.
+        large.retain(|node| self.should_renew(*node));
+        large.sort_by_key(|node| self.nodes[*node as usize].count);
+        if self.division.is_none()
+            && let Some(node) = large.last()
+        {
+            self.division = Some(self.begin_division(*node, &cluster));
+            self.go_on(&mut most, &cluster);
+        }
+        large.into_iter().for_each(|node| self.set_due(node));
+        self.number != before
+    }
+
+    /// Goes on with the division that is under way.
+    fn go_on(&mut self, most: &mut usize, cluster: &impl Fn(PartId) -> Cluster) {
+        if let Some(mut division) = self.division.take() {
+            match division.go_on(most) {
+                true => self.finish_division(division, |part| cluster(part).mean),
+                false => self.division = Some(division),
+            }
+        }
+    }
+
+    /// Begins to divide space below a node anew. `cluster` returns the cluster of a part. O(n log n) in its parts.
+    fn begin_division(&self, node: u32, cluster: impl Fn(PartId) -> Cluster) -> Division {
+        let mut parts = Vec::with_capacity(self.nodes[node as usize].count as usize);
+        self.list_parts(node, &mut parts);
+        // What is made of them does not depend on the edits before.
+        parts.sort_unstable();
+        // Directions do not count (docs/decisions.md, 66).
+        let item = |((part, _), index): (&(PartId, u32), u32)| {
+            BuildItem::new(&Cluster { axis: Vec3::ZERO, ..cluster(*part) }, index)
+        };
+        let items: Vec<BuildItem> = parts.iter().zip(0..).map(item).collect();
+        Division::new((node, self.path(node).count()), (parts, items), self.origin)
+    }
+
+    /// The parts below a node, with their cells.
+    fn list_parts(&self, node: u32, parts: &mut Vec<(PartId, u32)>) {
+        match &self.nodes[node as usize].content {
+            Content::Free => {}
+            Content::Cell(of_cell) => parts.extend(of_cell.iter().map(|part| (*part, node))),
+            Content::Divided(divided) => divided.children().iter().for_each(|child| self.list_parts(*child, parts)),
+        }
+    }
+
+    /// Puts a finished division in the place of the node. Parts that were filed anew since it was begun are so again:
+    /// `mean` returns where they are. O(parts).
+    fn finish_division(&mut self, division: Division, mean: impl Fn(PartId) -> Vec3) {
+        let Division { node, parts, items, nodes, .. } = division;
+        self.number += 1;
+        self.nodes[node as usize].has_far_parts = false;
+        let mut below = Vec::with_capacity(parts.len());
+        self.list_parts(node, &mut below);
+        self.free_below(node);
+        if node == ROOT {
+            self.nodes.truncate(1);
+            self.free.clear();
+        }
+        // The numbers of the new nodes.
+        let mut numbers = vec![node; nodes.len()];
+        for (index, new) in nodes.iter().enumerate() {
+            let number = numbers[index];
+            let Some(divided) = &new.divided else {
+                self.nodes[number as usize].content = Content::Cell(Vec::with_capacity(new.items.len()));
+                continue;
+            };
+            let mut divided = divided.clone();
+            divided.measure(self.base);
+            for slot in 0..divided.children().len() {
+                let child = self.new_node(number * WIDTH as u32 + slot as u32);
+                numbers[divided.children[slot] as usize] = child;
+                divided.children[slot] = child;
+            }
+            self.nodes[number as usize].content = Content::Divided(divided);
+        }
+        let mut cells = vec![node; parts.len()];
+        for (new, number) in nodes.iter().zip(&numbers).filter(|(new, _)| new.divided.is_none()) {
+            items[new.items.clone()].iter().for_each(|item| cells[item.index() as usize] = *number);
+        }
+        for ((part, former), cell) in parts.iter().zip(cells) {
+            // Otherwise it was filed anew since.
+            if self.cell_of_part(*part) == *former {
+                self.add(*part, cell);
+            }
+        }
+        let rest: Vec<PartId> = below.into_iter().map(|(part, _)| part).filter(|part| !self.is_listed(*part)).collect();
+        for part in rest {
+            let cell = self.cell(mean(part), part.identity());
+            self.add(part, cell);
+        }
+        // Children come after their parents.
+        for (number, new) in numbers.iter().zip(&nodes).rev() {
+            let count = match &self.nodes[*number as usize].content {
+                Content::Cell(parts) => parts.len() as u32,
+                Content::Divided(divided) => {
+                    divided.children().iter().map(|child| self.nodes[*child as usize].count).sum()
+                }
+                Content::Free => 0,
+            };
+            self.nodes[*number as usize].count = count;
+            self.nodes[*number as usize].changed = self.number;
+            if new.divided.is_some() {
+                self.set_stage(*number);
+            }
+            if self.should_renew(*number) {
+                self.set_due(*number);
+            }
+        }
+        // It may be the only divided child that has parts.
+        let parent = self.path(node).nth(1);
+        parent.filter(|parent| self.should_renew(*parent)).into_iter().for_each(|parent| self.set_due(parent));
+        self.set_stages_above(node);
+    }
+
+    fn cell_of_part(&self, part: PartId) -> u32 {
+        let parts = self.filed.get(part.slot as usize);
+        parts.and_then(|parts| parts.get(part.index as usize)).map_or(NOWHERE, |filed| filed.cell)
+    }
+
+    /// Whether a part is in the list of the cell that it is filed in.
+    fn is_listed(&self, part: PartId) -> bool {
+        let filed = self.filed[part.slot as usize][part.index as usize];
+        match self.nodes.get(filed.cell as usize).map(|node| &node.content) {
+            Some(Content::Cell(parts)) => parts.get(filed.place as usize) == Some(&part),
+            _ => false,
+        }
+    }
+}
