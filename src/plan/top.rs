@@ -211,7 +211,7 @@ impl TopBuild {
 
     /// Sets what the next builds read and store: `parts` parts, records with these strides, masks at
     /// this place of the nodes, 0 for none, places relative to the centre of the sector `home`, and the nodes of a
-    /// partition. Sends what changed: 80 bytes for each pass, 96 for each divided node, and the roots of blocks.
+    /// partition. Sends what changed: 80 bytes for each pass, 112 for each divided node, and the roots of blocks.
     pub(crate) fn prepare(
         &mut self,
         commands: &mut Commands,

@@ -29,8 +29,9 @@ use crate::tree::{NO_PARENT, WIDTH};
 /// A cell with more parts is divided.
 pub(crate) const MOST_PARTS: u32 = 16;
 
-/// A node of more parts is not divided anew for a part far away, which is set apart instead.
-const APART_PARTS: u32 = 4096;
+/// A divided node of more parts is divided anew over several renewals, and not at all for a part far away, which is set
+/// apart instead.
+pub(crate) const MOST_AT_ONCE: u32 = 4096;
 
 /// The next [`Partition::id`].
 static NEXT_ID: AtomicU64 = AtomicU64::new(1);
@@ -216,7 +217,7 @@ impl Partition {
         while let Content::Divided(divided) = &self.nodes[node as usize].content {
             let child = divided.child(position.to_array(), self.home, identity);
             if !is_noted && divided.is_far(exact, rounding) {
-                if self.nodes[node as usize].count > APART_PARTS {
+                if self.nodes[node as usize].count > MOST_AT_ONCE {
                     self.set_apart(node, exact);
                     return self.cell(position, identity);
                 }

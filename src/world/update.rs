@@ -90,7 +90,8 @@ mod tests {
     use super::super::crowds;
     use crate::documented::{assert_says, grouped};
     use crate::scheduler::{Clock, FrameBudget, sealed};
-    use crate::top::partition::renewal::{MOST_AT_ONCE, RENEWED_PARTS};
+    use crate::top::partition::MOST_AT_ONCE;
+    use crate::top::partition::renewal::RENEWED_PARTS;
     use crate::tree::testing::Rng;
     use crate::{Light, LightTree, LightWorld, Placement, Policy};
 
@@ -98,7 +99,7 @@ mod tests {
     fn the_documentation_of_an_update_names_its_limits() {
         let says = |sentence: &str| assert_says(include_str!("update.rs"), sentence);
         says(&format!("and {} others in each call while anything moves.", crowds::SLOTS_PER_UPDATE));
-        let [at_once, renewed] = [MOST_AT_ONCE, RENEWED_PARTS].map(grouped);
+        let [at_once, renewed] = [MOST_AT_ONCE as usize, RENEWED_PARTS].map(grouped);
         says(&format!("more than {at_once} parts, a call divides {renewed} parts by one level"));
     }
 

@@ -105,8 +105,8 @@ pub(super) struct TopBuffers {
 }
 
 impl TopBuffers {
-    /// Room for parts and nodes, beside the buffer of a partition if it is large enough, for masks if `has_masks`, and for portals, profiles and the sky's map. Adds the
-    /// buffers to `new`. Fails with [`PlanError::Full`] if a buffer would be larger than `limit`.
+    /// Room for parts and nodes, for masks if `has_masks`, and for portals, profiles and the sky's map. Adds new buffers to
+    /// `new`; `partition` is the present one if it is large enough. Fails with [`PlanError::Full`] if a buffer would be larger than `limit`.
     pub(super) fn new(
         ids: &mut Ids,
         new: &mut Vec<NewBuffer>,

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::division::Division;
 use super::part_id::PartId;
-use super::{Content, MOST_PARTS, NOWHERE, Partition, PoolNode, ROOT};
+use super::{Content, MOST_AT_ONCE, MOST_PARTS, Partition, PoolNode, ROOT};
 use crate::cluster::Cluster;
 use crate::tree::{BuildItem, WIDTH};
 
@@ -18,10 +18,7 @@ const GROWTH: u32 = 2;
 /// The child for parts that are set apart was made for one in so many of all.
 const APART_SHARE: f32 = 32.0;
 
-/// A divided node of more parts is divided anew over several renewals, unless its new planes are to be found at once.
-pub(crate) const MOST_AT_ONCE: usize = 4096;
-
-/// The parts that such nodes may divide in one update, each counted once for each level.
+/// The parts that nodes of more than [`MOST_AT_ONCE`] may divide in one update, each counted once for each level.
 pub(crate) const RENEWED_PARTS: usize = 16_384;
 
 impl Partition {
@@ -68,7 +65,7 @@ impl Partition {
             }
             if let Some(child) = self.only_child(node) {
                 self.lift(node, child);
-            } else if self.divided(node).is_none() || self.nodes[node as usize].count as usize <= MOST_AT_ONCE {
+            } else if self.divided(node).is_none() || self.nodes[node as usize].count <= MOST_AT_ONCE {
                 self.division.take_if(|division| division.node == node);
                 let mut division = self.begin_division(node, &cluster);
                 division.go_on(&mut { usize::MAX });
@@ -157,15 +154,13 @@ impl Partition {
         for (new, number) in nodes.iter().zip(&numbers).filter(|(new, _)| new.divided.is_none()) {
             items[new.items.clone()].iter().for_each(|item| cells[item.index() as usize] = *number);
         }
-        for ((part, former), cell) in parts.iter().zip(cells) {
+        below.sort_unstable();
+        let mut known = parts.iter().zip(cells).peekable();
+        for filed @ (part, _) in below {
+            while known.next_if(|((other, _), _)| *other < part).is_some() {}
             // Otherwise it was filed anew since.
-            if self.cell_of_part(*part) == *former {
-                self.add(*part, cell);
-            }
-        }
-        let rest: Vec<PartId> = below.into_iter().map(|(part, _)| part).filter(|part| !self.is_listed(*part)).collect();
-        for part in rest {
-            let cell = self.cell(mean(part), part.identity());
+            let cell = known.next_if(|(former, _)| **former == filed).map(|(_, cell)| cell);
+            let cell = cell.unwrap_or_else(|| self.cell(mean(part), part.identity()));
             self.add(part, cell);
         }
         // Children come after their parents.
@@ -190,19 +185,5 @@ impl Partition {
         let parent = self.path(node).nth(1);
         parent.filter(|parent| self.should_renew(*parent)).into_iter().for_each(|parent| self.set_due(parent));
         self.set_stages_above(node);
-    }
-
-    fn cell_of_part(&self, part: PartId) -> u32 {
-        let parts = self.filed.get(part.slot as usize);
-        parts.and_then(|parts| parts.get(part.index as usize)).map_or(NOWHERE, |filed| filed.cell)
-    }
-
-    /// Whether a part is in the list of the cell that it is filed in.
-    fn is_listed(&self, part: PartId) -> bool {
-        let filed = self.filed[part.slot as usize][part.index as usize];
-        match self.nodes.get(filed.cell as usize).map(|node| &node.content) {
-            Some(Content::Cell(parts)) => parts.get(filed.place as usize) == Some(&part),
-            _ => false,
-        }
     }
 }
