@@ -710,21 +710,24 @@ fn the_top_level_has_nodes_where_kernels_have_moved_particles() {
     let mut lights = gpu_lights();
     world.update(FrameBudget::NONE);
     lights.upload(&world).expect("room");
-    for time in 0..12 {
-        let puts = puts_of(&world, tree, &whirl(count, time as f32));
-        frame(&mut lights, &mut world, &puts);
-    }
-    let (most, cells) = fullest(&world, &whirl(count, 11.0), Vec3::ZERO);
-    assert!(most <= 3 * MOST_PARTS && cells > 200, "{most} in one of {cells} cells");
+    // Places come back some frames late: how many is up to the device.
+    const LATE: u32 = 30;
+    let follows = |lights: &mut GpuLights, world: &mut LightWorld, shining: u32, range: Range<usize>, speed: f32| {
+        let mut found = (0, 0);
+        let last = (1..=12 + LATE).find(|time| {
+            let offset = speed * (*time).min(12) as f32;
+            world.move_instance(emitter, Placement::at(DVec3::X * f64::from(offset))).expect("live");
+            let mut puts = puts_of(world, tree, &whirl(count, *time as f32));
+            puts.iter_mut().skip(shining as usize).for_each(|put| put.kind = 99);
+            frame(lights, world, &puts);
+            found = fullest(world, &whirl(shining, *time as f32), Vec3::X * offset);
+            *time >= 12 && found.0 <= 3 * MOST_PARTS && range.contains(&found.1)
+        });
+        assert!(last.is_some(), "{} in one of {} cells", found.0, found.1);
+    };
+    follows(&mut lights, &mut world, count, 201..3_000, 0.0);
     // An emitter that moves, and particles that are gone at once.
-    for time in 12..24 {
-        world.move_instance(emitter, Placement::at(DVec3::X * 100.0 * f64::from(time - 11))).expect("live");
-        let mut puts = puts_of(&world, tree, &whirl(count, time as f32));
-        puts.iter_mut().skip(1_000).for_each(|put| put.kind = 99);
-        frame(&mut lights, &mut world, &puts);
-    }
-    let (most, cells) = fullest(&world, &whirl(1_000, 23.0), Vec3::X * 1_200.0);
-    assert!(most <= 3 * MOST_PARTS && (70..300).contains(&cells), "{most} in one of {cells} cells");
+    follows(&mut lights, &mut world, 1_000, 70..300, 100.0);
     // The CPU's lights are told nothing.
     assert_eq!(world.tree(tree).expect("live").lights()[7], Light::point(Vec3::ZERO, Vec3::ONE));
     // What the CPU writes again is where the CPU says.
