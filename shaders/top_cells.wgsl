@@ -172,10 +172,10 @@ fn cells_above(lane: u32, cell: u32, walk: CellsWalk) -> CellsNode {
 }
 
 // A run of a cell of more than TOP_MANY parts.
-fn cells_run(lane: u32, parts: vec2<u32>, first: u32) -> CellsNode {
+fn cells_run(lane: u32, cell: u32, parts: vec2<u32>, first: u32) -> CellsNode {
     let run = first + lane / LIGHT_WIDTH;
     let runs = cells_nodes(parts.y);
-    let above = cells_first_run(parts) + runs + run / LIGHT_WIDTH;
+    let above = select(cells_first_run(parts) + runs + run / LIGHT_WIDTH, cell, runs <= LIGHT_WIDTH);
     let child = cells_part(parts, run * LIGHT_WIDTH + lane % LIGHT_WIDTH);
     let parent = above * LIGHT_WIDTH + run % LIGHT_WIDTH;
     return CellsNode(cells_first_run(parts) + run, parent, run < runs, child, cells_held(0u, run));
@@ -239,7 +239,7 @@ fn top_cells(
         } else if walk.count == 0u {
             // Sixteen runs.
             many = workgroupUniformLoad(&cell_parts[other]);
-            next = cells_run(lane, many, walk.run);
+            next = cells_run(lane, first_cell + other, many, walk.run);
             walk.count = cells_nodes(many.y);
             walk.packed = min(walk.run + CELLS, walk.count);
             walk.first = cells_first_run(many);

@@ -6,15 +6,18 @@
 //! [`Partition::renew`].
 
 mod apart;
+mod bounds;
 mod divided;
 mod division;
 mod part_id;
 pub(crate) mod renewal;
+mod within;
 
 #[cfg(feature = "gpu-plan")]
 use std::collections::BinaryHeap;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
+pub(crate) use bounds::{Bounds, Place};
 pub(crate) use divided::Divided;
 use divided::NO_CHILD;
 use division::Division;
@@ -49,6 +52,8 @@ struct Filed {
     cell: u32,
     /// Its place in the list of the cell.
     place: u32,
+    /// The number of its lights.
+    lights: u32,
 }
 
 #[derive(Clone, Debug)]
@@ -64,6 +69,10 @@ struct PoolNode {
     parent: u32,
     /// The parts below it.
     count: u32,
+    /// The lights of these parts.
+    lights: u64,
+    /// Contains the boxes of these parts, and perhaps of some that were below it.
+    reach: Bounds,
     content: Content,
     /// The number of the last change of its planes, children, parent or stage.
     changed: u64,
@@ -84,6 +93,8 @@ pub(crate) struct Partition {
     free: Vec<u32>,
     /// The parts of each instance slot.
     filed: Vec<Vec<Filed>>,
+    /// The lights of all parts of each instance slot.
+    lights: Vec<u64>,
     /// Nodes that may have to be divided anew.
     due: Vec<u32>,
     /// New planes for a large node that are not in use yet.
@@ -100,25 +111,35 @@ pub(crate) struct Partition {
 
 impl Default for Partition {
     fn default() -> Self {
-        let root = PoolNode {
-            parent: NO_PARENT,
-            count: 0,
-            content: Content::Cell(Vec::new()),
-            changed: 1,
-            is_due: false,
-            has_far_parts: false,
-        };
+        let root = PoolNode { content: Content::Cell(Vec::new()), changed: 1, ..PoolNode::below(NO_PARENT) };
         Self {
             id: NEXT_ID.fetch_add(1, Relaxed),
             nodes: vec![root],
             free: Vec::new(),
             filed: Vec::new(),
+            lights: Vec::new(),
             due: Vec::new(),
             division: None,
             origin: DVec3::ZERO,
             base: Some(DVec3::ZERO),
             home: [0; 3],
             number: 1,
+        }
+    }
+}
+
+impl PoolNode {
+    /// A node without parts below a place.
+    fn below(parent: u32) -> Self {
+        Self {
+            parent,
+            count: 0,
+            lights: 0,
+            reach: Bounds::EMPTY,
+            content: Content::Free,
+            changed: 0,
+            is_due: false,
+            has_far_parts: false,
         }
     }
 }
@@ -178,25 +199,24 @@ impl Partition {
         node
     }
 
-    /// Files the parts of an instance slot: their mean positions, `None` for those that do not shine. O(parts).
-    pub fn file(&mut self, slot: u32, means: impl Iterator<Item = Option<Vec3>>) {
+    /// Files the parts of an instance slot: where they are, `None` for those that do not shine. O(parts).
+    pub fn file(&mut self, slot: u32, places: impl Iterator<Item = Option<Place>>) {
         if self.filed.len() <= slot as usize {
             self.filed.resize(slot as usize + 1, Vec::new());
+            self.lights.resize(slot as usize + 1, 0);
         }
-        let count = self.file_from(slot, 0, means);
+        let count = self.file_from(slot, 0, places);
         for index in (count..self.filed[slot as usize].len()).rev() {
-            self.put(PartId { slot, index: index as u32 }, NOWHERE);
+            self.put(PartId { slot, index: index as u32 }, None);
         }
         self.filed[slot as usize].truncate(count);
     }
 
     /// Files the parts of a slot that has been filed, from `first` on. Returns the number of the next part.
-    pub fn file_from(&mut self, slot: u32, first: u32, means: impl Iterator<Item = Option<Vec3>>) -> usize {
+    pub fn file_from(&mut self, slot: u32, first: u32, places: impl Iterator<Item = Option<Place>>) -> usize {
         let mut index = first;
-        for mean in means {
-            let part = PartId { slot, index };
-            let cell = mean.map_or(NOWHERE, |mean| self.cell_of(mean, part.identity()));
-            self.put(part, cell);
+        for place in places {
+            self.put(PartId { slot, index }, place);
             index += 1;
         }
         index as usize
@@ -216,8 +236,9 @@ impl Partition {
         let (mut node, mut is_noted) = (ROOT, false);
         while let Content::Divided(divided) = &self.nodes[node as usize].content {
             let child = divided.child(position.to_array(), self.home, identity);
-            if !is_noted && divided.is_far(exact, rounding) {
-                if self.nodes[node as usize].count > MOST_AT_ONCE {
+            let is_large = self.nodes[node as usize].count > MOST_AT_ONCE;
+            if !is_noted && divided.is_far(exact, rounding, is_large) {
+                if is_large {
                     self.set_apart(node, exact);
                     return self.cell(position, identity);
                 }
@@ -236,52 +257,71 @@ impl Partition {
         }
     }
 
-    /// Moves a part to a cell.
-    fn put(&mut self, part: PartId, cell: u32) {
+    /// Moves a part to the cell of a place, or out of all.
+    fn put(&mut self, part: PartId, place: Option<Place>) {
+        let (cell, lights) = match &place {
+            None => (NOWHERE, 0),
+            Some(place) => (self.cell_of(place.mean, part.identity()), place.lights),
+        };
         let parts = &mut self.filed[part.slot as usize];
         if parts.len() <= part.index as usize {
-            parts.resize(part.index as usize + 1, Filed { cell: NOWHERE, place: 0 });
+            parts.resize(part.index as usize + 1, Filed { cell: NOWHERE, place: 0, lights: 0 });
         }
         let former = parts[part.index as usize];
-        if former.cell == cell {
-            return;
-        }
-        if former.cell != NOWHERE {
-            let Content::Cell(parts) = &mut self.nodes[former.cell as usize].content else { return };
-            parts.swap_remove(former.place as usize);
-            if let Some(moved) = parts.get(former.place as usize) {
-                self.filed[moved.slot as usize][moved.index as usize].place = former.place;
+        if (former.cell, former.lights) != (cell, lights) {
+            if former.cell != NOWHERE {
+                let Content::Cell(parts) = &mut self.nodes[former.cell as usize].content else { return };
+                parts.swap_remove(former.place as usize);
+                if let Some(moved) = parts.get(former.place as usize) {
+                    self.filed[moved.slot as usize][moved.index as usize].place = former.place;
+                }
+                self.count(former.cell, former.lights, false);
+                self.lights[part.slot as usize] -= u64::from(former.lights);
+                self.filed[part.slot as usize][part.index as usize].cell = NOWHERE;
             }
-            self.count(former.cell, false);
-            self.filed[part.slot as usize][part.index as usize].cell = NOWHERE;
+            if cell != NOWHERE {
+                self.add(part, cell, lights);
+                self.count(cell, lights, true);
+                self.lights[part.slot as usize] += u64::from(lights);
+            }
         }
-        if cell != NOWHERE {
-            self.add(part, cell);
-            self.count(cell, true);
+        if let Some(place) = place {
+            self.reach_out(Some(cell), &Bounds::around(&place.aabb, self.origin));
+        }
+    }
+
+    /// Lets the box of a node and of all nodes above it contain a box.
+    fn reach_out(&mut self, mut node: Option<u32>, bounds: &Bounds) {
+        while let Some(index) = node.filter(|node| self.nodes[*node as usize].reach.grow(bounds)) {
+            node = self.above(index);
         }
     }
 
     /// Adds a part to the list of a cell.
-    fn add(&mut self, part: PartId, cell: u32) {
+    fn add(&mut self, part: PartId, cell: u32, lights: u32) {
         if let Content::Cell(parts) = &mut self.nodes[cell as usize].content {
-            self.filed[part.slot as usize][part.index as usize] = Filed { cell, place: parts.len() as u32 };
+            self.filed[part.slot as usize][part.index as usize] = Filed { cell, place: parts.len() as u32, lights };
             parts.push(part);
         }
     }
 
     /// Counts a part that was added to a cell or removed from it, up to the root.
-    fn count(&mut self, cell: u32, is_added: bool) {
-        let mut node = cell;
-        loop {
-            let count = &mut self.nodes[node as usize].count;
-            *count = if is_added { *count + 1 } else { *count - 1 };
-            if self.should_renew(node) {
-                self.set_due(node);
+    fn count(&mut self, cell: u32, lights: u32, is_added: bool) {
+        let mut path = Some(cell);
+        while let Some(index) = path {
+            let node = &mut self.nodes[index as usize];
+            let lights = u64::from(lights);
+            (node.count, node.lights) = match is_added {
+                true => (node.count + 1, node.lights + lights),
+                false => (node.count - 1, node.lights - lights),
+            };
+            if node.count == 0 {
+                node.reach = Bounds::EMPTY;
             }
-            match self.nodes[node as usize].parent {
-                NO_PARENT => break,
-                parent => node = parent / WIDTH as u32,
+            if self.should_renew(index) {
+                self.set_due(index);
             }
+            path = self.above(index);
         }
     }
 
@@ -332,11 +372,15 @@ impl Partition {
 
     /// A node and all above it.
     fn path(&self, node: u32) -> impl Iterator<Item = u32> {
-        let above = |node: &u32| match self.nodes[*node as usize].parent {
+        std::iter::successors(Some(node), |node| self.above(*node))
+    }
+
+    /// The node above a node.
+    fn above(&self, node: u32) -> Option<u32> {
+        match self.nodes[node as usize].parent {
             NO_PARENT => None,
             parent => Some(parent / WIDTH as u32),
-        };
-        std::iter::successors(Some(node), above)
+        }
     }
 
     /// Frees all nodes below a node.
@@ -353,8 +397,7 @@ impl Partition {
     }
 
     fn new_node(&mut self, parent: u32) -> u32 {
-        let node =
-            PoolNode { parent, count: 0, content: Content::Free, changed: 0, is_due: false, has_far_parts: false };
+        let node = PoolNode::below(parent);
         if let Some(free) = self.free.pop() {
             self.nodes[free as usize] = node;
             return free;
@@ -400,12 +443,19 @@ impl Partition {
 
     /// Checks that parents, children, counts, lists and stages agree, and that what should be divided anew is due.
     pub fn check(&self) {
-        let mut counts = vec![0; self.len()];
+        let mut counts = vec![(0, 0); self.len()];
         for (slot, parts) in self.filed.iter().enumerate() {
-            for (index, Filed { cell, place }) in parts.iter().enumerate().filter(|(_, filed)| filed.cell != NOWHERE) {
+            let lights = parts.iter().filter(|filed| filed.cell != NOWHERE).map(|filed| u64::from(filed.lights));
+            assert_eq!(lights.sum::<u64>(), self.lights[slot], "slot {slot}");
+            for (index, Filed { cell, place, lights }) in
+                parts.iter().enumerate().filter(|(_, filed)| filed.cell != NOWHERE)
+            {
                 let Content::Cell(list) = &self.nodes[*cell as usize].content else { panic!("{cell} is no cell") };
                 assert_eq!(list[*place as usize], PartId { slot: slot as u32, index: index as u32 });
-                self.path(*cell).for_each(|node| counts[node as usize] += 1);
+                for node in self.path(*cell) {
+                    let (count, of_node) = &mut counts[node as usize];
+                    (*count, *of_node) = (*count + 1, *of_node + u64::from(*lights));
+                }
             }
         }
         let mut free = self.len();
@@ -413,7 +463,10 @@ impl Partition {
         while let Some((index, parent)) = stack.pop() {
             free -= 1;
             let node = &self.nodes[index as usize];
-            assert_eq!((node.parent, node.count), (parent, counts[index as usize]), "node {index}");
+            assert_eq!((node.parent, (node.count, node.lights)), (parent, counts[index as usize]), "node {index}");
+            if parent != NO_PARENT && node.count > 0 {
+                assert!(self.nodes[parent as usize / WIDTH].reach.contains(&node.reach), "node {index}");
+            }
             assert!(node.is_due || !self.should_renew(index), "node {index}");
             match &node.content {
                 Content::Free => panic!("node {index} is free"),

@@ -2,6 +2,7 @@ mod lasting;
 
 use glam::{DVec3, Quat, Vec3};
 
+use super::partition::Place;
 use super::partition::renewal::RENEWED_PARTS;
 use super::*;
 use crate::instance::placement::Placement;
@@ -119,7 +120,7 @@ fn lamps(at: impl Iterator<Item = Vec3>) -> Vec<(Part, Cluster)> {
 /// A partition of lamps, divided by all of them.
 fn partition_of(parts: &[(Part, Cluster)]) -> Partition {
     let mut partition = Partition::default();
-    parts.iter().for_each(|(part, cluster)| partition.file(part.slot, std::iter::once(Some(cluster.mean))));
+    parts.iter().for_each(|(part, cluster)| partition.file(part.slot, std::iter::once(Place::of(cluster, 1))));
     partition.renew(usize::MAX, |part| parts[part.slot as usize].1);
     partition
 }
@@ -196,7 +197,7 @@ fn a_part_that_goes_far_away_and_comes_back_changes_few_nodes() {
             let number = partition.number();
             let at = home + way * 4.0_f32.powi(step);
             parts[7].1 = Light::point(at, Vec3::ONE).cluster();
-            partition.file(7, std::iter::once(Some(at)));
+            partition.file(7, std::iter::once(Place::of(&parts[7].1, 1)));
             partition.renew(0, |part| parts[part.slot as usize].1);
             partition.check();
             assert!(changed_after(&partition, number) < 100, "{} nodes", changed_after(&partition, number));
@@ -220,7 +221,7 @@ fn large_nodes_are_divided_over_several_renewals_while_parts_move() {
         let mut partition = partition_of(&parts);
         let file = |partition: &mut Partition, parts: &mut [(Part, Cluster)], i: usize, at: Vec3| {
             parts[i].1 = Light::point(at, Vec3::ONE).cluster();
-            partition.file(i as u32, std::iter::once(Some(at)));
+            partition.file(i as u32, std::iter::once(Place::of(&parts[i].1, 1)));
         };
         // Most of them gather in a tenth of the space.
         for i in (0..count).filter(|i| i % 8 != 0) {
@@ -272,7 +273,7 @@ fn partitions_follow_parts_that_move_come_and_go() {
                 _ => 100.0 * Vec3::new(random(i, 4), 3.0 + random(i, 5), random(i, 6)),
             };
             parts[i].1 = Light::point(at, Vec3::ONE).cluster();
-            partition.file(i as u32, std::iter::once(Some(at)));
+            partition.file(i as u32, std::iter::once(Place::of(&parts[i].1, 1)));
         }
         assert!(renew(&mut partition, &parts), "round {round}");
     }

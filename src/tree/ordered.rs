@@ -6,9 +6,9 @@ use super::node::{ChildRef, LEAF, NO_LEAF, NO_PARENT, WIDTH};
 use crate::rare::Rare;
 
 impl LightTree {
-    /// The frozen tree with the same nodes depth first and no spare ones, and for each node its new
-    /// number. Every light keeps its probability. O(nodes + lights).
-    pub(super) fn ordered(&self) -> (Self, Vec<u32>) {
+    /// The frozen tree with the same nodes depth first and no spare ones. Every light keeps its probability.
+    /// O(nodes + lights).
+    pub(super) fn ordered(&self) -> Self {
         let mut numbers = vec![u32::MAX; self.nodes.len()];
         let mut order = Vec::with_capacity(self.nodes.len());
         let mut below: Vec<u32> = if self.light_count() > 0 { vec![0] } else { Vec::new() };
@@ -37,7 +37,7 @@ impl LightTree {
             }
         }
         let leaf = |place: &u32| if *place == NO_LEAF { NO_LEAF } else { moved(*place) };
-        let ordered = Self {
+        Self {
             leaves: self.leaves.iter().map(leaf).collect(),
             light_counts: order.iter().map(|node| self.light_counts[*node]).collect(),
             is_frozen: !nodes.is_empty(),
@@ -46,7 +46,6 @@ impl LightTree {
             refit_data: Rare::default(),
             edited: Edited::of_build(self.vacant_indices().clone()),
             ..self.clone()
-        };
-        (ordered, numbers)
+        }
     }
 }

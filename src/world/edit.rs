@@ -304,10 +304,9 @@ impl LightWorld {
         self.rebuilds.await_first_build(tree, &entry.tree);
         entry.recount(&mut self.sums);
         self.has_moved(tree);
-        let (crowds, mut edit) = self.crowds();
-        crowds.add_all(tree, &mut edit);
         self.whole_tree_changed(tree);
-        self.crowds().1.renew(tree);
+        self.open_replaced(tree);
+        self.crowds.look_at_soon(tree);
         self.top.take();
         former
     }
@@ -340,8 +339,9 @@ impl LightWorld {
     pub(super) fn insert_instance(&mut self, instance: Instance, builds_later: bool) -> InstanceKey {
         let key = self.insert_as_is(instance);
         self.build_for_first(key, builds_later);
-        let (crowds, mut edit) = self.crowds();
-        crowds.add(key, &mut edit);
+        let tree = self.scene.instances[key].tree;
+        self.open_if_due(tree, false);
+        self.crowds.look_at_soon(tree);
         key
     }
 
@@ -366,9 +366,8 @@ impl LightWorld {
         let instance = self.scene.instances.remove(key).ok_or(WorldError::NoSuchInstance(key))?;
         self.effects.change(|counts| counts.remove(instance.effects()));
         self.scene.sky.take_if(|(sky, _)| *sky == key);
-        let (crowds, mut edit) = self.crowds();
-        crowds.forget(key, instance.tree, &mut edit);
         self.detach(instance.tree, instance.index_in_tree, instance.policy);
+        self.crowds.look_at_soon(instance.tree);
         self.log.removed(slot_of(key));
         self.top.take();
         Ok(())
@@ -431,14 +430,12 @@ impl LightWorld {
         (entry.births, entry.replaced) = (births, replaced);
         entry.recount(&mut self.sums);
         self.rebuilds.scheduler.copy(shared, own);
-        let (crowds, mut edit) = self.crowds();
-        crowds.forget(key, shared, &mut edit);
         self.detach(shared, index_in_tree, policy);
         self.attach(key, own, policy);
         self.scene.instances[key].tree = own;
         self.was_copied(key, own);
-        let (crowds, mut edit) = self.crowds();
-        crowds.add(key, &mut edit);
+        self.open_if_due(own, false);
+        self.crowds.look_at_soon(own);
         self.instance_changed(key);
         if self.rebuilds.scheduler.waits(shared) || self.scene.trees[shared].successor.is_some() {
             // The copy needs a rebuild as much as the tree that it was copied from.

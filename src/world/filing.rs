@@ -15,8 +15,8 @@ use super::scene::{Scene, TreeEntry};
 use crate::cluster::Cluster;
 use crate::keys::{InstanceKey, TreeKey, slot_of};
 use crate::top::TopLevel;
-use crate::top::partition::Partition;
 use crate::top::partition::renewal::RENEWED_PARTS;
+use crate::top::partition::{Bounds, PartId, Partition, Place};
 
 /// The instances of a tree are filed anew once its box has moved by this share of its diagonal.
 const MOVED_SHARE: f32 = 0.125;
@@ -24,6 +24,9 @@ const MOVED_SHARE: f32 = 0.125;
 /// An instance of more parts, of a tree that kernels write, is filed anew as its parts are read back, and not when it
 /// moves.
 const FEW_PARTS: usize = 64;
+
+/// Parts that are so many times as large as an instance are not within it.
+const LARGER: f64 = 2.0;
 
 /// What is computed when the world is read, until it changes.
 #[derive(Debug, Default)]
@@ -46,6 +49,8 @@ struct FiledTree {
     center: Vec3,
     is_lit: bool,
     is_opened: bool,
+    /// The number of lights, about.
+    lights: Option<u32>,
 }
 
 /// The partition, and how far it has followed the world.
@@ -73,7 +78,9 @@ impl Filing {
             self.trees.resize(slot as usize + 1, FiledTree::default());
         }
         let Cluster { aabb, flux, .. } = entry.tree.cluster();
-        let present = FiledTree { center: aabb.center(), is_lit: flux > 0.0, is_opened: !entry.openings.is_empty() };
+        let lights = entry.tree.light_count().checked_ilog2();
+        let is_opened = !entry.openings.is_empty();
+        let present = FiledTree { center: aabb.center(), is_lit: flux > 0.0, is_opened, lights };
         let former = &mut self.trees[slot as usize];
         let is_near = present.center.distance(former.center) <= MOVED_SHARE * aabb.extent().length();
         if (FiledTree { center: former.center, ..present }) == *former && is_near && !present.is_opened {
@@ -106,12 +113,7 @@ impl Filing {
             }
         }
         let Self { partition, kernels, .. } = self;
-        partition.renew(RENEWED_PARTS, |part| {
-            scene
-                .instances
-                .key_at(part.slot)
-                .map_or(Cluster::EMPTY, |key| kernels.cluster(scene, key, part.index as usize))
-        });
+        partition.renew(RENEWED_PARTS, |part| cluster(scene, kernels, part));
         self.revision = log.revision(scene.origin.position);
         self.instances = scene.instances.len();
     }
@@ -128,10 +130,26 @@ impl Filing {
         let Self { partition, kernels, .. } = self;
         for key in instances {
             if partition.filed(slot_of(key)) == read.2 {
-                let means = range.clone().map(|part| kernels.mean(scene, key, part as usize));
-                partition.file_from(slot_of(key), range.start, means);
+                let places = range.clone().map(|part| place(scene, kernels, key, part as usize));
+                partition.file_from(slot_of(key), range.start, places);
             }
         }
+    }
+
+    /// About how many lights of others lie within the box of an instance, or cross its border with a part of theirs: those
+    /// of parts that are at most [`LARGER`] times as large, since a small object within a large one is well described
+    /// by its cluster.
+    pub fn lights_within(&self, scene: &Scene, key: InstanceKey) -> f64 {
+        let around = |cluster: &Cluster| Bounds::around(&cluster.aabb, scene.origin.position);
+        let own = scene.cluster(key);
+        if own.flux <= 0.0 {
+            return 0.0;
+        }
+        let bounds = around(&own).thick();
+        self.partition.lights_within(slot_of(key), &bounds, |part, lights| {
+            let other = around(&cluster(scene, &self.kernels, part)).thick();
+            if other.size() > LARGER * bounds.size() { 0.0 } else { lights * bounds.share_of(&other) }
+        })
     }
 
     /// Files the parts of an instance, unless they are many and readbacks tell where they are.
@@ -142,6 +160,18 @@ impl Filing {
             return;
         }
         let Self { partition, kernels, .. } = self;
-        partition.file(slot, (0..count).map(|part| kernels.mean(scene, key, part)));
+        partition.file(slot, (0..count).map(|part| place(scene, kernels, key, part)));
     }
+}
+
+/// A part in the world; empty if it does not shine or is gone.
+fn cluster(scene: &Scene, kernels: &KernelParts, part: PartId) -> Cluster {
+    let key = scene.instances.key_at(part.slot);
+    key.map_or(Cluster::EMPTY, |key| kernels.cluster(scene, key, part.index as usize))
+}
+
+/// Where a part of an instance is; `None` if it does not shine.
+fn place(scene: &Scene, kernels: &KernelParts, key: InstanceKey, part: usize) -> Option<Place> {
+    let tree = &scene.trees[scene.instances[key].tree];
+    Place::of(&kernels.cluster(scene, key, part), tree.lights_of_part())
 }

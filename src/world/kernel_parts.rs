@@ -109,12 +109,6 @@ impl KernelParts {
         };
         scene.cluster_of(key, &cluster)
     }
-
-    /// The mean position of a part of an instance in the world; `None` if it does not shine.
-    pub fn mean(&self, scene: &Scene, key: InstanceKey, index: usize) -> Option<Vec3> {
-        let Cluster { flux, mean, .. } = self.cluster(scene, key, index);
-        (flux > 0.0 && mean.is_finite()).then_some(mean)
-    }
 }
 
 /// Whether kernels still write a tree, and it has so many parts.

@@ -88,7 +88,6 @@ use crate::tree::{LightTree, Node, Opening};
 use crowds::Crowds;
 use filing::{Filing, TopCache};
 use log::WorldLog;
-use opening::OpeningEdit;
 use placing::MoveScratch;
 use rebuilds::Rebuilds;
 use region_table::Regions;
@@ -418,11 +417,5 @@ impl LightWorld {
         let tables =
             trees.memory_bytes() + instances.memory_bytes() + self.regions.memory_bytes() + self.log.memory_bytes();
         WorldMemory { tables, ..self.sums.memory }
-    }
-
-    /// How crowded trees are, and what that changes.
-    fn crowds(&mut self) -> (&mut Crowds, OpeningEdit<'_>) {
-        let Self { crowds, scene, sums, log, top, .. } = self;
-        (crowds, OpeningEdit { scene, sums, log, top })
     }
 }

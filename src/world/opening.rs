@@ -1,127 +1,113 @@
-//! How far each tree is opened: which clusters of it are leaves of the top level.
+//! Which parts each tree has: what the leaves of the top level are for its instances.
 //!
-//! Based on Benthin, Woop, Wald and Áfra, Improved Two-Level BVHs using Partial Re-Braiding (2017).
-//! Differs: a tree is opened in the same way for all of its instances, because its nodes tell where a walk
-//! up leaves it; and crowds decide how far, and not the surface area of instances.
+//! A tree is *whole*, one leaf for each instance, or *opened*: its sides are leaves if it is divided by side, and all of
+//! its lights are if it is *loose*. Kernels make a tree loose, and so does a *crowd*: the lights of others that lie
+//! between its own. The top level then sorts its lights and theirs together, so the noise depends little on how a
+//! world is cut into trees.
 //!
-//! A tree that has the lights of others between its own is opened until each of its openings has few of
-//! those within it. Then the top level sorts its lights and theirs together, so the noise depends little
-//! on how a world is cut into trees. Where openings of all such trees would be too many, all trees get
-//! the same share of what they want (docs/decisions.md, 49).
+//! Based on Benthin, Woop, Wald and Áfra, Improved Two-Level BVHs using Partial Re-Braiding (2017). Differs: a tree is
+//! opened in the same way for all of its instances, because its nodes tell where a walk up leaves it; a crowd decides,
+//! and not the surface area of instances; and it opens the tree to its lights (docs/decisions.md, 49).
 
-use super::filing::TopCache;
-use super::log::WorldLog;
-use super::scene::{CROWD_UNIT, Scene, TreeEntry};
-use super::sums::Sums;
+use super::LightWorld;
+use super::crowds;
+use super::scene::TreeEntry;
 use crate::keys::{TreeKey, slot_of};
 use crate::tree::{Opening, WIDTH};
 
-/// Openings that any world may have in addition to those for its trees' lights and instances. Each takes
-/// 80 bytes on the GPU, and for each instance of its tree some 200 bytes and work in each build of the top
-/// level.
-const SPARE_OPENINGS: usize = 131_072;
+/// The lights of others for each of its own from which a tree is loose, in the mean over its instances.
+const CROWDED: f32 = 1.0 / 8.0;
 
-/// Openings for each instance.
-const OPENINGS_PER_INSTANCE: usize = 4;
+/// The same for a tree that is loose to remain so.
+const STILL_CROWDED: f32 = 0.5 * CROWDED;
 
-/// No world has more openings, so that the buffers of the top level stay below WebGPU's default limit.
+/// No crowd makes the openings of a world more than that, so that the buffers of the top level stay below WebGPU's
+/// default limit. Each takes 80 bytes on the GPU, and for each instance of its tree some 200 bytes and work in each build
+/// of the top level.
 pub(super) const MAX_OPENINGS: usize = 1 << 20;
 
-impl Sums {
-    /// The largest number of openings of all instances together. While crowds and instances change, it
-    /// may be exceeded by a factor of two.
-    fn most_openings(&self) -> usize {
-        (SPARE_OPENINGS + self.stored_lights + OPENINGS_PER_INSTANCE * self.instances).min(MAX_OPENINGS)
-    }
-}
-
 impl TreeEntry {
-    /// The number of children of the root.
-    fn root_count(&self) -> usize {
-        self.tree.nodes().first().map_or(0, |root| root.count())
+    /// Whether a crowd makes the tree loose.
+    pub(super) fn may_be_loose(&self) -> bool {
+        self.tree.light_count() > 1 && !self.has_particles
     }
 
-    /// The least number of openings: all lights of a loose tree, the sides of a tree that is divided by side,
-    /// and 0 for others.
-    fn least_openings(&self) -> usize {
+    fn is_crowded(&self) -> bool {
+        let least = if self.is_loose { STILL_CROWDED } else { CROWDED };
+        self.may_be_loose() && self.crowd > 0.0 && self.crowd >= least * self.tree.light_count() as f32
+    }
+
+    /// The openings that the tree should have, in the order of their places. O(openings · log openings).
+    pub(super) fn openings_due(&self) -> Box<[Opening]> {
         match () {
-            () if self.is_loose => self.tree.light_count(),
-            () if self.tree.sides().is_empty() => 0,
-            () => self.root_count(),
+            () if self.is_loose || self.has_particles => self.tree.all_lights(),
+            () if self.tree.sides().is_empty() => Box::default(),
+            () => self.tree.below_root(),
         }
     }
-
-    /// The number of openings that the tree should have. 0 for a whole tree. `share` is what each tree
-    /// gets of what it wants.
-    fn openings_due(&self, share: f64) -> usize {
-        let (root, least) = (self.root_count(), self.least_openings());
-        let due = (self.openings_wanted() as f64 * share) as usize;
-        // A root is opened into all of its children, or not at all.
-        if root > 1 && due >= root { due } else { least }
-    }
-
-    /// Whether the tree is opened where it is crowded.
-    pub(super) fn may_open(&self) -> bool {
-        self.tree.light_count() > 1 && !self.is_loose
-    }
-
-    /// Whether the tree is whole because all openings would be too many.
-    pub(super) fn is_held_back(&self) -> bool {
-        self.openings.is_empty() && self.openings_due(1.0) > 0
-    }
-
-    /// The number of openings that its crowd calls for: one for each light of others between its own, in
-    /// the mean over its instances.
-    pub(super) fn openings_wanted(&self) -> usize {
-        let wanted = (self.crowd as f64 * CROWD_UNIT / self.instances.len().max(1) as f64) as usize;
-        if self.may_open() { wanted.min(self.tree.light_count()) } else { 0 }
-    }
 }
 
-/// The scene, and what has to follow when a tree is opened.
-pub(super) struct OpeningEdit<'a> {
-    pub scene: &'a mut Scene,
-    pub sums: &'a mut Sums,
-    pub log: &'a mut WorldLog,
-    pub top: &'a mut TopCache,
-}
+impl LightWorld {
+    /// Looks at the crowds of trees that are due. Returns whether a tree became loose, or ceased to be.
+    pub(super) fn look_at_crowds(&mut self, has_changed: bool) -> bool {
+        let (due, mut may_close) = self.crowds.take_due(has_changed, &self.scene);
+        // All of them before the first is opened, since its parts are not filed as it is then.
+        for tree in &due {
+            self.scene.trees[*tree].crowd = crowds::crowd(&self.scene, &self.filing, *tree);
+        }
+        let mut has_opened = false;
+        for tree in &due {
+            if self.open_if_due(*tree, may_close) {
+                has_opened = true;
+                // One at a time, since the crowds of the others may be larger then.
+                may_close &= self.scene.trees[*tree].is_loose;
+            }
+        }
+        self.crowds.finish(due, has_opened, self.scene.trees.slot_count());
+        has_opened
+    }
 
-impl OpeningEdit<'_> {
     /// Opens a tree anew, after its nodes were replaced.
-    pub fn renew(&mut self, tree: TreeKey) {
-        self.set(tree, Box::default());
-        self.update(tree);
+    pub(super) fn open_replaced(&mut self, tree: TreeKey) {
+        self.set_openings(tree, Box::default());
+        self.open(tree);
     }
 
-    pub fn recount(&mut self, tree: TreeKey) {
-        self.scene.trees[tree].recount(self.sums);
+    /// Opens a tree anew if its nodes call for it. O(openings · log openings).
+    pub(super) fn open(&mut self, tree: TreeKey) {
+        self.decide(tree, false);
+        let openings = self.scene.trees[tree].openings_due();
+        self.set_openings(tree, openings);
     }
 
-    /// Opens a tree as far as its crowd calls for, unless it is opened about as far and its openings
-    /// still are a cut through it. O(openings).
-    pub fn update(&mut self, key: TreeKey) {
-        let entry = &mut self.scene.trees[key];
-        entry.recount(self.sums);
-        let share = self.sums.most_openings() as f64 / self.sums.wanted_openings.max(1) as f64;
-        let (present, due) = (entry.openings.len(), entry.openings_due(share.min(1.0)));
-        if present == 0 && due == 0 {
-            return;
+    /// Opens a tree if it becomes loose by its crowd and its instances, ceases to be, or was not opened yet. Returns
+    /// whether it became loose or ceased to be, which a smaller crowd does only if it `may_close`. O(1) otherwise.
+    pub(super) fn open_if_due(&mut self, tree: TreeKey, may_close: bool) -> bool {
+        let has_changed = self.decide(tree, may_close);
+        let entry = &self.scene.trees[tree];
+        if has_changed || entry.openings.is_empty() && !entry.tree.sides().is_empty() {
+            let openings = entry.openings_due();
+            self.set_openings(tree, openings);
         }
-        // Hysteresis: crowds that change a little seldom change the openings. The clusters that are left
-        // when almost all lights are openings make much of the noise.
-        let is_about_due = if due == entry.tree.light_count() || !entry.may_open() {
-            present == due
-        } else {
-            due <= present + present / 4 + WIDTH && present <= 2 * due && present >= entry.least_openings()
-        };
-        if is_about_due && entry.tree.has_openings(&entry.openings) {
-            return;
-        }
-        let openings = if due > 0 { entry.tree.openings(due).into() } else { Box::default() };
-        self.set(key, openings);
+        has_changed
     }
 
-    fn set(&mut self, key: TreeKey, openings: Box<[Opening]>) {
+    /// Decides whether a tree is loose. Returns whether that is new.
+    fn decide(&mut self, tree: TreeKey, may_close: bool) -> bool {
+        let Self { scene, sums, .. } = self;
+        let entry = &mut scene.trees[tree];
+        entry.recount(sums);
+        let of_others = sums.openings() - entry.openings.len() * entry.instances.len();
+        let all = of_others + entry.tree.light_count() * entry.instances.len();
+        let was_loose = entry.is_loose;
+        let is_crowded = entry.is_crowded() || was_loose && entry.may_be_loose() && !may_close;
+        entry.is_loose = is_crowded && all <= MAX_OPENINGS;
+        entry.is_held_back = is_crowded && !entry.is_loose;
+        entry.recount(sums);
+        entry.is_loose != was_loose
+    }
+
+    fn set_openings(&mut self, key: TreeKey, openings: Box<[Opening]>) {
         let entry = &mut self.scene.trees[key];
         if entry.openings == openings {
             return;
@@ -141,7 +127,7 @@ impl OpeningEdit<'_> {
         nodes.dedup();
         let records = tree.nodes().len() + tree.lights().len();
         entry.log.add(&nodes, lights.into_iter(), records);
-        entry.recount(self.sums);
+        entry.recount(&mut self.sums);
         self.log.tree(slot_of(key));
         self.top.take();
     }
@@ -156,14 +142,12 @@ mod tests {
     use crate::light::Light;
     use crate::policy::Policy;
     use crate::scheduler::FrameBudget;
-    use crate::{LightTree, LightWorld, Placement};
+    use crate::{InstanceKey, LightTree, LightWorld, Placement};
 
     #[test]
-    fn the_documentation_of_a_report_names_the_bounds() {
+    fn the_documentation_of_a_report_names_the_bound() {
         let says = |sentence: &str| assert_says(include_str!("reports.rs"), sentence);
-        says(&format!("{}, one for each light of its trees and four for each", grouped(SPARE_OPENINGS)));
-        says(&format!("at most {}", grouped(MAX_OPENINGS)));
-        assert_eq!(OPENINGS_PER_INSTANCE, 4);
+        says(&format!("of more than {} openings", grouped(MAX_OPENINGS)));
     }
 
     /// A world whose `instances` of one tree of `lights` lamps lie in each other.
@@ -180,34 +164,50 @@ mod tests {
     }
 
     #[test]
-    fn the_openings_of_a_pile_are_bounded_and_each_instance_has_its_share() {
-        // Below the bound, above it, ten times above it, and so far above that no tree is opened.
-        for (lights, instances) in [(400, 320), (400, 360), (4000, 400), (800, 40_000)] {
-            let mut world = pile(lights, instances);
+    fn the_openings_of_a_pile_are_bounded() {
+        // At the bound, one instance past it and ten times past it.
+        for (instances, is_loose) in [(1024, true), (1025, false), (10_240, false)] {
+            let mut world = pile(1024, instances);
             let report = world.update(FrameBudget::NONE);
-            let most = SPARE_OPENINGS + lights + OPENINGS_PER_INSTANCE * instances;
             let openings = world.sums.parts;
             assert_eq!((report.parts, world.parts().len()), (openings, openings));
-            match instances {
-                320 => assert_eq!(openings, lights * instances, "all lights"),
-                40_000 => {
-                    assert_eq!((openings, report.opened_instances, report.held_back_instances), (40_000, 0, 40_000));
-                    continue;
-                }
-                // A cut of a tree may have up to seven clusters less than it should.
-                _ => assert!(openings <= most && openings + 8 * instances > most, "{openings} of {most}"),
-            }
-            assert_eq!((report.opened_instances, report.held_back_instances), (instances, 0));
+            assert_eq!(openings, if is_loose { MAX_OPENINGS } else { instances });
+            let counted = [report.opened_instances, report.held_back_instances];
+            assert_eq!(counted, if is_loose { [instances, 0] } else { [0, instances] });
         }
     }
 
     #[test]
-    fn what_all_trees_want_together_decides_what_each_of_them_gets() {
-        let mut world = pile(400, 200);
+    fn an_instance_too_many_makes_a_tree_whole_until_it_goes() {
+        let mut world = pile(1024, 1024);
         world.update(FrameBudget::NONE);
-        assert_eq!(world.sums.parts, 400 * 200);
-        // The bound is the same for many trees.
-        let sums = Sums { stored_lights: 3_000_000, instances: 5, ..Sums::default() };
-        assert_eq!(sums.most_openings(), MAX_OPENINGS);
+        let tree = world.trees().next().expect("one");
+        let more = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+        assert_eq!(world.update(FrameBudget::NONE).held_back_instances, 1025);
+        world.remove_instance(more).expect("it lives");
+        let report = world.update(FrameBudget::NONE);
+        assert_eq!((report.held_back_instances, report.parts), (0, MAX_OPENINGS));
+    }
+
+    #[test]
+    fn a_tree_is_loose_from_an_eighth_of_its_lights_on_and_down_to_a_sixteenth() {
+        let mut world = LightWorld::new();
+        let lamp = |i: u32| Light::point(Vec3::new((i * 37 % 101) as f32, 0.0, (i * 53 % 97) as f32), Vec3::ONE);
+        let tree = world.add_tree(LightTree::new((0..80).map(lamp).collect()).expect("valid"));
+        world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+        let one = world.add_tree(LightTree::new(vec![lamp(0)]).expect("valid"));
+        let at = |i: usize| Placement::at(DVec3::X * (30.0 + i as f64));
+        let mut others: Vec<InstanceKey> = Vec::new();
+        let parts_with = |count: usize| {
+            others.drain(count.min(others.len())..).for_each(|key| world.remove_instance(key).expect("it lives"));
+            while others.len() < count {
+                others.push(world.add_instance(one, at(others.len()), Policy::Budgeted).expect("valid"));
+            }
+            for _ in 0..8 {
+                world.update(FrameBudget::NONE);
+            }
+            world.part_count() - count
+        };
+        assert_eq!([9, 10, 5, 4, 9, 10].map(parts_with), [1, 80, 80, 1, 1, 80]);
     }
 }

@@ -57,6 +57,11 @@ impl TreeEntry {
         self.openings.len().max(1)
     }
 
+    /// About how many lights each part has.
+    pub fn lights_of_part(&self) -> u32 {
+        self.tree.light_count().div_ceil(self.part_count()) as u32
+    }
+
     /// The cluster of a part in the tree's space; `None` if there is no such part.
     pub fn part(&self, index: usize) -> Option<Cluster> {
         match self.openings.get(index) {

@@ -84,22 +84,15 @@ impl LightWorld {
     fn rebuild(&mut self, key: TreeKey) {
         span!("rebuild");
         let entry = &mut self.scene.trees[key];
-        let could_open = entry.may_open();
         entry.tree.rebuild();
-        let may_open = entry.may_open();
         let features = TreeFeatures::of(&entry.tree);
         entry.history = AttributeHistory::start(entry.tree.attributes());
         self.whole_tree_changed(key);
-        self.crowds().1.renew(key);
+        self.open_replaced(key);
         self.wake(key);
         self.top.take();
         self.rebuilds.scheduler.was_rebuilt(key, features);
         self.scene.trees[key].recount(&mut self.sums);
-        if may_open != could_open {
-            // Some lights have turned, or the tree was a placeholder, which is never divided into sides.
-            let (crowds, mut edit) = self.crowds();
-            crowds.add_all(key, &mut edit);
-        }
     }
 
     /// Rebuilds a tree outside of any budget, and returns the time that it took.

@@ -87,7 +87,6 @@ impl LightWorld {
                 is_measured: entry.may_rebuild(),
                 former_effects: *entry.tree.effects(),
                 former_lights: entry.tree.light_count(),
-                could_open: entry.may_open(),
                 tree: std::mem::take(&mut entry.tree),
                 staged: std::mem::take(&mut entry.staged),
                 log: std::mem::take(&mut entry.log),
@@ -108,7 +107,7 @@ impl LightWorld {
     /// Moves a tree back into the map and updates its rebuild request.
     fn finish_refit(&mut self, job: RefitJob) {
         let (changes_nodes, is_as_built) = (job.changes_nodes(), job.is_as_built());
-        let RefitJob { key, is_edited, former_effects, former_lights, could_open, .. } = job;
+        let RefitJob { key, is_edited, former_effects, former_lights, .. } = job;
         let RefitJob { tree, staged, log, swap, features, added, removed, former, .. } = job;
         if let Some(former) = former {
             let nodes = former.nodes().len();
@@ -128,7 +127,7 @@ impl LightWorld {
         if !added.is_empty() {
             entry.births.add(&added, entry.tree.lights().len(), self.scene.births.next());
         }
-        let (lights, may_open) = (entry.tree.light_count(), entry.may_open());
+        let lights = entry.tree.light_count();
         let have_leaves_moved = !entry.tree.moved_leaves().is_empty();
         if lights != former_lights {
             self.rebuilds.scheduler.was_resized(key, lights);
@@ -156,17 +155,16 @@ impl LightWorld {
         if changes_nodes {
             self.log.tree(slot_of(key));
             if is_replaced {
-                self.crowds().1.renew(key)
+                self.open_replaced(key)
             } else if !added.is_empty() || !removed.is_empty() || have_leaves_moved {
-                self.crowds().1.update(key)
+                self.open(key)
             }
         }
         self.scene.trees[key].recount(&mut self.sums);
         self.edits.added.extend(added.into_iter().map(|light| (key, light)));
         self.edits.removed.extend(removed.into_iter().map(|light| (key, light)));
-        if may_open != could_open {
-            let (crowds, mut edit) = self.crowds();
-            crowds.add_all(key, &mut edit);
+        if lights != former_lights {
+            self.crowds.look_at_soon(key);
         }
     }
 }
@@ -182,8 +180,6 @@ struct RefitJob {
     former_effects: EffectCounts,
     /// The number of lights before the edits.
     former_lights: usize,
-    /// See [`TreeEntry::may_open`](super::scene::TreeEntry::may_open), before the edits.
-    could_open: bool,
     tree: LightTree,
     staged: Rare<StagedLights>,
     log: ChangeLog,

@@ -29,12 +29,11 @@ pub struct FrameReport {
     /// [Placeholders](crate::LightTree::new_placeholder) that have yet to be built, those whose build is
     /// under way included.
     pub placeholder_trees: usize,
-    /// Instances of opened trees, which have several leaves in the top level: of crowded trees, and of
+    /// Instances of opened trees, which have several leaves in the top level: of loose trees, and of
     /// trees whose lights shine to several sides.
     pub opened_instances: usize,
-    /// Instances of crowded trees that are whole, because openings of all crowded trees would be more than
-    /// a world may have: 131,072, one for each light of its trees and four for each instance, and at
-    /// most 1,048,576. Other crowded trees have fewer openings then.
+    /// Instances of crowded trees that are whole, or divided by side, because the instances of opened trees would be
+    /// of more than 1,048,576 openings together.
     pub held_back_instances: usize,
     /// The leaves of the top level: one for each instance of a whole tree, and the openings of each
     /// instance of an opened tree.

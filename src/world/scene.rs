@@ -50,9 +50,6 @@ impl Scene {
     }
 }
 
-/// Crowds are added up as whole numbers of this part of a light, so that sums are exact.
-pub(super) const CROWD_UNIT: f64 = 1.0 / 256.0;
-
 /// A tree of a world.
 pub(crate) struct TreeEntry {
     pub tree: LightTree,
@@ -69,12 +66,15 @@ pub(crate) struct TreeEntry {
     /// A policy changed since the last update, so that the tree may request a rebuild although no
     /// light changes.
     pub has_new_policy: bool,
-    /// Each light is an opening: see [`TreeSource::GpuParticles`](super::TreeSource).
+    /// Kernels make it loose: see [`TreeSource::GpuParticles`](super::TreeSource).
+    pub has_particles: bool,
+    /// Its crowd makes it loose, so that each light is an opening.
     pub is_loose: bool,
+    /// Its crowd would make it loose, but the openings would be too many.
+    pub is_held_back: bool,
     pub weight: TreeWeight,
-    /// The lights of others that lie between those of each instance, for all instances together, in units
-    /// of [`CROWD_UNIT`].
-    pub crowd: u64,
+    /// About how many lights of others lie between those of an instance, in the mean.
+    pub crowd: f32,
     /// Where the top level leads into the tree, in the order of their places; none of a whole tree.
     pub openings: Box<[Opening]>,
     /// The tree that was built in slices or in the background. It replaces this one at the next
@@ -136,9 +136,11 @@ impl TreeEntry {
             log: ChangeLog::default(),
             staged: Rare::default(),
             has_new_policy: false,
+            has_particles: false,
             is_loose: false,
+            is_held_back: false,
             weight: TreeWeight::default(),
-            crowd: 0,
+            crowd: 0.0,
             openings: Box::default(),
             successor: None,
             build_since: 0,
@@ -169,10 +171,9 @@ impl TreeEntry {
                 + self.births.memory_bytes(),
             lights: self.tree.light_count() as u32,
             instances: self.instances.len() as u32,
-            wanted_openings: self.openings_wanted() as u32,
             openings: self.openings.len() as u32,
             is_placeholder: self.tree.is_placeholder(),
-            is_held_back: self.is_held_back(),
+            is_held_back: self.is_held_back,
         }
     }
 

@@ -50,11 +50,10 @@ impl LightWorld {
                 self.effects.change(|counts| counts.add(Effects::MOVING));
             }
         }
-        self.scene.trees[tree].is_loose = source == TreeSource::GpuParticles;
+        self.scene.trees[tree].has_particles = source == TreeSource::GpuParticles;
         self.whole_tree_changed(tree);
-        let (crowds, mut edit) = self.crowds();
-        edit.update(tree);
-        crowds.add_all(tree, &mut edit);
+        self.open(tree);
+        self.crowds.look_at_soon(tree);
         self.top.take();
         Ok(())
     }

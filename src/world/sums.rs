@@ -13,13 +13,11 @@ pub(super) struct Sums {
     /// The lights of each tree once.
     pub stored_lights: usize,
     pub instances: usize,
-    /// The openings that crowds call for, once per instance.
-    pub wanted_openings: usize,
     /// The parts of all instances.
     pub parts: usize,
     /// Instances of opened trees.
     pub opened: usize,
-    /// Instances of trees that are whole because all openings would be too many.
+    /// Instances of crowded trees that are not loose because all openings would be too many.
     pub held_back: usize,
 }
 
@@ -34,7 +32,6 @@ pub(super) struct TreeTerms {
     pub lights: u32,
     pub instances: u32,
     /// Of each instance.
-    pub wanted_openings: u32,
     pub openings: u32,
     pub is_placeholder: bool,
     pub is_held_back: bool,
@@ -43,8 +40,7 @@ pub(super) struct TreeTerms {
 impl TreeTerms {
     fn sums(&self) -> Sums {
         let Self { memory: trees, successor: successors, edits, lists, .. } = *self;
-        let [lights, instances, wanted, openings] =
-            [self.lights, self.instances, self.wanted_openings, self.openings].map(|count| count as usize);
+        let [lights, instances, openings] = [self.lights, self.instances, self.openings].map(|count| count as usize);
         let instances_if = |condition: bool| if condition { instances } else { 0 };
         Sums {
             memory: WorldMemory { trees, successors, edits, lists, tables: 0 },
@@ -52,7 +48,6 @@ impl TreeTerms {
             lights: lights * instances,
             stored_lights: lights,
             instances,
-            wanted_openings: wanted * instances,
             parts: openings.max(1) * instances,
             opened: instances_if(openings > 0),
             held_back: instances_if(self.is_held_back),
@@ -61,6 +56,11 @@ impl TreeTerms {
 }
 
 impl Sums {
+    /// The openings of all instances.
+    pub fn openings(&self) -> usize {
+        self.parts + self.opened - self.instances
+    }
+
     /// Replaces the terms of a tree by others. O(1).
     pub fn replace(&mut self, former: &TreeTerms, present: &TreeTerms) {
         self.remove(former);
@@ -76,10 +76,9 @@ impl Sums {
         self.counts().into_iter().zip(former.counts()).for_each(|(sum, term)| *sum -= *term);
     }
 
-    fn counts(&mut self) -> [&mut usize; 8] {
-        let Self { placeholders, lights, stored_lights, instances, wanted_openings, parts, opened, held_back, .. } =
-            self;
-        [placeholders, lights, stored_lights, instances, wanted_openings, parts, opened, held_back]
+    fn counts(&mut self) -> [&mut usize; 7] {
+        let Self { placeholders, lights, stored_lights, instances, parts, opened, held_back, .. } = self;
+        [placeholders, lights, stored_lights, instances, parts, opened, held_back]
     }
 
     /// Adds or removes bytes of the lists of regions.

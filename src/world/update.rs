@@ -9,18 +9,19 @@ use crate::error::WorldError;
 use crate::keys::TreeKey;
 use crate::scheduler::FrameBudget;
 use crate::span::span;
+use crate::top::partition::ROOT;
 
 impl LightWorld {
     /// Brings trees up to date with the edits since the last call, and rebuilds trees within a time
     /// budget. Call it once a frame.
     ///
     /// 1. Edited trees are refitted, in parallel.
-    /// 2. A tree that has lights of other instances between its own is *opened*: a cut through it, of one
-    ///    cluster for each of those lights, takes its place in the top level, which sorts all of them by
-    ///    position. A large instance counts the lights of others half as large, or smaller, within its box;
-    ///    what a tree gets is a mean over its instances. Instances that were added are looked at in
-    ///    the next call, and 64 others in each call while anything moves. All openings together are
-    ///    bounded by the numbers of lights and instances: [`FrameReport::held_back_instances`].
+    /// 2. A tree becomes *loose* once it has an eighth as many lights of other instances between its own as of its
+    ///    own, in the mean over its instances: each of its lights is a leaf of the top level, which sorts the lights of
+    ///    all by position. It remains so down to a sixteenth. An instance counts the lights of others within its box,
+    ///    unless they are in parts more than twice as large. Trees that changed or got an instance are looked at in the
+    ///    same call, and 64 others in each call while anything changes. The leaves are bounded:
+    ///    [`FrameReport::held_back_instances`].
     /// 3. Trees whose policies request a rebuild are rebuilt, those whose rebuild removes the most
     ///    noise per millisecond first. The noise is estimated from the tree's attributes, and
     ///    weighted by the tree's share of the illuminance at the viewpoint
@@ -54,10 +55,16 @@ impl LightWorld {
         self.take_finished_build(&mut report);
         self.refit_edited(&mut report);
         self.rebuilds.request_first_builds(&mut self.scene);
-        let (crowds, mut edit) = self.crowds();
-        crowds.look(report.moved_instances > 0, &mut edit);
         self.do_jobs(&mut report);
+        let is_new = self.filing.partition.divided(ROOT).is_none();
         self.renew_partition();
+        if self.look_at_crowds(report.moved_instances + report.refit_trees > 0) {
+            // Otherwise planes for whole trees would last for several updates.
+            if is_new {
+                self.filing.partition.restart();
+            }
+            self.renew_partition();
+        }
         self.effects.count_update();
         self.freeze_resting();
         report.placeholder_trees = self.sums.placeholders;
@@ -98,7 +105,7 @@ mod tests {
     #[test]
     fn the_documentation_of_an_update_names_its_limits() {
         let says = |sentence: &str| assert_says(include_str!("update.rs"), sentence);
-        says(&format!("and {} others in each call while anything moves.", crowds::SLOTS_PER_UPDATE));
+        says(&format!("and {} others", crowds::LOOKS_PER_UPDATE));
         let [at_once, renewed] = [MOST_AT_ONCE as usize, RENEWED_PARTS].map(grouped);
         says(&format!("more than {at_once} parts, a call divides {renewed} parts by one level"));
     }

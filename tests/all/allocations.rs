@@ -158,7 +158,6 @@ fn a_tree_that_was_made_elsewhere_is_taken_in_without_a_copy_or_a_build() {
         });
         assert!(asked < 20_000, "{asked} bytes");
         let asked = requested_bytes(|| drop(world.replace_tree(small, third).expect("it lives")));
-        // The crowd of the small tree opens the new one.
         assert!(asked < 20_000, "{asked} bytes");
         keys.push(small);
         for (key, address) in keys.into_iter().zip(addresses) {

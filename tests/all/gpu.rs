@@ -379,6 +379,12 @@ fn a_world_that_changes_and_grows_is_sampled_alike_on_both_sides() {
 fn an_upload_sends_what_changed_and_nothing_else() {
     let (device, queue) = gpu();
     let mut world = Rng(41).world(3, 30, 4, 20.0);
+    // Apart, so that no tree is loose.
+    for (key, i) in world.instances().collect::<Vec<_>>().into_iter().zip(0..) {
+        let place = world.placement(key).expect("it lives");
+        let place = Placement { translation: DVec3::X * 1000.0 * f64::from(i), ..place };
+        world.move_instance(key, place).expect("valid");
+    }
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let mut upload = |world: &mut LightWorld| {
         world.update(FrameBudget::NONE);

@@ -13,6 +13,7 @@ use crate::plan::layout::{ClusterRecord, LeafRecord};
 use crate::plan::node_record::NodeRecord;
 use crate::plan::{Command, MAX_LARGEST_BUFFER};
 use crate::top::PARTS_PER_RUN;
+use crate::top::partition::Place;
 
 /// Reserves and takes into use. Returns the bytes of the new buffers by what they hold.
 fn reserve(top: &mut TopBuild, sizes: [u32; 2], has_masks: bool, growth: Growth) -> Result<Vec<NewBuffer>, PlanError> {
@@ -90,8 +91,9 @@ fn forty_million_parts_are_covered_by_dispatches_of_two_dimensions_and_words_of_
 fn partition_of(parts: u32) -> Partition {
     let at = |i: u32| Vec3::new((i * 37 % 1009) as f32, 0.01 * (i % 7) as f32, (i * 53 % 997) as f32);
     let mut partition = Partition::default();
-    (0..parts).for_each(|i| partition.file(i, std::iter::once(Some(at(i)))));
-    partition.renew(usize::MAX, |part| crate::Light::point(at(part.slot), Vec3::ONE).cluster());
+    let cluster = |i: u32| crate::Light::point(at(i), Vec3::ONE).cluster();
+    (0..parts).for_each(|i| partition.file(i, std::iter::once(Place::of(&cluster(i), 1))));
+    partition.renew(usize::MAX, |part| cluster(part.slot));
     partition
 }
 

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{Content, Divided, Partition};
+use super::{Content, Divided, Partition, PoolNode};
 use crate::tree::{EXIT, Planes, WIDTH};
 
 impl Partition {
@@ -24,7 +24,7 @@ impl Partition {
         self.number += 1;
         // The side of the others.
         let slot = if side > 0.0 { 0 } else { 1 };
-        let count = self.nodes[node as usize].count;
+        let PoolNode { count, lights, reach, .. } = self.nodes[node as usize];
         divided.built[slot] = count;
         for child in 0..2 {
             divided.children[child] = self.new_node(node * WIDTH as u32 + child as u32);
@@ -32,7 +32,8 @@ impl Partition {
         let [others, apart] = [slot, 1 - slot].map(|slot| divided.children[slot]);
         self.nodes[apart as usize].content = Content::Cell(Vec::new());
         let former = std::mem::replace(&mut self.nodes[node as usize].content, Content::Divided(divided));
-        self.nodes[others as usize].count = count;
+        let of_others = &mut self.nodes[others as usize];
+        (of_others.count, of_others.lights, of_others.reach) = (count, lights, reach);
         self.move_content(former, (node, others));
         self.set_stage(node);
         self.nodes[node as usize].changed = self.number;

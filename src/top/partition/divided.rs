@@ -16,6 +16,11 @@ const FAR: f64 = 2.0;
 /// The same along an axis along which the box is short, relative to its longest edge.
 const FAR_ASIDE: f64 = 0.5;
 
+/// A part is set apart only if it is so many times farther, because that takes a level of nodes: after twenty seconds of
+/// traffic to all sides of a city, each part that is far away by the measure above would have cost a level, and 1.3 times
+/// the noise.
+const FARTHER: f64 = 4.0;
+
 /// See the module.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Divided {
@@ -79,9 +84,11 @@ impl Divided {
         }
     }
 
-    /// Whether a place is far from all that the node was divided for. `rounding` is the error of the place.
-    pub fn is_far(&self, place: DVec3, rounding: f64) -> bool {
+    /// Whether a place is far from all that the node was divided for, in a large node far enough to be set apart.
+    /// `rounding` is the error of the place.
+    pub fn is_far(&self, place: DVec3, rounding: f64, is_large: bool) -> bool {
         let reach = (FAR * self.half).max(DVec3::splat(FAR_ASIDE * self.half.max_element()));
-        (place - self.center).abs().cmpgt(reach + rounding).any()
+        let times = if is_large { FARTHER } else { 1.0 };
+        (place - self.center).abs().cmpgt(times * reach + rounding).any()
     }
 }

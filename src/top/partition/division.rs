@@ -23,7 +23,7 @@ pub(super) struct Division {
     /// The parts, neighbours where they are below one new node.
     pub items: Vec<BuildItem>,
     /// The origin of their positions.
-    origin: DVec3,
+    pub origin: DVec3,
     /// The first takes the place of the node. Each comes after its parent.
     pub nodes: Vec<NewNode>,
     /// Those that may be divided yet.

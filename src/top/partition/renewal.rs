@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::division::Division;
 use super::part_id::PartId;
-use super::{Content, MOST_AT_ONCE, MOST_PARTS, Partition, PoolNode, ROOT};
+use super::{Bounds, Content, MOST_AT_ONCE, MOST_PARTS, Partition, PoolNode, ROOT};
 use crate::cluster::Cluster;
 use crate::tree::{BuildItem, WIDTH};
 
@@ -55,43 +55,66 @@ impl Partition {
     pub fn renew(&mut self, mut most: usize, cluster: impl Fn(PartId) -> Cluster) -> bool {
         let before = self.number;
         self.go_on(&mut most, &cluster);
-        let mut large = Vec::new();
-        while let Some(node) = self.due.pop() {
-            if node as usize >= self.nodes.len() || !std::mem::take(&mut self.nodes[node as usize].is_due) {
-                continue;
+        loop {
+            let mut large = Vec::new();
+            while let Some(node) = self.due.pop() {
+                if node as usize >= self.nodes.len() || !std::mem::take(&mut self.nodes[node as usize].is_due) {
+                    continue;
+                }
+                if !self.should_renew(node) {
+                    continue;
+                }
+                if let Some(child) = self.only_child(node) {
+                    self.lift(node, child);
+                } else if self.divided(node).is_none() || self.nodes[node as usize].count <= MOST_AT_ONCE {
+                    self.division.take_if(|division| division.node == node);
+                    let mut division = self.begin_division(node, &cluster);
+                    division.go_on(&mut { usize::MAX });
+                    self.finish_division(division, &cluster);
+                } else {
+                    large.push(node);
+                }
             }
-            if !self.should_renew(node) {
-                continue;
+            // The largest first, since what is below it is divided too.
+            large.retain(|node| self.should_renew(*node));
+            large.sort_by_key(|node| self.nodes[*node as usize].count);
+            if self.division.is_none()
+                && let Some(node) = large.last()
+            {
+                self.division = Some(self.begin_division(*node, &cluster));
+                self.go_on(&mut most, &cluster);
             }
-            if let Some(child) = self.only_child(node) {
-                self.lift(node, child);
-            } else if self.divided(node).is_none() || self.nodes[node as usize].count <= MOST_AT_ONCE {
-                self.division.take_if(|division| division.node == node);
-                let mut division = self.begin_division(node, &cluster);
-                division.go_on(&mut { usize::MAX });
-                self.finish_division(division, |part| cluster(part).mean);
-            } else {
-                large.push(node);
+            large.iter().for_each(|node| self.set_due(*node));
+            // Cells of a finished division may have too many parts by now.
+            if large.is_empty() || self.division.is_some() {
+                break;
             }
         }
-        // The largest first, since what is below it is divided too.
-        large.retain(|node| self.should_renew(*node));
-        large.sort_by_key(|node| self.nodes[*node as usize].count);
-        if self.division.is_none()
-            && let Some(node) = large.last()
-        {
-            self.division = Some(self.begin_division(*node, &cluster));
-            self.go_on(&mut most, &cluster);
-        }
-        large.into_iter().for_each(|node| self.set_due(node));
         self.number != before
+    }
+
+    /// Forgets how space is divided, so that the next renewal divides it at once. O(parts).
+    pub fn restart(&mut self) {
+        let mut parts = Vec::with_capacity(self.nodes[ROOT as usize].count as usize);
+        self.list_parts(ROOT, &mut parts);
+        self.free_below(ROOT);
+        (self.number, self.division) = (self.number + 1, None);
+        self.nodes.truncate(1);
+        self.free.clear();
+        let root = &mut self.nodes[ROOT as usize];
+        (root.content, root.changed) = (Content::Cell(Vec::with_capacity(parts.len())), self.number);
+        for (part, _) in parts {
+            let lights = self.filed[part.slot as usize][part.index as usize].lights;
+            self.add(part, ROOT, lights);
+        }
+        self.set_due(ROOT);
     }
 
     /// Goes on with the division that is under way.
     fn go_on(&mut self, most: &mut usize, cluster: &impl Fn(PartId) -> Cluster) {
         if let Some(mut division) = self.division.take() {
             match division.go_on(most) {
-                true => self.finish_division(division, |part| cluster(part).mean),
+                true => self.finish_division(division, cluster),
                 false => self.division = Some(division),
             }
         }
@@ -120,12 +143,13 @@ impl Partition {
         }
     }
 
-    /// Puts a finished division in the place of the node. Parts that were filed anew since it was begun are so again:
-    /// `mean` returns where they are. O(parts).
-    fn finish_division(&mut self, division: Division, mean: impl Fn(PartId) -> Vec3) {
-        let Division { node, parts, items, nodes, .. } = division;
+    /// Puts a finished division in the place of the node. Parts that were filed anew since it was begun are so again.
+    /// `cluster` returns the cluster of a part. O(parts).
+    fn finish_division(&mut self, division: Division, cluster: impl Fn(PartId) -> Cluster) {
+        let Division { node, parts, items, nodes, origin, .. } = division;
         self.number += 1;
         self.nodes[node as usize].has_far_parts = false;
+        self.nodes[node as usize].reach = Bounds::EMPTY;
         let mut below = Vec::with_capacity(parts.len());
         self.list_parts(node, &mut below);
         self.free_below(node);
@@ -152,7 +176,10 @@ impl Partition {
         }
         let mut cells = vec![node; parts.len()];
         for (new, number) in nodes.iter().zip(&numbers).filter(|(new, _)| new.divided.is_none()) {
-            items[new.items.clone()].iter().for_each(|item| cells[item.index() as usize] = *number);
+            for item in &items[new.items.clone()] {
+                cells[item.index() as usize] = *number;
+                self.nodes[*number as usize].reach.grow(&Bounds::around(&item.aabb(), origin));
+            }
         }
         below.sort_unstable();
         let mut known = parts.iter().zip(cells).peekable();
@@ -160,19 +187,18 @@ impl Partition {
             while known.next_if(|((other, _), _)| *other < part).is_some() {}
             // Otherwise it was filed anew since.
             let cell = known.next_if(|(former, _)| **former == filed).map(|(_, cell)| cell);
-            let cell = cell.unwrap_or_else(|| self.cell(mean(part), part.identity()));
-            self.add(part, cell);
+            let cell = cell.unwrap_or_else(|| {
+                let Cluster { mean, aabb, .. } = cluster(part);
+                let cell = self.cell(mean, part.identity());
+                self.nodes[cell as usize].reach.grow(&Bounds::around(&aabb, self.origin));
+                cell
+            });
+            let lights = self.filed[part.slot as usize][part.index as usize].lights;
+            self.add(part, cell, lights);
         }
         // Children come after their parents.
         for (number, new) in numbers.iter().zip(&nodes).rev() {
-            let count = match &self.nodes[*number as usize].content {
-                Content::Cell(parts) => parts.len() as u32,
-                Content::Divided(divided) => {
-                    divided.children().iter().map(|child| self.nodes[*child as usize].count).sum()
-                }
-                Content::Free => 0,
-            };
-            self.nodes[*number as usize].count = count;
+            self.sum_up(*number);
             self.nodes[*number as usize].changed = self.number;
             if new.divided.is_some() {
                 self.set_stage(*number);
@@ -181,9 +207,32 @@ impl Partition {
                 self.set_due(*number);
             }
         }
+        self.reach_out(self.above(node), &{ self.nodes[node as usize].reach });
         // It may be the only divided child that has parts.
         let parent = self.path(node).nth(1);
         parent.filter(|parent| self.should_renew(*parent)).into_iter().for_each(|parent| self.set_due(parent));
         self.set_stages_above(node);
+    }
+
+    /// Counts what is below a node whose children are counted.
+    fn sum_up(&mut self, node: u32) {
+        let (mut count, mut lights, mut reach) = (0, 0, self.nodes[node as usize].reach);
+        match &self.nodes[node as usize].content {
+            Content::Free => {}
+            Content::Cell(parts) => {
+                let lights_of = |part: &PartId| self.filed[part.slot as usize][part.index as usize].lights;
+                (count, lights) = (parts.len() as u32, parts.iter().map(|part| u64::from(lights_of(part))).sum());
+            }
+            Content::Divided(divided) => {
+                reach = Bounds::EMPTY;
+                for child in divided.children() {
+                    let child = &self.nodes[*child as usize];
+                    (count, lights) = (count + child.count, lights + child.lights);
+                    reach.grow(&child.reach);
+                }
+            }
+        }
+        let node = &mut self.nodes[node as usize];
+        (node.count, node.lights, node.reach) = (count, lights, reach);
     }
 }

@@ -34,7 +34,7 @@ pub use error::BakeError;
 
 use super::LightTree;
 use super::edited::Edited;
-use super::node::{NO_LEAF, WIDTH};
+use super::node::NO_LEAF;
 use crate::cluster::Linear;
 use crate::effects::EffectCounts;
 use crate::rare::Rare;
@@ -97,18 +97,9 @@ impl LightTree {
     }
 
     /// As [`LightTree::bake`] for a tree that is up to date, but nothing is built: the boxes and their
-    /// children stay as they are. Edits may have scattered the nodes, which the bytes hold in order;
-    /// also returns for each place in this tree the same place in the bytes.
-    pub(crate) fn bake_as_is(&self) -> (Vec<u8>, impl Fn(u32) -> u32 + use<>) {
-        let (bytes, numbers) = if self.edited.is_changed() {
-            let (ordered, numbers) = self.ordered();
-            (ordered.bytes(), numbers)
-        } else {
-            (self.bytes(), Vec::new())
-        };
-        let width = WIDTH as u32;
-        let number = move |node: u32| numbers.get(node as usize).copied().unwrap_or(node);
-        (bytes, move |place| number(place / width) * width + place % width)
+    /// children stay as they are. Edits may have scattered the nodes, which the bytes hold in order.
+    pub(crate) fn bake_as_is(&self) -> Vec<u8> {
+        if self.edited.is_changed() { self.ordered().bytes() } else { self.bytes() }
     }
 
     /// Loads a tree that [`LightTree::bake`] has written, on this machine or another one.

@@ -4,7 +4,7 @@
 
 use glam::{Mat4, Vec3, Vec4};
 
-use crate::cluster::Cluster;
+use crate::cluster::{Aabb, Cluster};
 use crate::tree::cost::{build_cost, size};
 
 /// Fluxes are divided by 2^30: 2^31 lights of the largest flux (1e34 lm) add up to 2e34, and the
@@ -54,6 +54,10 @@ impl BuildItem {
     /// The index that was given.
     pub fn index(&self) -> u32 {
         self.max.w.to_bits()
+    }
+
+    pub fn aabb(&self) -> Aabb {
+        Aabb { min: self.min.truncate(), max: self.max.truncate() }
     }
 
     /// The mean position.

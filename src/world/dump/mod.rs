@@ -9,7 +9,7 @@
 //! | 4 | what is left out |
 //! | 4 | the counts of profiles, trees, slots of instances and directional lights |
 //! | 1 + n per profile | the number n, a record of `profile/record.rs` |
-//! | 4 + n per tree | the source, the number n of openings, the bytes of the baked tree; the places of the openings; a baked tree (`tree/bake`) |
+//! | 4 per tree | the source, whether the tree is loose, the bytes of the baked tree; a baked tree (`tree/bake`) |
 //! | 1 or 26 per slot, from slot 1 on | 0 for an empty slot, or the number of the tree from 1 on, and a record of `record.rs` |
 //! | 6 per directional light | its direction, its illuminance |
 //! | 1 | CRC-32 of all other bytes |
@@ -46,7 +46,7 @@ const MAGIC: [u8; 8] = *b"\x89GDUMP\r\n";
 
 /// The version of the format. It rises with every change of what a dump holds, but not with that of
 /// baked trees, which have a version of their own.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// The effects that a world has because they were switched on, in the order of their bits.
 const SWITCHES: [Effects; 3] = [Effects::SOLID_ANGLES, Effects::GLOSSY, Effects::SEGMENTS];

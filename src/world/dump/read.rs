@@ -8,7 +8,7 @@ use crate::keys::{InstanceKey, TreeKey};
 use crate::light::DirectionalLight;
 use crate::policy::Policy;
 use crate::profile::Profile;
-use crate::tree::{LightTree, Opening, WIDTH};
+use crate::tree::LightTree;
 use crate::world::opening::MAX_OPENINGS;
 use crate::world::{Instance, LightWorld, OriginMode, TreeSource};
 
@@ -112,15 +112,16 @@ impl Reader {
 
     fn tree(&mut self, rest: &mut Rest<'_>, index: usize) -> Result<(), DumpError> {
         let refused = DumpError::Record { what: "tree", index };
-        let (source, places, bytes) = read_tree(rest).ok_or(refused.clone())?;
+        let (source, is_loose, bytes) = read_tree(rest).ok_or(refused)?;
         let tree = LightTree::from_baked(bytes).map_err(|source| DumpError::Tree { index, source })?;
-        let openings = openings_at(&tree, &places).ok_or(refused)?;
         let key = self.world.add_tree(tree);
         let sourced = self.world.set_light_source(key, source);
         sourced.map_err(|source| DumpError::World { what: "tree", index, source })?;
         let LightWorld { scene, sums, .. } = &mut self.world;
-        scene.trees[key].openings = openings.into();
-        scene.trees[key].recount(sums);
+        let entry = &mut scene.trees[key];
+        entry.is_loose = is_loose;
+        entry.openings = entry.openings_due();
+        entry.recount(sums);
         self.trees.push(key);
         Ok(())
     }
@@ -150,7 +151,7 @@ impl Reader {
             let placed = placed.map_err(|source| wrong(source.into()))?;
             if std::mem::replace(&mut is_placed[place], true) {
                 let entry = &self.world.scene.trees[tree];
-                parts += if entry.is_loose { entry.tree.light_count() } else { entry.openings.len() };
+                parts += entry.openings.len();
             }
             if parts > MOST_PARTS {
                 return Err(DumpError::Parts { index, most: MOST_PARTS });
@@ -170,22 +171,10 @@ fn read_profile(rest: &mut Rest<'_>) -> Option<Profile> {
     Profile::of_record(&rest.list(count as usize)?)
 }
 
-/// The source of a tree, the places of its openings, and the baked tree.
-fn read_tree<'a>(rest: &mut Rest<'a>) -> Option<(TreeSource, Vec<u32>, &'a [u8])> {
-    let [source, openings, low, high] = rest.words()?;
-    let places = rest.list(openings as usize)?;
+/// The source of a tree, whether its crowd makes it loose, and the baked tree.
+fn read_tree<'a>(rest: &mut Rest<'a>) -> Option<(TreeSource, bool, &'a [u8])> {
+    let [source, is_loose @ (0 | 1), low, high] = rest.words()? else { return None };
     let bytes = usize::try_from(u64::from(low) | u64::from(high) << 32).ok()?;
     let sources = [TreeSource::Cpu, TreeSource::GpuMesh, TreeSource::GpuParticles];
-    Some((*sources.get(source as usize)?, places, rest.bytes(bytes)?))
-}
-
-/// The openings at some places; `None` if they are no cut of the tree.
-fn openings_at(tree: &LightTree, places: &[u32]) -> Option<Vec<Opening>> {
-    let opening = |place: &u32| {
-        let [node, slot] = [*place as usize / WIDTH, *place as usize % WIDTH];
-        Some(Opening { place: *place, child_bits: *tree.nodes().get(node)?.children.get(slot)? })
-    };
-    let openings: Vec<Opening> = places.iter().map(opening).collect::<Option<_>>()?;
-    let ascends = places.windows(2).all(|pair| pair[0] < pair[1]);
-    (ascends && (openings.is_empty() || tree.has_openings(&openings))).then_some(openings)
+    Some((*sources.get(source as usize)?, is_loose == 1, rest.bytes(bytes)?))
 }

@@ -70,13 +70,10 @@ impl LightWorld {
         }
         for key in &trees {
             let entry = &scene.trees[*key];
-            let (tree, place) = entry.tree.bake_as_is();
+            let tree = entry.tree.bake_as_is();
             let source = scene.sources.of(*key).map_or(TreeSource::Cpu, |(source, _)| source);
             let bytes = tree.len() as u64;
-            sink.words(&[source as u32, entry.openings.len() as u32, bytes as u32, (bytes >> 32) as u32])?;
-            let mut places: Vec<u32> = entry.openings.iter().map(|opening| place(opening.place)).collect();
-            places.sort_unstable();
-            sink.words(&places)?;
+            sink.words(&[source as u32, entry.is_loose.into(), bytes as u32, (bytes >> 32) as u32])?;
             sink.bytes(&tree)?;
         }
         let numbers: HashMap<TreeKey, u32> = trees.into_iter().zip(1..).collect();

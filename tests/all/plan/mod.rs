@@ -122,7 +122,7 @@ fn changed_lights_of_opened_trees_go_up_alone_beside_many_small_trees() {
     let strings = [100; 6].map(|lights| add(&mut world, lights));
     let houses = [4; 70].map(|lights| add(&mut world, lights));
     let mut played = Played::new();
-    update(&mut world);
+    (0..4).for_each(|_| update(&mut world));
     played.frame(&world);
     let mut bytes = |world: &mut LightWorld| {
         update(world);
@@ -148,7 +148,7 @@ fn changed_lights_of_opened_trees_go_up_alone_beside_many_small_trees() {
         world.set_emission(house, 1, 2.0 * dim).expect("valid");
     }
     let of_all = bytes(&mut world);
-    assert!(of_all <= of_houses + 50 * of_town, "{of_all}");
+    assert!(of_all <= of_houses + 50 * of_town.max(of_string), "{of_all}");
 }
 
 #[test]

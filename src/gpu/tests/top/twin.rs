@@ -77,7 +77,10 @@ fn assert_same_tree(built: &Built, twin: &TopLevel) {
         }
         for slot in 0..WIDTH {
             match (node.child(slot), other.child(slot)) {
-                (Some(ChildRef::Node(a)), Some(ChildRef::Node(b))) => pairs.push((a as usize, b as usize)),
+                (Some(ChildRef::Node(a)), Some(ChildRef::Node(b))) => {
+                    assert_eq!(built.nodes[a as usize].parent as usize, ours * WIDTH + slot, "node {a}");
+                    pairs.push((a as usize, b as usize));
+                }
                 (a, b) => assert_eq!(a, b, "node {ours} and {theirs}, child {slot}"),
             }
         }
@@ -155,7 +158,7 @@ fn any_number_of_slots_makes_the_same_tree_as_on_the_cpu() {
 fn cells_of_any_number_of_parts_make_the_same_tree_as_on_the_cpu() {
     let mut top = TopRig::new();
     // The world was not updated, so all parts are in the cell that is the root.
-    for slots in [2, 8, 9, 16, 17, 63, 64, 65, 127, 128, 129, 512, 513, 1025, 5000] {
+    for slots in [2, 8, 9, 16, 17, 32, 33, 63, 64, 65, 127, 128, 129, 512, 513, 1025, 5000] {
         let mut world = LightWorld::new();
         let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).unwrap());
         for i in 0..slots {

@@ -49,7 +49,7 @@ pub fn scenes() -> Result<Vec<TortureScene>, WorldError> {
         Box::new(|parts, rng| shared_scales(parts, rng, 200, -2.0..0.0)),
     ));
     makers.push(("on a ball of triangles".to_owned(), Box::new(on_ball)));
-    // Around the most openings that a world has, 131,072 and four for each instance.
+    // Around 131,072 parts, and twice as many.
     for instances in [2100, 2250, 4060] {
         let make = move |parts: &mut Parts, _: &mut Rng| overlapping(parts, instances);
         makers.push((format!("{instances} overlapping instances of 64 lamps"), Box::new(make)));
