@@ -436,9 +436,9 @@ impl Partition {
 
 #[cfg(test)]
 impl Partition {
-    /// Whether new planes are under way.
+    /// Whether new planes are under way or due.
     pub fn is_dividing(&self) -> bool {
-        self.division.is_some()
+        self.division.is_some() || !self.due.is_empty()
     }
 
     /// Checks that parents, children, counts, lists and stages agree, and that what should be divided anew is due.

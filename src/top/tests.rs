@@ -198,7 +198,7 @@ fn a_part_that_goes_far_away_and_comes_back_changes_few_nodes() {
             let at = home + way * 4.0_f32.powi(step);
             parts[7].1 = Light::point(at, Vec3::ONE).cluster();
             partition.file(7, std::iter::once(Place::of(&parts[7].1, 1)));
-            partition.renew(0, |part| parts[part.slot as usize].1);
+            partition.renew(4096, |part| parts[part.slot as usize].1);
             partition.check();
             assert!(changed_after(&partition, number) < 100, "{} nodes", changed_after(&partition, number));
             let top = TopLevel::build(&parts, count, &partition);

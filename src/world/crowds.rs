@@ -25,6 +25,8 @@ pub(super) struct Crowds {
     left: usize,
     /// The same before all trees that are loose without a crowd have ceased to be.
     left_loose: usize,
+    /// A tree became loose since the world changed.
+    has_opened: bool,
 }
 
 impl Crowds {
@@ -42,7 +44,7 @@ impl Crowds {
         let slots = scene.trees.slot_count();
         let mut due = std::mem::take(&mut self.new);
         if has_changed || !due.is_empty() {
-            (self.left, self.left_loose) = (2 * slots, 2 * slots);
+            (self.left, self.left_loose, self.has_opened) = (2 * slots, 2 * slots, false);
         }
         due.sort_unstable();
         due.dedup();
@@ -58,12 +60,17 @@ impl Crowds {
         (due, may_close)
     }
 
-    /// Takes the memory of a list back. Another round follows if a tree was opened or closed.
-    pub fn finish(&mut self, mut due: Vec<TreeKey>, has_opened: bool, slots: usize) {
+    /// Takes the memory of a list back. Another round follows if trees became loose, or ceased to be, in which others may
+    /// cease to be as long as none became so.
+    pub fn finish(&mut self, mut due: Vec<TreeKey>, (has_opened, has_closed): (bool, bool), slots: usize) {
         due.clear();
         self.new = due;
-        if has_opened {
+        self.has_opened |= has_opened;
+        if has_opened || has_closed {
             self.left = self.left.max(slots);
+        }
+        if has_closed && !self.has_opened {
+            self.left_loose = self.left_loose.max(slots);
         }
     }
 }

@@ -55,16 +55,17 @@ impl LightWorld {
         for tree in &due {
             self.scene.trees[*tree].crowd = crowds::crowd(&self.scene, &self.filing, *tree);
         }
-        let mut has_opened = false;
+        let (mut has_opened, mut has_closed) = (false, false);
         for tree in &due {
             if self.open_if_due(*tree, may_close) {
-                has_opened = true;
+                let is_loose = self.scene.trees[*tree].is_loose;
+                (has_opened, has_closed) = (has_opened | is_loose, has_closed | !is_loose);
                 // One at a time, since the crowds of the others may be larger then.
-                may_close &= self.scene.trees[*tree].is_loose;
+                may_close &= is_loose;
             }
         }
-        self.crowds.finish(due, has_opened, self.scene.trees.slot_count());
-        has_opened
+        self.crowds.finish(due, (has_opened, has_closed), self.scene.trees.slot_count());
+        has_opened || has_closed
     }
 
     /// Opens a tree anew, after its nodes were replaced.

@@ -41,8 +41,8 @@ impl LightWorld {
     ///    ([`LightTree::freeze`](crate::LightTree::freeze)).
     ///
     /// The space of the top level is divided anew where parts of instances have become too many for a cell, or are
-    /// distributed otherwise than when it was divided. This takes no part of the budget: where it is about more than
-    /// 4,096 parts, a call divides 16,384 parts by one level, and later calls go on.
+    /// distributed otherwise than when it was divided. This takes no part of the budget: a call divides about 16,384
+    /// parts, and where it is about more than 4,096 parts at once, as many by one level. Later calls go on.
     ///
     /// Cost besides rebuilds: O(lights of edited trees), O(1) for each tree that comes to rest, O(depth) for each
     /// part of an instance that was added or moved, and O(n log n) in the parts that are added to a cell or divided
@@ -107,7 +107,8 @@ mod tests {
         let says = |sentence: &str| assert_says(include_str!("update.rs"), sentence);
         says(&format!("and {} others", crowds::LOOKS_PER_UPDATE));
         let [at_once, renewed] = [MOST_AT_ONCE as usize, RENEWED_PARTS].map(grouped);
-        says(&format!("more than {at_once} parts, a call divides {renewed} parts by one level"));
+        says(&format!("a call divides about {renewed}"));
+        says(&format!("more than {at_once} parts at once, as many by one level"));
     }
 
     /// A clock whose time is a function of the number of calls so far.

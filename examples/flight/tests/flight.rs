@@ -118,8 +118,8 @@ fn a_flight_in_which_regions_come_and_go_keeps_all_invariants_and_leaves_nothing
             went += costs.left;
             rebuilt += costs.report.rebuilt_trees;
             most_instances = most_instances.max(world.instance_count());
-            // The limit is for new trees; stand-ins, edits and records come on top.
-            assert!(plan.report.bytes <= frame_bytes + 64 * 1024, "{:?}", plan.report);
+            // The limit is for new trees; stand-ins, edits, planes and records come on top, of each light of a loose tree too.
+            assert!(plan.report.bytes <= frame_bytes + 96 * 1024, "{:?}", plan.report);
             if frame % INTERVAL != 0 {
                 continue;
             }

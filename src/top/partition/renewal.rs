@@ -18,7 +18,8 @@ const GROWTH: u32 = 2;
 /// The child for parts that are set apart was made for one in so many of all.
 const APART_SHARE: f32 = 32.0;
 
-/// The parts that nodes of more than [`MOST_AT_ONCE`] may divide in one update, each counted once for each level.
+/// The parts of nodes that are divided anew in one update; and as many in nodes of more than [`MOST_AT_ONCE`], each
+/// counted once for each level.
 pub(crate) const RENEWED_PARTS: usize = 16_384;
 
 impl Partition {
@@ -50,14 +51,19 @@ impl Partition {
     }
 
     /// Divides nodes anew whose parts have become too many, too few, or distributed otherwise. `cluster` returns the
-    /// cluster of a part. Large nodes are divided until `most` parts were, and the next renewal goes on. Returns whether
-    /// a node changed. O(n log n) in the parts of other nodes and in `most`.
+    /// cluster of a part. Stops once `most` parts were divided, in large nodes and in others, and the next renewal goes
+    /// on; a cell is divided whatever its parts. Returns whether a node changed. O(n log n) in `most`.
     pub fn renew(&mut self, mut most: usize, cluster: impl Fn(PartId) -> Cluster) -> bool {
-        let before = self.number;
+        let (before, mut left) = (self.number, most);
         self.go_on(&mut most, &cluster);
+        // The fullest first.
+        let Self { due, nodes, .. } = self;
+        due.sort_by_key(|node| nodes.get(*node as usize).map_or(0, |node| node.count));
         loop {
             let mut large = Vec::new();
-            while let Some(node) = self.due.pop() {
+            while left > 0
+                && let Some(node) = self.due.pop()
+            {
                 if node as usize >= self.nodes.len() || !std::mem::take(&mut self.nodes[node as usize].is_due) {
                     continue;
                 }
@@ -67,6 +73,7 @@ impl Partition {
                 if let Some(child) = self.only_child(node) {
                     self.lift(node, child);
                 } else if self.divided(node).is_none() || self.nodes[node as usize].count <= MOST_AT_ONCE {
+                    left = left.saturating_sub(self.nodes[node as usize].count as usize);
                     self.division.take_if(|division| division.node == node);
                     let mut division = self.begin_division(node, &cluster);
                     division.go_on(&mut { usize::MAX });
@@ -86,7 +93,7 @@ impl Partition {
             }
             large.iter().for_each(|node| self.set_due(*node));
             // Cells of a finished division may have too many parts by now.
-            if large.is_empty() || self.division.is_some() {
+            if left == 0 || large.is_empty() || self.division.is_some() {
                 break;
             }
         }
