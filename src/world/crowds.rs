@@ -99,6 +99,7 @@ mod tests {
     use crate::policy::Policy;
     use crate::scheduler::FrameBudget;
     use crate::tree::LightTree;
+    use crate::tree::testing::Rng;
 
     /// Lamps over a square of 100 m.
     fn lamps(count: usize) -> Vec<Light> {
@@ -250,5 +251,40 @@ mod tests {
         world.remove_tree(tree).expect("no instances");
         settle(&mut world);
         assert_eq!((world.openings(own).len(), world.parts().len()), (0, 1));
+    }
+
+    #[test]
+    fn which_trees_are_loose_settles_while_instances_tremble() {
+        for seed in 0..12 {
+            let (mut world, mut rng) = (LightWorld::new(), Rng(seed));
+            for _ in 0..30 {
+                // Most of them small, gathered at one side, and some lights dark.
+                let count = 2 + (800.0 * rng.between(0.0, 1.0).powi(4)) as usize;
+                let extent = Vec3::new(rng.between(0.1, 60.0), rng.between(0.1, 10.0), rng.between(0.1, 60.0));
+                let mut lamp = || {
+                    let at = Vec3::new(rng.between(0.0, 1.0).powi(3), rng.between(-1.0, 1.0), rng.between(-1.0, 1.0));
+                    Light::point(extent * at, Vec3::splat(rng.between(-0.2, 1.0).max(0.0)))
+                };
+                let lights = (0..count).map(|_| lamp()).collect();
+                let mut coordinate = || f64::from(rng.between(-80.0, 80.0));
+                let translation = DVec3::new(coordinate(), 0.0, coordinate());
+                let linear = Mat3::from_rotation_y(rng.between(0.0, 6.0)) * rng.between(0.3, 2.0);
+                add(&mut world, lights, Placement { linear, translation });
+            }
+            let keys: Vec<InstanceKey> = world.instances().collect();
+            let mut before = Vec::new();
+            for step in 0..120 {
+                let (key, way) = (keys[step % keys.len()], if step % 2 == 0 { DVec3::X } else { DVec3::NEG_X });
+                let place = world.placement(key).expect("it lives");
+                let translation = place.translation + 1.0e-3 * way;
+                world.move_instance(key, Placement { translation, ..place }).expect("valid");
+                world.update(FrameBudget::NONE);
+                let loose: Vec<bool> = world.scene.trees.values().map(|entry| entry.is_loose).collect();
+                assert!(step < 60 || loose == before, "seed {seed}, step {step}");
+                before = loose;
+            }
+            let loose = before.iter().filter(|is_loose| **is_loose).count();
+            assert!((5..30).contains(&loose), "{loose} trees are loose");
+        }
     }
 }
