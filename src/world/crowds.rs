@@ -21,9 +21,9 @@ pub(super) struct Crowds {
     new: Vec<TreeKey>,
     /// The slot of the tree that the round looks at next.
     next: usize,
-    /// Slots to look at before all is known.
+    /// How many slots are still to be looked at.
     left: usize,
-    /// The same before all trees that are loose without a crowd have ceased to be.
+    /// In how many of these trees may cease to be loose.
     left_loose: usize,
     /// A tree became loose since the world changed.
     has_opened: bool,
@@ -38,16 +38,14 @@ impl Crowds {
     }
 
     /// The trees to look at in this update: those that have changed, and some others until two rounds have ended since
-    /// the last change. Also whether they may cease to be loose. At rest they only become so: the crowds of two trees
-    /// depend on whether the other one is loose, so they might change places for ever.
+    /// the last change. Also returns whether they may cease to be loose. Later they may not: the crowd of each of two
+    /// trees depends on whether the other one is loose, so they might take turns for ever.
     pub fn take_due(&mut self, has_changed: bool, scene: &Scene) -> (Vec<TreeKey>, bool) {
         let slots = scene.trees.slot_count();
         let mut due = std::mem::take(&mut self.new);
         if has_changed || !due.is_empty() {
             (self.left, self.left_loose, self.has_opened) = (2 * slots, 2 * slots, false);
         }
-        due.sort_unstable();
-        due.dedup();
         due.retain(|tree| scene.trees.contains_key(*tree));
         let (mut looks, may_close) = (0, self.left_loose > 0);
         while looks < LOOKS_PER_UPDATE && self.left > 0 {
@@ -57,11 +55,13 @@ impl Crowds {
             (self.next, self.left) = ((self.next + 1) % slots, self.left - 1);
             self.left_loose = self.left_loose.saturating_sub(1);
         }
+        due.sort_unstable();
+        due.dedup();
         (due, may_close)
     }
 
-    /// Takes the memory of a list back. Another round follows if trees became loose, or ceased to be, in which others may
-    /// cease to be as long as none became so.
+    /// Takes the memory of a list back. If trees became loose or ceased to be, another round follows; in it, others may
+    /// cease to be loose unless one became so.
     pub fn finish(&mut self, mut due: Vec<TreeKey>, (has_opened, has_closed): (bool, bool), slots: usize) {
         due.clear();
         self.new = due;

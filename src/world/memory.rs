@@ -6,7 +6,7 @@ use crate::tree::TreeMemory;
 /// of its arrays times the sizes of their elements.
 ///
 /// Not counted is what is comparatively small or short-lived: builds that are under way (about 150
-/// bytes per light, and the tree that they make), the partition of the top level (about 100 bytes for each part of
+/// bytes per light, and the tree that they make), the partition of the top level (about 150 bytes for each part of
 /// an instance), the top level that the CPU samples, the lists
 /// of the scheduler, and the overhead of the allocator. Each removed light counts as 4 bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -15,10 +15,10 @@ use super::scene::TreeEntry;
 use crate::keys::{TreeKey, slot_of};
 use crate::tree::{Opening, WIDTH};
 
-/// The lights of others for each of its own from which a tree is loose, in the mean over its instances.
+/// A tree becomes loose once it has this many lights of others for each of its own, in the mean over its instances.
 const CROWDED: f32 = 1.0 / 8.0;
 
-/// The same for a tree that is loose to remain so.
+/// A loose tree with fewer ceases to be loose.
 const STILL_CROWDED: f32 = 0.5 * CROWDED;
 
 /// No crowd makes the openings of a world more than that, so that the buffers of the top level stay below WebGPU's
@@ -27,7 +27,7 @@ const STILL_CROWDED: f32 = 0.5 * CROWDED;
 pub(super) const MAX_OPENINGS: usize = 1 << 20;
 
 impl TreeEntry {
-    /// Whether a crowd makes the tree loose.
+    /// Whether a crowd can make the tree loose.
     pub(super) fn may_be_loose(&self) -> bool {
         self.tree.light_count() > 1 && !self.has_particles
     }
@@ -97,8 +97,7 @@ impl LightWorld {
     fn decide(&mut self, tree: TreeKey, may_close: bool) -> bool {
         let Self { scene, sums, .. } = self;
         let entry = &mut scene.trees[tree];
-        entry.recount(sums);
-        let of_others = sums.openings() - entry.openings.len() * entry.instances.len();
+        let of_others = sums.openings() - entry.counted.openings as usize * entry.counted.instances as usize;
         let all = of_others + entry.tree.light_count() * entry.instances.len();
         let was_loose = entry.is_loose;
         let is_crowded = entry.is_crowded() || was_loose && entry.may_be_loose() && !may_close;

@@ -1,7 +1,7 @@
 //! What an engine reads back of trees whose lights its kernels write.
 
 use girandole::TreeKey;
-use girandole::plan::{LightReadback, MeasureReadback, PartReadback};
+use girandole::plan::{LightPlanner, LightReadback, MeasureReadback, PartReadback};
 
 use crate::memory::{array, destroy, list, object, object_mut, result};
 use crate::planner::GirandolePlanner;
@@ -53,6 +53,28 @@ fn store(what: Option<What>, world: Option<u64>) -> *mut GirandoleReadback {
     what.map_or(std::ptr::null_mut(), |what| Box::into_raw(Box::new(GirandoleReadback { what, world })))
 }
 
+/// Stores what a planner is to read back; NULL for nothing.
+///
+/// # Safety
+/// See the crate's documentation.
+unsafe fn make(
+    planner: *mut GirandolePlanner,
+    readback: *mut *mut GirandoleReadback,
+    what: impl FnOnce(&mut LightPlanner) -> Option<What>,
+) -> GirandoleStatus {
+    call(|| {
+        // SAFETY: see the crate's documentation.
+        let out = unsafe { result(readback, "readback")? };
+        let get = |planner: &mut GirandolePlanner| {
+            let what = what(planner.free()?);
+            Ok(store(what, planner.world()))
+        };
+        // SAFETY: see the crate's documentation.
+        out.set(unsafe { object_mut(planner, "planner")? }.edit(get)?);
+        Ok(())
+    })
+}
+
 /// Makes a readback of what the refit in the last plan finds out about trees with a source: the numbers from
 /// first on, at most most of them, 32 bytes each. Stores NULL if there are none. Copy the range after the commands
 /// in top. Destroy the readback with girandole_readback_destroy.
@@ -63,19 +85,12 @@ pub unsafe extern "C" fn girandole_planner_measures(
     most: u32,
     readback: *mut *mut GirandoleReadback,
 ) -> GirandoleStatus {
-    call(|| {
-        // SAFETY: see the crate's documentation.
-        let out = unsafe { result(readback, "readback")? };
-        let get = |planner: &mut GirandolePlanner| {
-            let lights = planner.free()?;
-            let numbers = lights.source_count().saturating_sub(first).min(most) as usize;
-            let measures = lights.measures(first, most).map(|measures| What::Measures(measures, numbers));
-            Ok(store(measures, planner.world()))
-        };
-        // SAFETY: see the crate's documentation.
-        out.set(unsafe { object_mut(planner, "planner")? }.edit(get)?);
-        Ok(())
-    })
+    let get = |planner: &mut LightPlanner| {
+        let numbers = planner.source_count().saturating_sub(first).min(most) as usize;
+        planner.measures(first, most).map(|measures| What::Measures(measures, numbers))
+    };
+    // SAFETY: see the crate's documentation.
+    unsafe { make(planner, readback, get) }
 }
 
 /// Makes a readback of where kernels have moved some parts of a tree with a source, at most most of them, 80 bytes each:
@@ -87,17 +102,8 @@ pub unsafe extern "C" fn girandole_planner_source_parts(
     most: u32,
     readback: *mut *mut GirandoleReadback,
 ) -> GirandoleStatus {
-    call(|| {
-        // SAFETY: see the crate's documentation.
-        let out = unsafe { result(readback, "readback")? };
-        let get = |planner: &mut GirandolePlanner| {
-            let parts = planner.free()?.source_parts(most).map(What::Parts);
-            Ok(store(parts, planner.world()))
-        };
-        // SAFETY: see the crate's documentation.
-        out.set(unsafe { object_mut(planner, "planner")? }.edit(get)?);
-        Ok(())
-    })
+    // SAFETY: see the crate's documentation.
+    unsafe { make(planner, readback, |planner| planner.source_parts(most).map(What::Parts)) }
 }
 
 /// Makes a readback of the lights of a tree with a source, for a rebuild: of the trees that
@@ -109,17 +115,8 @@ pub unsafe extern "C" fn girandole_planner_source_lights(
     tree: u64,
     readback: *mut *mut GirandoleReadback,
 ) -> GirandoleStatus {
-    call(|| {
-        // SAFETY: see the crate's documentation.
-        let out = unsafe { result(readback, "readback")? };
-        let get = |planner: &mut GirandolePlanner| {
-            let lights = planner.free()?.source_lights(TreeKey::from(tree)).map(What::Lights);
-            Ok(store(lights, planner.world()))
-        };
-        // SAFETY: see the crate's documentation.
-        out.set(unsafe { object_mut(planner, "planner")? }.edit(get)?);
-        Ok(())
-    })
+    // SAFETY: see the crate's documentation.
+    unsafe { make(planner, readback, |planner| planner.source_lights(TreeKey::from(tree)).map(What::Lights)) }
 }
 
 /// Stores the range that a readback copies.

@@ -3,12 +3,12 @@
 use super::{Bounds, Content, PartId, Partition, ROOT};
 use crate::tree::WIDTH;
 
-/// The nodes whose children are looked at, at most. The lights of others count by the share of their box.
+/// The most nodes whose children are looked at. Of further nodes, the share of their boxes within the box decides.
 const LOOKED_INTO: usize = 64;
 
 impl Partition {
-    /// About how many lights of other slots lie within the box of a slot. `count` returns how many of the lights of a part
-    /// count, whose number it is given; all count of parts in nodes whose boxes lie within the box. O(1).
+    /// About how many lights of other slots lie within the box of a slot. For a part whose node is not wholly inside,
+    /// `count` is given the number of its lights and returns how many of them to count. O(1).
     pub fn lights_within(&self, slot: u32, bounds: &Bounds, count: impl Fn(PartId, f64) -> f64) -> f64 {
         let (mut nodes, mut end, mut lights) = ([ROOT; 1 + WIDTH * LOOKED_INTO], 1, 0.0);
         let (mut next, mut looked_into) = (0, 0);
