@@ -100,7 +100,7 @@ fn cells_own(lane: u32, cell: u32, parts: vec2<u32>, run: u32, is_last: bool) ->
     if is_last {
         own.node = cell;
         own.parent = LIGHT_NO_PARENT;
-        own.is_used &= parts.y > 1u || cell == 0u;
+        own.is_used &= parts.y > 1u || (cell == 0u && top_pass.is_divided == 0u);
         own.held = held;
         own.child = cells_own_part(lane, parts, slot);
         if runs > 0u {

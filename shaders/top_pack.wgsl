@@ -1,11 +1,15 @@
-// Packs a node of the top level. Binds nothing; uses the variables `top_pass`, `clusters` and
-// `nodes` of the stage.
+// Packs a node of the top level. Binds nothing; uses the variables `top_pass`, `clusters`, `nodes` and
+// `units` of the stage.
 
 // The clusters of nodes that this workgroup has packed: other invocations of this dispatch may not see
 // what one of them writes to `clusters`.
 var<workgroup> pack_clusters: array<LightCluster, TOP_HELD>;
 // For each such node the three words of its `MaskShares`.
 var<workgroup> pack_shares: array<u32, 3u * TOP_HELD>;
+// For each such node its name: see node_name.
+var<workgroup> pack_names: array<u32, TOP_HELD>;
+// The name of each invocation's child, mixed with its slot.
+var<workgroup> pack_child_names: array<u32, TOP_NODE_LANES>;
 
 // The value of `held` for a child that this workgroup has not packed.
 const NODE_STORED: u32 = 0xffffffffu;
@@ -46,6 +50,29 @@ fn node_leaf(part: u32) -> u32 {
     return LIGHT_LEAF | LIGHT_PART | select(0u, LIGHT_SINGLE, (below & LIGHT_LEAF) != 0u) | part;
 }
 
+// The bits of a child as they are stored.
+fn node_child_bits(child: NodeChild) -> u32 {
+    if child.bits != LIGHT_EMPTY_SLOT && (child.bits & LIGHT_LEAF) != 0u {
+        return node_leaf(child.bits & ~LIGHT_LEAF);
+    }
+    return child.bits;
+}
+
+// Tells children apart: the bits of leaves and of nodes that last. A run has the name of its children.
+fn node_child_name(child: NodeChild, bits: u32) -> u32 {
+    if child.bits != LIGHT_EMPTY_SLOT && (child.bits & LIGHT_LEAF) == 0u && child.bits >= top_pass.runs {
+        return pack_names[child.held];
+    }
+    return bits;
+}
+
+// A word that depends on a child and its slot.
+fn node_mixed(name: u32, slot: u32) -> u32 {
+    var word = (name ^ (slot * 0x9e3779b9u)) * 0x85ebca6bu;
+    word = (word ^ (word >> 15u)) * 0xc2b2ae35u;
+    return word ^ (word >> 16u);
+}
+
 // The `MaskShares` of a child.
 fn node_shares(child: NodeChild) -> vec3<u32> {
     if child.bits == LIGHT_EMPTY_SLOT {
@@ -63,8 +90,8 @@ fn node_shares(child: NodeChild) -> vec3<u32> {
 }
 
 // Packs a node whose parent's place is `parent`, and holds its cluster at `held`. Writes into each part where its leaf
-// is, and into each node that was packed by an earlier dispatch the place of its parent. Twin of `Build::pack` in
-// src/top/mod.rs. Eight neighbouring invocations pack a node, one for each child; those without a node have `is_used`
+// is, and into each node that was packed by an earlier dispatch the place of its parent. The tail of a node has its
+// parent, 0, its name, and the number of the build that gave it that name. Twin of `Build::pack` in src/top/mod.rs. Eight neighbouring invocations pack a node, one for each child; those without a node have `is_used`
 // false. Call from uniform control flow.
 fn node_pack(lane: u32, node: u32, parent: u32, is_used: bool, child: NodeChild, held: u32) {
     let stored = node_layout();
@@ -76,6 +103,8 @@ fn node_pack(lane: u32, node: u32, parent: u32, is_used: bool, child: NodeChild,
         pack_masks(lane, node, is_used, child, held);
     }
     let cluster = node_cluster(child);
+    let child_bits = node_child_bits(child);
+    pack_child_names[lane] = node_mixed(node_child_name(child, child_bits), slot);
     let merged = pack_merged(lane, cluster, cluster.flux);
     if is_used {
         let bits = vec3(
@@ -84,20 +113,25 @@ fn node_pack(lane: u32, node: u32, parent: u32, is_used: bool, child: NodeChild,
             step_bits(merged.box_min.z, merged.box_max.z),
         );
         if slot == 0u {
-            node_store(stored, node, merged.box_min, bits, parent);
+            var name = 0u;
+            for (var i = 0u; i < LIGHT_WIDTH; i++) {
+                name += pack_child_names[first + i];
+            }
+            pack_names[held] = name;
+            // Of a node whose children are those of the build before, the number stays.
+            let tail = node_tail_word(stored, node);
+            let number = select(units[top_pass.runs], nodes[tail + 3u], nodes[tail + 2u] == name);
+            node_store(stored, node, merged.box_min, bits, vec4(parent, 0u, name, number));
             let finished = pack_finished(first, merged, pack_between(first, merged));
             clusters[top_pass.capacity + node] = finished;
             pack_clusters[held] = finished;
         }
         node_store_child(stored, place, child_packed(cluster, merged.box_min, bits));
-        var child_bits = child.bits;
-        if child_bits != LIGHT_EMPTY_SLOT {
-            if (child_bits & LIGHT_LEAF) != 0u {
-                let part = child_bits & ~LIGHT_LEAF;
-                nodes[top_part(part) + 2u] = place;
-                child_bits = node_leaf(part);
+        if child.bits != LIGHT_EMPTY_SLOT {
+            if (child.bits & LIGHT_LEAF) != 0u {
+                nodes[top_part(child.bits & ~LIGHT_LEAF) + 2u] = place;
             } else if child.held == NODE_STORED {
-                node_store_parent(stored, child_bits, place);
+                node_store_parent(stored, child.bits, place);
             }
         }
         node_store_child_bits(stored, place, child_bits);

@@ -86,6 +86,8 @@ pub(crate) struct TopBuild {
     /// The passes as they were sent: of the first stages, then one for each stage of divided nodes.
     passes: Vec<TopPass>,
     partition: SentPartition,
+    /// The number of the last build, which counts on where buffers are replaced.
+    number: u32,
     /// Something has changed since the last build.
     pub(super) is_due: bool,
     /// What the last build took.
@@ -104,6 +106,7 @@ impl TopBuild {
             new_uniforms: None,
             passes: Vec::new(),
             partition: SentPartition::default(),
+            number: 0,
             is_due: true,
             sizes: CommandSizes::default(),
         }
@@ -257,12 +260,14 @@ impl TopBuild {
     /// first [`TopBuild::prepare`].
     ///
     /// Takes 3 dispatches, 4 more for the sort, and one for each stage of divided nodes: 10 for a million parts.
-    pub(crate) fn build(&self, commands: &mut Commands, [parts, instances, trees]: [BufferId; 3]) {
+    pub(crate) fn build(&mut self, commands: &mut Commands, [parts, instances, trees]: [BufferId; 3]) {
         let (Some(buffers), Some(uniforms), [first, stages @ ..]) = (&self.buffers, self.uniforms, &self.passes[..])
         else {
             return;
         };
         let TopBuffers { nodes, clusters, partition, units, sort, .. } = buffers;
+        self.number = self.number.wrapping_add(1);
+        commands.write(*units, 4 * u64::from(buffers.capacity.nodes), &self.number.to_le_bytes());
         sort.clear(commands);
         let groups = first.count.div_ceil(LANES);
         commands.dispatch(LEAVES, &[uniforms, *clusters, *nodes, parts, instances, trees], 0, groups);
@@ -312,6 +317,12 @@ impl TopBuild {
     #[cfg(test)]
     pub(crate) fn clusters(&self) -> BufferId {
         self.buffers.as_ref().expect("the first plan has made the buffers").clusters
+    }
+
+    /// The number of nodes of a partition that there is room for, after which come runs.
+    #[cfg(test)]
+    pub(crate) fn first_run(&self) -> u32 {
+        self.buffers.as_ref().map_or(0, |buffers| buffers.capacity.nodes)
     }
 
     /// The number of parts that there is room for.

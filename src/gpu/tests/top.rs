@@ -1,6 +1,7 @@
 //! The worlds that the tests build, and how they read a build back.
 
 mod bounds;
+mod changes;
 mod layouts;
 mod twin;
 
@@ -38,6 +39,8 @@ struct Built {
     /// The clusters of the nodes.
     clusters: Vec<ClusterRecord>,
     nodes: Vec<Node>,
+    /// For each node its name, and the number of the build that gave it that name.
+    names: Vec<[u32; 2]>,
     /// The masks of the nodes; empty if they are not stored.
     masks: Vec<NodeMasks>,
 }
@@ -201,13 +204,15 @@ fn build(top: &mut TopRig, world: &LightWorld) -> Built {
     let clusters = leaves.split_off(top.capacity() as usize);
     let words: Vec<[u32; 4]> = rig.read(top.nodes());
     let (nodes, records) = words.split_at(top.parts() as usize);
+    let stored: &[NodeRecord] = bytemuck::cast_slice(nodes);
     let masks: &[[u32; 4]] = if has_masks { &words[top.masks() as usize..] } else { &[] };
     Built {
         records: bytemuck::cast_slice(&records[..parts.len()]).to_vec(),
         leaves: leaves[..parts.len()].iter().map(cluster_of).collect(),
         parts,
         clusters,
-        nodes: bytemuck::cast_slice(nodes).iter().map(NodeRecord::node).collect(),
+        nodes: stored.iter().map(NodeRecord::node).collect(),
+        names: stored.iter().map(|node| node.lights).collect(),
         masks: bytemuck::cast_slice(masks).to_vec(),
     }
 }
