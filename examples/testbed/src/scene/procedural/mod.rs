@@ -182,7 +182,10 @@ impl Animation for City {
 
 #[cfg(test)]
 mod tests {
-    use girandole::Light;
+    use std::collections::HashMap;
+
+    use girandole::tree::ChildRef;
+    use girandole::{FrameBudget, Light, LightWorld};
 
     use super::*;
 
@@ -224,16 +227,59 @@ mod tests {
     #[test]
     fn a_frame_moves_and_refits_only_what_changed() {
         let mut stage = city(Size::S);
-        stage.world.update(girandole::FrameBudget::UNLIMITED);
+        stage.world.update(FrameBudget::UNLIMITED);
         stage.animation.advance(0.0, &mut stage.scene, &mut stage.world).unwrap();
         let before: Vec<Affine3A> = stage.scene.objects.iter().map(|object| object.transform).collect();
         stage.animation.advance(0.04, &mut stage.scene, &mut stage.world).unwrap();
-        let report = stage.world.update(girandole::FrameBudget::UNLIMITED);
+        let report = stage.world.update(FrameBudget::UNLIMITED);
         assert!((60..=230).contains(&report.moved_instances), "{report:?}");
         // 6 strings across the avenue, 10 over the market, and the swarm.
         assert!((17..60).contains(&report.refit_trees), "{report:?}");
         let moved = stage.scene.objects.iter().zip(&before).filter(|(object, before)| object.transform != **before);
         assert!(moved.count() < 2_000);
+    }
+
+    /// The children of each node of the top level. Those of runs, which do not last and come after all other nodes, one
+    /// for four leaves, are in place of the runs.
+    fn children(world: &LightWorld) -> HashMap<u32, Vec<u32>> {
+        let nodes = world.top_nodes();
+        let (mut all, mut stack) = (HashMap::new(), vec![0]);
+        while let Some(node) = stack.pop() {
+            let below = (0..8).filter_map(|slot| nodes[node as usize].child(slot));
+            stack.extend(below.filter_map(|child| if let ChildRef::Node(node) = child { Some(node) } else { None }));
+            all.insert(node, nodes[node as usize].children.to_vec());
+        }
+        let leaves = all.values().flatten().filter(|child| matches!(ChildRef::of(**child), Some(ChildRef::Leaf(_))));
+        let first_run = nodes.len() as u32 - leaves.count() as u32 / 4;
+        let (runs, mut lasting): (HashMap<_, _>, HashMap<_, _>) = all.into_iter().partition(|(node, _)| *node >= first_run);
+        for children in lasting.values_mut() {
+            while children.iter().any(|child| runs.contains_key(child)) {
+                let open = |child: &u32| runs.get(child).cloned().unwrap_or_else(|| vec![*child]);
+                *children = children.iter().flat_map(open).collect();
+            }
+        }
+        lasting
+    }
+
+    #[test]
+    fn a_tenth_of_a_second_of_traffic_changes_one_node_of_the_top_level_in_twenty_at_most() {
+        for (size, least) in [(Size::S, 200), (Size::M, 2_000)] {
+            let Stage { mut scene, mut world, mut animation } = city(size);
+            let mut time = 0.0;
+            let mut drive = |world: &mut LightWorld, frames: u32| {
+                for _ in 0..frames {
+                    time += 1.0 / 60.0;
+                    animation.advance(time, &mut scene, world).unwrap();
+                    world.update(FrameBudget::NONE);
+                }
+                children(world)
+            };
+            let before = drive(&mut world, 120);
+            let after = drive(&mut world, 6);
+            let changed = after.iter().filter(|(node, children)| before.get(node) != Some(children)).count();
+            assert!(after.len() > least && changed > 0, "{changed} of {}", after.len());
+            assert!(20 * changed < after.len(), "{size:?}: {changed} of {}", after.len());
+        }
     }
 
     #[test]
