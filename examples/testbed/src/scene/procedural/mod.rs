@@ -251,7 +251,8 @@ mod tests {
         }
         let leaves = all.values().flatten().filter(|child| matches!(ChildRef::of(**child), Some(ChildRef::Leaf(_))));
         let first_run = nodes.len() as u32 - leaves.count() as u32 / 4;
-        let (runs, mut lasting): (HashMap<_, _>, HashMap<_, _>) = all.into_iter().partition(|(node, _)| *node >= first_run);
+        let (runs, mut lasting): (HashMap<_, _>, HashMap<_, _>) =
+            all.into_iter().partition(|(node, _)| *node >= first_run);
         for children in lasting.values_mut() {
             while children.iter().any(|child| runs.contains_key(child)) {
                 let open = |child: &u32| runs.get(child).cloned().unwrap_or_else(|| vec![*child]);
