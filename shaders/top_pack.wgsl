@@ -118,9 +118,14 @@ fn node_pack(lane: u32, node: u32, parent: u32, is_used: bool, child: NodeChild,
                 name += pack_child_names[first + i];
             }
             pack_names[held] = name;
-            // Of a node whose children are those of the build before, the number stays.
+            // Of a node whose children are those of the build before, the number stays. The root is the last node of a
+            // build, and no other invocation packs a node with it.
             let tail = node_tail_word(stored, node);
-            let number = select(units[top_pass.runs], nodes[tail + 3u], nodes[tail + 2u] == name);
+            let build = units[top_pass.runs] + 1u;
+            let number = select(build, nodes[tail + 3u], nodes[tail + 2u] == name);
+            if node == 0u {
+                units[top_pass.runs] = build;
+            }
             node_store(stored, node, merged.box_min, bits, vec4(parent, 0u, name, number));
             let finished = pack_finished(first, merged, pack_between(first, merged));
             clusters[top_pass.capacity + node] = finished;

@@ -340,7 +340,7 @@ impl LightPlanner {
     /// The refit of trees that kernels of the engine write and the build of the top level, after the last plan,
     /// whether they are due or not. It may be played
     /// again at any time between two plans. Adds nothing before the first plan.
-    pub fn top_level(&mut self) -> Commands {
+    pub fn top_level(&self) -> Commands {
         let mut commands = Commands::default();
         self.build_top(&mut commands);
         commands
@@ -380,7 +380,7 @@ impl LightPlanner {
         self.sources.next_parts(most, &self.trees.records)
     }
 
-    fn build_top(&mut self, commands: &mut Commands) {
+    fn build_top(&self, commands: &mut Commands) {
         if self.uniforms.params_buffer.is_some() {
             let [nodes, lights, records] =
                 [self.trees.nodes.buffer(), self.trees.lights.buffer(), self.trees.records.buffer()];

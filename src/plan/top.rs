@@ -86,8 +86,6 @@ pub(crate) struct TopBuild {
     /// The passes as they were sent: of the first stages, then one for each stage of divided nodes.
     passes: Vec<TopPass>,
     partition: SentPartition,
-    /// The number of the last build, which counts on where buffers are replaced.
-    number: u32,
     /// Something has changed since the last build.
     pub(super) is_due: bool,
     /// What the last build took.
@@ -106,7 +104,6 @@ impl TopBuild {
             new_uniforms: None,
             passes: Vec::new(),
             partition: SentPartition::default(),
-            number: 0,
             is_due: true,
             sizes: CommandSizes::default(),
         }
@@ -188,6 +185,8 @@ impl TopBuild {
         self.uniforms = self.new_uniforms.take().or(self.uniforms);
         let Some(new) = self.replacement.take() else { return };
         commands.zero(new.nodes, 0..new.nodes_bytes);
+        let units = 4 * u64::from(new.capacity.nodes);
+        commands.zero(new.units, units..units + 4);
         self.passes.clear();
         let partition = new.partition;
         let old = self.buffers.replace(new);
@@ -260,14 +259,12 @@ impl TopBuild {
     /// first [`TopBuild::prepare`].
     ///
     /// Takes 3 dispatches, 4 more for the sort, and one for each stage of divided nodes: 10 for a million parts.
-    pub(crate) fn build(&mut self, commands: &mut Commands, [parts, instances, trees]: [BufferId; 3]) {
+    pub(crate) fn build(&self, commands: &mut Commands, [parts, instances, trees]: [BufferId; 3]) {
         let (Some(buffers), Some(uniforms), [first, stages @ ..]) = (&self.buffers, self.uniforms, &self.passes[..])
         else {
             return;
         };
         let TopBuffers { nodes, clusters, partition, units, sort, .. } = buffers;
-        self.number = self.number.wrapping_add(1);
-        commands.write(*units, 4 * u64::from(buffers.capacity.nodes), &self.number.to_le_bytes());
         sort.clear(commands);
         let groups = first.count.div_ceil(LANES);
         commands.dispatch(LEAVES, &[uniforms, *clusters, *nodes, parts, instances, trees], 0, groups);

@@ -99,7 +99,7 @@ pub(super) struct TopBuffers {
     pub clusters: BufferId,
     /// The divided nodes of the partition, then the roots of blocks.
     pub partition: BufferId,
-    /// What each node of the partition is as a child, then the number of the build.
+    /// What each node of the partition is as a child, then how many builds these buffers have seen.
     pub units: BufferId,
     pub sort: SortBuffers,
 }
