@@ -1,12 +1,12 @@
-// Packs a node of the top level. Binds nothing; uses the variables `top_pass`, `clusters`, `nodes` and
-// `units` of the stage.
+// Packs a node of the top level. Binds nothing; uses the variables `top_pass`, `clusters` and
+// `nodes` of the stage.
 
 // The clusters of nodes that this workgroup has packed: other invocations of this dispatch may not see
 // what one of them writes to `clusters`.
 var<workgroup> pack_clusters: array<LightCluster, TOP_HELD>;
 // For each such node the three words of its `MaskShares`.
 var<workgroup> pack_shares: array<u32, 3u * TOP_HELD>;
-// For each such node its name: see node_name.
+// For each such node its name.
 var<workgroup> pack_names: array<u32, TOP_HELD>;
 // The name of each invocation's child, mixed with its slot.
 var<workgroup> pack_child_names: array<u32, TOP_NODE_LANES>;
@@ -91,7 +91,7 @@ fn node_shares(child: NodeChild) -> vec3<u32> {
 
 // Packs a node whose parent's place is `parent`, and holds its cluster at `held`. Writes into each part where its leaf
 // is, and into each node that was packed by an earlier dispatch the place of its parent. The tail of a node has its
-// parent, 0, its name, and the number of the build that gave it that name. Twin of `Build::pack` in src/top/mod.rs. Eight neighbouring invocations pack a node, one for each child; those without a node have `is_used`
+// parent, 0, and its name, which changes with its children. Twin of `Build::pack` in src/top/mod.rs. Eight neighbouring invocations pack a node, one for each child; those without a node have `is_used`
 // false. Call from uniform control flow.
 fn node_pack(lane: u32, node: u32, parent: u32, is_used: bool, child: NodeChild, held: u32) {
     let stored = node_layout();
@@ -118,15 +118,7 @@ fn node_pack(lane: u32, node: u32, parent: u32, is_used: bool, child: NodeChild,
                 name += pack_child_names[first + i];
             }
             pack_names[held] = name;
-            // Of a node whose children are those of the build before, the number stays. The root is the last node of a
-            // build, and no other invocation packs a node with it.
-            let tail = node_tail_word(stored, node);
-            let build = units[top_pass.runs] + 1u;
-            let number = select(build, nodes[tail + 3u], nodes[tail + 2u] == name);
-            if node == 0u {
-                units[top_pass.runs] = build;
-            }
-            node_store(stored, node, merged.box_min, bits, vec4(parent, 0u, name, number));
+            node_store(stored, node, merged.box_min, bits, vec4(parent, 0u, name, 0u));
             let finished = pack_finished(first, merged, pack_between(first, merged));
             clusters[top_pass.capacity + node] = finished;
             pack_clusters[held] = finished;

@@ -11,7 +11,7 @@ struct LightNode {
     // See `LightPackedChild`.
     children: array<vec4<u32>, 8>,
     // The parent, and the ratios of flux by surfaces. Of the root of a tree also the index of its first light, and
-    // how many lights it has. Of a node of the top level, its name, and since which build it has that: see node_pack.
+    // how many lights it has. Of a node of the top level also its name: see node_pack.
     tail: vec4<u32>,
     // Two children each.
     lobes: array<vec4<u32>, 4>,

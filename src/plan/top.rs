@@ -185,8 +185,6 @@ impl TopBuild {
         self.uniforms = self.new_uniforms.take().or(self.uniforms);
         let Some(new) = self.replacement.take() else { return };
         commands.zero(new.nodes, 0..new.nodes_bytes);
-        let units = 4 * u64::from(new.capacity.nodes);
-        commands.zero(new.units, units..units + 4);
         self.passes.clear();
         let partition = new.partition;
         let old = self.buffers.replace(new);

@@ -39,8 +39,8 @@ struct Built {
     /// The clusters of the nodes.
     clusters: Vec<ClusterRecord>,
     nodes: Vec<Node>,
-    /// For each node its name, and the number of the build that gave it that name.
-    names: Vec<[u32; 2]>,
+    /// For each node its name.
+    names: Vec<u32>,
     /// The masks of the nodes; empty if they are not stored.
     masks: Vec<NodeMasks>,
 }
@@ -212,7 +212,7 @@ fn build(top: &mut TopRig, world: &LightWorld) -> Built {
         parts,
         clusters,
         nodes: stored.iter().map(NodeRecord::node).collect(),
-        names: stored.iter().map(|node| node.lights).collect(),
+        names: stored.iter().map(|node| node.lights[0]).collect(),
         masks: bytemuck::cast_slice(masks).to_vec(),
     }
 }

@@ -99,7 +99,7 @@ pub(super) struct TopBuffers {
     pub clusters: BufferId,
     /// The divided nodes of the partition, then the roots of blocks.
     pub partition: BufferId,
-    /// What each node of the partition is as a child, then how many builds these buffers have seen.
+    /// What each node of the partition is as a child.
     pub units: BufferId,
     pub sort: SortBuffers,
 }
@@ -137,7 +137,7 @@ impl TopBuffers {
             clusters: add("top level clusters", sizes.clusters),
             partition: partition
                 .unwrap_or_else(|| add("top level partition", u64::from(capacity.nodes) * PARTITION_BYTES)),
-            units: add("top level units", 4 * (u64::from(capacity.nodes) + 1)),
+            units: add("top level units", 4 * u64::from(capacity.nodes)),
         })
     }
 

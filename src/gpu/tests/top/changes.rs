@@ -1,4 +1,4 @@
-//! Nodes say since which build they have their children.
+//! Nodes have names that change with their children.
 
 use std::collections::HashMap;
 
@@ -44,38 +44,32 @@ fn shake(world: &mut LightWorld, (one_in, length): (usize, f64), round: u32) {
 }
 
 #[test]
-fn nodes_have_the_number_of_the_build_that_changed_their_children() {
+fn the_names_of_nodes_change_with_their_children() {
     let mut top = TopRig::new();
     let mut world = world_of(4000, placement);
-    let mut former: Option<(Built, u32)> = None;
+    let mut former = HashMap::new();
     let (mut least, mut most) = (1.0_f32, 0.0_f32);
-    let mut number = 0;
     for (round, (one_in, length)) in
         (0..).zip([(1, 0.0), (1, 0.0), (10, 1.0), (10, 1.0), (10, 100.0), (100, 1000.0), (1, 1000.0), (1, 0.0)])
     {
         shake(&mut world, (one_in, length), round);
-        let buffer = (round > 0).then(|| top.top.nodes());
         let built = build(&mut top, &world);
-        let is_new = buffer != Some(top.top.nodes());
-        // New buffers count from the start.
-        number = if is_new { 1 } else { number + 1 };
-        let runs = top.top.first_run();
-        let now = children(&built, runs);
-        let before = former.filter(|_| !is_new).map_or_else(HashMap::new, |(built, runs)| children(&built, runs));
+        let now: HashMap<usize, _> = children(&built, top.top.first_run())
+            .into_iter()
+            .map(|(node, children)| (node, (built.names[node], children)))
+            .collect();
         let mut changed = 0;
-        for (node, children) in &now {
-            let [_, since] = built.names[*node];
-            let is_changed = before.get(node) != Some(children);
-            // A node may have left the tree and come back as it was.
-            let is_back = is_changed && !before.contains_key(node) && !is_new;
-            assert!((since == number) == is_changed || is_back, "build {number}: {node} since {since}");
-            changed += u32::from(is_changed);
+        for (node, (name, children)) in &now {
+            if let Some((former_name, before)) = former.get(node) {
+                assert_eq!(name == former_name, children == before, "round {round}: {node}");
+            }
+            changed += u32::from(former.get(node) != now.get(node));
         }
-        if !is_new {
+        if round > 0 {
             let share = changed as f32 / now.len() as f32;
             (least, most) = (least.min(share), most.max(share));
         }
-        former = Some((built, runs));
+        former = now;
     }
     assert!(least == 0.0 && most > 0.5, "{least} {most}");
 }

@@ -32,7 +32,7 @@ fn every_layout_stores_its_parts_of_the_same_nodes() {
             let ours = &stored[node * strides.node as usize..][..strides.node as usize];
             let (core, rest) = full[node].split_at(10);
             assert_eq!(&ours[..9], &core[..9]);
-            // What follows is since when the node has its children.
+            // What follows is the name of the node.
             assert_eq!(ours[9][..2], core[9][..2]);
             if strides.lobes > 0 {
                 assert_eq!(&ours[strides.lobes as usize..], rest);
