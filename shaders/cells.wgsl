@@ -1,17 +1,6 @@
 // The cell of a shading point, whose points share a cut. Twin of src/sampling/cuts/cell.rs, which explains
 // it and owns the constants. src/plan/cuts owns the buffers.
 
-// What tells cells apart. Twin of `CutCell`.
-struct LightCutCell {
-    corner: vec3<u32>,
-    // LIGHT_NO_CELL for a point that shares no cell.
-    kind: u32,
-    mask: u32,
-    // Which of a cell's words the point may become, and its word. Twin of `Place`.
-    which: u32,
-    word: u32,
-}
-
 const LIGHT_NO_CELL: u32 = 0xffffffffu;
 
 // The cell of a shading point. Twin of `CutGrid::cell`.

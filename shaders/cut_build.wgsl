@@ -12,6 +12,9 @@ var<workgroup> importance: array<f32, 2048>;
 // For each child of each node what it is split by; 0 for what cannot be split.
 var<workgroup> keys: array<u32, 256>;
 var<workgroup> nodes: array<LightPlace, 32>;
+// The child that each node was, and a word with the fluxes of four children for each invocation.
+var<workgroup> parents: array<u32, 32>;
+var<workgroup> fluxes: array<u32, 64>;
 // Bits of the children that may send light.
 var<workgroup> lit: array<u32, 32>;
 var<workgroup> exchanged: array<vec4<f32>, 64>;
@@ -44,14 +47,10 @@ fn cell_normal(normal_class: u32, slopes: u32) -> vec3<f32> {
 
 // A point of a cell, or its middle. Twin of `CutGrid::point` and `CutGrid::center`.
 fn cell_point(cell: LightCutCell, word: u32, is_center: bool) -> LightShadingPoint {
-    let level = cell.kind & 15u;
     let shifts = 2u * LIGHT_SLOPE_BITS + LIGHT_PLACE_BITS * vec3(2u, 1u, 0u);
     let within = vec3<f32>((vec3(word) >> shifts) & vec3((1u << LIGHT_PLACE_BITS) - 1u)) + 0.5;
-    let middle = f32(1u << (LIGHT_PLACE_BITS - 1u));
-    let place = select(within, vec3(middle), is_center);
-    let corner = (cell.corner << vec3(LIGHT_PLACE_BITS + level)) - light_cuts.grid.first;
-    let units = vec3<f32>(bitcast<vec3<i32>>(corner)) + place * f32(1u << level);
-    let position = units * light_cuts.grid.unit - light_cuts.grid.offset;
+    let place = select(within, vec3(f32(1u << (LIGHT_PLACE_BITS - 1u))), is_center);
+    let position = row_position(cell, place);
     var point: LightShadingPoint;
     if is_center {
         point = light_volume_point(position);
@@ -180,6 +179,9 @@ fn cut_build(
     var place = LightPlace(LIGHT_NO_INSTANCE, 0u);
     var local = light_local_to_top(point);
     var count = 0u;
+    if lane == 0u {
+        next = vec3(0u);
+    }
     // The sum of the resolved importances of this invocation.
     var column = 0.0;
     loop {
@@ -215,6 +217,7 @@ fn cut_build(
         }
         if lane == 0u {
             nodes[count] = place;
+            parents[count] = select(next.z, LIGHT_SKY_ROOT, next.z == SECOND_ROOT);
             var bits = 0u;
             for (var i = 0u; i < LIGHT_WIDTH; i++) {
                 bits |= select(0u, 1u << i, exchanged[i].w > 0.0);
@@ -367,6 +370,38 @@ fn cut_build(
             pair = vec4(pair.xy, nodes[2u * lane + 1u].instance, nodes[2u * lane + 1u].index);
         }
         light_cuts.quads[row + LIGHT_ROW_NODES + lane] = pair;
+    }
+    // What tells later whether the row still suits.
+    workgroupBarrier();
+    keys[lane] = 0u;
+    fluxes[lane] = 0u;
+    if node < count {
+        let known = row_children(nodes[node], first_slot, cell.mask);
+        keys[lane] = known.name;
+        fluxes[lane] = known.flux;
+    }
+    workgroupBarrier();
+    if lane < LIGHT_SHARED_NODES / 2u {
+        let first = 4u * lane;
+        light_cuts.quads[row + LIGHT_ROW_FLUX + lane] =
+            vec4(fluxes[first], fluxes[first + 1u], fluxes[first + 2u], fluxes[first + 3u]);
+    }
+    if lane < LIGHT_SHARED_NODES / 16u {
+        var words = vec4(0u);
+        for (var i = 0u; i < 16u; i++) {
+            let index = 16u * lane + i;
+            words[i / 4u] |= select(0u, parents[index], index < count) << (8u * (i % 4u));
+        }
+        light_cuts.quads[row + LIGHT_ROW_FROM + lane] = words;
+    }
+    if lane == 62u {
+        var name = 0u;
+        for (var i = 0u; i < 64u; i++) {
+            name += keys[i];
+        }
+        let age = light_cuts.quads[row + LIGHT_ROW_STATE].y;
+        let toward = row_direction(row_toward(cell, row_center(cell)));
+        light_cuts.quads[row + LIGHT_ROW_STATE] = vec4(name, age, toward, 0u);
     }
     if lane == 63u {
         light_cuts.quads[row] = vec4(count, point_count, bitcast<u32>(shared_parts.w), sum_at_end);

@@ -10,7 +10,8 @@ struct LightCutGrid {
     // The slots of the table less one.
     last_slot: u32,
     first: vec3<u32>,
-    padding: u32,
+    // The slots of cells to look at: the word at which they begin.
+    looks: u32,
     eye: vec3<f32>,
     // 1 if there is an eye.
     has_eye: u32,
@@ -21,4 +22,15 @@ struct LightCutGrid {
     // The numbers of free rows and the slots of cells to build: the words at which they begin.
     free_rows: u32,
     listed: u32,
+}
+
+// What tells cells apart. Twin of `CutCell`.
+struct LightCutCell {
+    corner: vec3<u32>,
+    // LIGHT_NO_CELL for a point that shares no cell.
+    kind: u32,
+    mask: u32,
+    // Which of a cell's words the point may become, and its word. Twin of `Place`.
+    which: u32,
+    word: u32,
 }

@@ -1,9 +1,11 @@
-// Lists the cells to build, and gives rows to them and back. One invocation for each slot of the table.
+// Lists the cells to look at and to build, and gives rows to them and back. One invocation for each slot of the table.
 // Twin of `CutTable::builds`.
 //
-// The head of the table: whether cuts are valid; the number of listed cells; the first and the end of
-// the free rows in their ring, and where those end that were free before this frame; the number of cells
-// to build; counters, of which LIGHT_LOST_MARKS is the last; and the eye of the last build.
+// The head of the table: 0 while cuts are void, and then how many builds there were since, up to LIGHT_TURNS + 1;
+// the number of listed cells to build; the first and the end of the free rows in their ring, and where those end that
+// were free before this frame; the number of cells to build; how many builds there were since the eye moved; counters, of which LIGHT_LOST_MARKS is the last; the eye of
+// the last build; the number of listed cells to look at; the number of cells to look at; and whether anything was
+// learnt since the last build.
 
 struct LightCutTable { grid: LightCutGrid, words: array<atomic<u32>> }
 
@@ -16,12 +18,16 @@ const FIRST_FREE: u32 = 2u;
 const END_OF_FREE: u32 = 3u;
 const USABLE: u32 = 4u;
 const TO_BUILD: u32 = 5u;
+const EYE_REST: u32 = 6u;
 const MARKED: u32 = 8u;
 const BUILT: u32 = 9u;
 const KEPT: u32 = 10u;
 const RARE: u32 = 11u;
 const REFUSED: u32 = 12u;
 const BUILT_EYE: u32 = 14u;
+const LISTED_LOOKS: u32 = 17u;
+const TO_LOOK_AT: u32 = 18u;
+const TAUGHT: u32 = 19u;
 
 // Whether the eye is elsewhere than in the last build.
 fn has_eye_moved() -> bool {
@@ -86,11 +92,17 @@ fn cut_list(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroup
         return;
     }
     let is_glossy = (atomicLoad(&light_cuts.words[at + 7u]) >> LIGHT_GLOSS_SHIFT) != 0u;
-    let is_same = atomicLoad(&light_cuts.words[0]) != 0u && !(is_glossy && has_eye_moved());
+    let is_calm = atomicLoad(&light_cuts.words[0]) > LIGHT_TURNS
+        && !(is_glossy && (has_eye_moved() || atomicLoad(&light_cuts.words[EYE_REST]) < LIGHT_TURNS));
     let built_points = atomicLoad(&light_cuts.words[at + 3u]);
-    if is_same && built_points != 0u && points(at) <= built_points {
-        atomicAdd(&light_cuts.words[KEPT], 1u);
-        forget_points(at);
+    if built_points != 0u && points(at) <= built_points {
+        if is_calm {
+            atomicAdd(&light_cuts.words[KEPT], 1u);
+            forget_points(at);
+        } else {
+            let number = atomicAdd(&light_cuts.words[LISTED_LOOKS], 1u);
+            atomicStore(&light_cuts.words[light_cuts.grid.looks + number], slot);
+        }
         return;
     }
     // It has no cut until it is built.
@@ -104,19 +116,33 @@ fn cut_list(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroup
         }
         let row = atomicLoad(&light_cuts.words[light_cuts.grid.free_rows + (first & last_row())]);
         atomicStore(&light_cuts.words[at + 2u], row);
+        let quad = light_cuts.grid.first_row + (row - 1u) * LIGHT_ROW_QUADS + LIGHT_ROW_STATE;
+        atomicStore(&light_cuts.words[4u * quad + 1u], 0u);
     }
     let number = atomicAdd(&light_cuts.words[LISTED], 1u);
     atomicStore(&light_cuts.words[light_cuts.grid.listed + number], slot);
 }
 
-// Ends the list: one invocation.
+fn dispatch_of(groups: u32) {
+    report[0] = min(groups, 65535u);
+    report[1] = (groups + 65534u) / 65535u;
+    report[2] = 1u;
+    report[3] = 0u;
+}
+
+// Ends the list of cells to look at: one invocation.
+@compute @workgroup_size(1)
+fn cut_looks() {
+    let listed = atomicExchange(&light_cuts.words[LISTED_LOOKS], 0u);
+    dispatch_of(listed);
+    atomicStore(&light_cuts.words[TO_LOOK_AT], listed);
+}
+
+// Ends the list of cells to build: one invocation.
 @compute @workgroup_size(1)
 fn cut_dispatch() {
     let listed = atomicExchange(&light_cuts.words[LISTED], 0u);
-    report[0] = min(listed, 65535u);
-    report[1] = (listed + 65534u) / 65535u;
-    report[2] = 1u;
-    report[3] = 0u;
+    dispatch_of(listed);
     atomicStore(&light_cuts.words[TO_BUILD], listed);
     atomicStore(&light_cuts.words[BUILT], listed);
     for (var i = 0u; i < 6u; i++) {
@@ -128,10 +154,14 @@ fn cut_dispatch() {
         atomicStore(&light_cuts.words[FIRST_FREE], usable);
     }
     atomicStore(&light_cuts.words[USABLE], atomicLoad(&light_cuts.words[END_OF_FREE]));
+    let rest = atomicLoad(&light_cuts.words[EYE_REST]);
+    atomicStore(&light_cuts.words[EYE_REST], select(min(rest, LIGHT_TURNS) + 1u, 0u, has_eye_moved()));
     let eye = bitcast<vec3<u32>>(light_cuts.grid.eye);
     for (var i = 0u; i < 3u; i++) {
         atomicStore(&light_cuts.words[BUILT_EYE + i], eye[i]);
     }
+    atomicStore(&light_cuts.words[TAUGHT], 0u);
     // From here on shaders may use the cuts.
-    atomicStore(&light_cuts.words[0], 1u);
+    let calm = atomicLoad(&light_cuts.words[0]);
+    atomicStore(&light_cuts.words[0], min(calm, LIGHT_TURNS) + 1u);
 }

@@ -1,8 +1,8 @@
 // Chooses from the cut that the points of a cell share. Twin of src/sampling/cuts/placed.rs.
 //
-// A row has 85 quads: the number of nodes, that of the points it was made for, what directional lights
+// A row has 104 quads: the number of nodes, that of the points it was made for, what directional lights
 // bring over what trees do, and the sum of all units; the running sum at the end of each sixteenth
-// child; the nodes as instance and index; the running sums of all children.
+// child; the nodes as instance and index; the running sums of all children; and what cut_keep.wgsl reads.
 
 // mark.wgsl has the order.
 struct LightCutTable { grid: LightCutGrid, quads: array<vec4<u32>> }

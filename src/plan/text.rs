@@ -240,7 +240,20 @@ fn cut_build(effects: Effects, learns: bool) -> String {
     let extras = Extras { learns, cells: Some(CutFallback::Walk), ..Extras::default() };
     let functions = functions(0, effects, extras, None)
         .replace("var<storage, read> light_cuts", "var<storage, read_write> light_cuts");
-    with_constants(&(functions + &variant(include_str!("../../shaders/cut_build.wgsl"), effects, extras)))
+    let build = include_str!("../../shaders/row.wgsl").to_owned() + include_str!("../../shaders/cut_build.wgsl");
+    with_constants(&(functions + &variant(&build, effects, extras)))
+}
+
+/// The stage that looks at rows. It reads any layout.
+pub(crate) fn wgsl_of_cut_keep() -> String {
+    let effects = Effects::MASKS | Effects::SKY;
+    let own = [
+        include_str!("../../shaders/cut_grid.wgsl"),
+        include_str!("../../shaders/row.wgsl"),
+        include_str!("../../shaders/cut_keep.wgsl"),
+    ]
+    .concat();
+    with_constants(&(functions(0, effects, Extras::default(), None) + &variant(&own, effects, Extras::default())))
 }
 
 /// The stages that fold what was recorded about visibility.
@@ -406,6 +419,12 @@ pub(crate) fn constants() -> String {
         ("ROW_QUADS", cut_layout::ROW_QUADS),
         ("ROW_NODES", cut_layout::ROW_NODES),
         ("ROW_SUMS", cut_layout::ROW_SUMS),
+        ("ROW_FROM", cut_layout::ROW_FROM),
+        ("ROW_STATE", cut_layout::ROW_STATE),
+        ("ROW_FLUX", cut_layout::ROW_FLUX),
+        ("TURNS", cuts::keep::TURNS),
+        ("FLUX_JUMP", cuts::keep::FLUX_JUMP),
+        ("SKY_ROOT", cuts::keep::SKY_ROOT.into()),
         ("WAYS", visibility::WAYS as u32),
         ("MIN_IDLE", visibility::MIN_IDLE),
         ("BINS", visibility::BINS as u32),
@@ -518,6 +537,8 @@ pub(crate) fn constants() -> String {
         ("LEAST_RATIO", cuts::REFLECTANCES[0]),
         ("GREATEST_RATIO", cuts::REFLECTANCES[1]),
         ("VIEW_COSINE", cuts::VIEW_COSINE),
+        ("KEPT_VIEW_COSINE", cuts::keep::KEPT_VIEW_COSINE),
+        ("JUMP_SHARE", cuts::keep::JUMP_SHARE),
         ("MAX_COORDINATE", visibility::MAX_COORDINATE),
         ("MAX_DIST", visibility::MAX_DIST),
         ("ROUNDING", visibility::ROUNDING),
@@ -746,7 +767,8 @@ mod tests {
             let build = module(&wgsl_of_cut_build(effects));
             assert_eq!(build.entry_points[0].workgroup_size, [64, 1, 1]);
         }
-        assert_eq!(module(&wgsl_of_cut_list()).entry_points.len(), 2);
+        assert_eq!(module(&wgsl_of_cut_list()).entry_points.len(), 3);
+        assert_eq!(module(&wgsl_of_cut_keep()).entry_points.len(), 1);
     }
 
     #[test]

@@ -14,7 +14,8 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use crate::cluster::Cluster;
 use crate::instance::part::{PART, PART_BITS, Part};
-use crate::tree::{ChildRef, EMPTY_SLOT, NO_PARENT, Node, WIDTH, WideCluster};
+use crate::math::dice::hash;
+use crate::tree::{ChildRef, EMPTY_SLOT, LEAF, NO_PARENT, Node, WIDTH, WideCluster};
 use masks::{MaskShares, NodeMasks};
 use partition::{PartId, Partition, ROOT};
 
@@ -39,6 +40,8 @@ pub(crate) struct TopLevel {
     first_parts: Vec<u32>,
     /// The masks below each node. Empty if all instances have all bits.
     pub masks: Vec<NodeMasks>,
+    /// The first run.
+    first_run: u32,
 }
 
 /// A part or a node that has no parent yet.
@@ -79,6 +82,7 @@ impl TopLevel {
         order.iter().for_each(|(cell, _)| starts[*cell as usize + 1] += 1);
         (0..partition.len()).for_each(|cell| starts[cell + 1] += starts[cell]);
         let mut build = Build { top, parts, order, starts, partition };
+        build.top.first_run = partition.len() as u32;
         build.top.nodes.resize(partition.len() + build.order.len() / PARTS_PER_RUN, Node::EMPTY);
         build.unit(ROOT);
         build.top
@@ -117,7 +121,21 @@ impl TopLevel {
             parts,
             first_parts,
             masks: Vec::new(),
+            first_run: u32::MAX,
         }
+    }
+
+    /// What changes with the children of a node. A run has the name of its children.
+    pub fn name(&self, node: u32) -> u32 {
+        let named = |slot: usize| match self.nodes[node as usize].child(slot) {
+            None => 0,
+            Some(ChildRef::Node(child)) if child >= self.first_run => self.name(child),
+            Some(ChildRef::Node(child)) => child,
+            Some(ChildRef::Leaf(leaf)) => {
+                self.part(leaf).map_or(0, |part| hash(part.slot) ^ entry_bits(part.entry) ^ LEAF)
+            }
+        };
+        (0..WIDTH).fold(0, |sum: u32, slot| sum.wrapping_add(hash(named(slot) ^ hash(slot as u32))))
     }
 
     /// The part that a leaf is. `leaf` are its child bits below [`LEAF`]. `None` if there
@@ -135,6 +153,13 @@ impl TopLevel {
         let slot = slot as usize;
         let [first, end] = [slot, slot + 1].map(|i| self.first_parts.get(i).map_or(self.places.len(), |p| *p as usize));
         &self.places[first..end]
+    }
+}
+
+fn entry_bits(entry: ChildRef) -> u32 {
+    match entry {
+        ChildRef::Node(node) => node,
+        ChildRef::Leaf(light) => LEAF | light,
     }
 }
 

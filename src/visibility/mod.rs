@@ -174,6 +174,8 @@ pub struct VisibilityTable {
     id: u64,
     /// How many frames have ended.
     frames: u64,
+    /// The last of them in which anything was recorded; 0 for none.
+    last_change: u64,
     /// The tag of the cell or block of each row, or 0: first the cells', then the blocks'.
     tags: Vec<u32>,
     /// Frames without a record, for each row.
@@ -200,6 +202,7 @@ impl VisibilityTable {
             options,
             id: NEXT_ID.fetch_add(1, Relaxed),
             frames: 0,
+            last_change: 0,
             tags: vec![0; rows],
             idle: vec![0; rows],
             shares: vec![FULL_SHARE; rows * BINS],
@@ -235,6 +238,7 @@ impl VisibilityTable {
             let claim = std::mem::take(self.claims[row].get_mut());
             let bins = row * BINS..(row + 1) * BINS;
             if touched != 0 {
+                self.last_change = self.frames;
                 self.tags[row] |= LEARNT_BIT;
                 self.idle[row] = 0;
                 for (known, counts) in self.known[bins.clone()].iter_mut().zip(&mut self.counts[bins.clone()]) {
@@ -312,9 +316,9 @@ impl VisibilityTable {
         self.id
     }
 
-    /// The number of the last frame that has changed what is known about a cell, from 1 on; 0 if nothing is.
-    pub(crate) fn last_change(&self, cell: &Cell) -> u64 {
-        self.learnt_row(cell).map_or(0, |row| self.frames - u64::from(self.idle[row]))
+    /// The number of the last frame in which anything was recorded, from 1 on; 0 if nothing was.
+    pub(crate) fn last_change(&self) -> u64 {
+        self.last_change
     }
 
     /// The row that counts the records of a cell in this frame: its own, or that of its block. Claims rows for those

@@ -16,3 +16,4 @@ pub mod learning;
 pub mod sky;
 pub mod signs;
 pub mod window;
+pub mod kept;

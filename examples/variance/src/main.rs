@@ -14,6 +14,7 @@
 //! cargo run --release -p variance -- --out FILE.csv --learn
 //! cargo run --release -p variance -- --out FILE.csv --sky [--shading-points N]
 //! cargo run --release -p variance -- --out FILE.csv --signs
+//! cargo run --release -p variance -- --out FILE.csv --kept [--world S|M|L] [--shading-points N]
 //! ```
 //!
 //! `--quick` makes each of them small, to try it out. The first form prints a table and writes it as
@@ -33,7 +34,8 @@
 //! minutes. `--learn` measures how much of that a table of learnt visibility gains, and how fast
 //! (`learning.rs`). `--sky` measures a sky beside lamps, chosen together and by halves (`sky.rs`),
 //! and a room with a window (`window.rs`). `--signs` measures
-//! surfaces that emit an image (`signs.rs`). `docs/benchmarks.md` has measured tables and the rules of measurement.
+//! surfaces that emit an image (`signs.rs`). `--kept` measures cuts of cells that are kept while traffic drives
+//! (`kept.rs`). `docs/benchmarks.md` has measured tables and the rules of measurement.
 
 use clap::Parser;
 use scene::SceneError;
@@ -84,6 +86,9 @@ struct Options {
     /// Measure signs and films, instead
     #[arg(long, conflicts_with_all = ["gltf", "world", "deform", "candidates", "gloss", "torture", "shadows", "learn", "segments", "sky"])]
     signs: bool,
+    /// Measure cuts of cells that are kept while traffic drives, instead
+    #[arg(long, conflicts_with_all = ["gltf", "deform", "candidates", "gloss", "torture", "shadows", "learn", "segments", "sky", "signs"])]
+    kept: bool,
     /// Number of shading points
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     shading_points: u32,
@@ -124,6 +129,9 @@ fn run(options: &Options) -> Result<(), SceneError> {
     }
     if options.sky {
         return variance::sky::run(count, effort, &options.out);
+    }
+    if options.kept {
+        return variance::kept::run(options.world, count, effort, &options.out);
     }
     if options.signs {
         return variance::signs::run(count, effort, &options.out);

@@ -15,7 +15,7 @@ impl GpuLights {
     /// Makes a table of cuts that neighbours share, or drops the present one for `None`. Before the first
     /// call there is none.
     ///
-    /// Takes 1.4 kB of GPU memory for each cell that may have a cut, and 256 to 512 bytes for its places
+    /// Takes 1.7 kB of GPU memory for each cell that may have a cut, and 256 to 512 bytes for its places
     /// for marked cells. [`CutTable`](crate::CutTable) says what cuts are good for;
     /// the GPU does the same. A frame has these steps:
     ///
@@ -82,8 +82,8 @@ impl GpuLights {
     /// As [`GpuLights::cut_shader`], and the text has `light_record_visibility` ([`ShaderParts::learns`]). It takes
     /// [`GpuLights::learning_cut_bind_group`], with seven storage buffers.
     ///
-    /// Both shaders read the same cells, which are built by the table of [`GpuLights::learn_visibility`], and again
-    /// after each [`GpuLights::fold_visibility`]. `light_resample` weighs candidates by learnt shares in this shader
+    /// Both shaders read the same cells, which are built by the table of [`GpuLights::learn_visibility`].
+    /// `light_resample` weighs candidates by learnt shares in this shader
     /// only.
     pub fn learning_cut_shader(&self, group: u32, effects: Effects, fallback: CutFallback) -> LightShader {
         LightShader::choosing(
@@ -105,7 +105,7 @@ impl GpuLights {
     /// [`GpuLights::build_top`] and the passes that mark, ahead of those that choose lights. Does nothing
     /// without a table.
     ///
-    /// The first call compiles three pipelines and waits for them. It compiles one more at the first call with learnt
+    /// The first call compiles five pipelines and waits for them. It compiles one more at the first call with learnt
     /// visibility, and for each new set of [`GpuLights::effects`].
     pub fn build_cuts(&mut self, encoder: &mut wgpu::CommandEncoder) {
         if self.is_dark {

@@ -12,7 +12,7 @@ use super::super::testing::{compute_pipeline, gpu, gpu_lights, mixed_world, noop
 use super::*;
 use crate::instance::placement::Placement;
 use crate::keys::LightId;
-use crate::plan::cuts::layout::{CutPlaces, HEAD, ROW_NODES, ROW_QUADS, ROW_SUMS, SLOT_WORDS, WORDS_AT};
+use crate::plan::cuts::layout::{CutPlaces, HEAD, ROW_FROM, ROW_NODES, ROW_QUADS, ROW_SUMS, SLOT_WORDS, WORDS_AT};
 use crate::plan::text::{Extras, wgsl_of_shader};
 use crate::sampling::counts::SplitCount;
 use crate::sampling::cuts::camera;
@@ -186,7 +186,7 @@ impl Rig {
             let start = 4 * (places.first_row + (slot[2] - 1) * ROW_QUADS) as usize;
             let row = &words[start..start + 4 * ROW_QUADS as usize];
             let nodes = &row[4 * ROW_NODES as usize..][..2 * row[0] as usize];
-            let sums = &row[4 * ROW_SUMS as usize..];
+            let sums = &row[4 * ROW_SUMS as usize..4 * ROW_FROM as usize];
             let ends: Vec<u32> = sums.chunks_exact(16).map(|block| block[15]).collect();
             assert_eq!(row[4..20], ends, "the ends of blocks");
             assert!(row[3] == sums[sums.len() - 1] && row[3] <= crate::sampling::cuts::UNITS);
@@ -428,9 +428,11 @@ fn cells_know_what_shadow_rays_have_taught_as_on_the_cpu() {
         let chosen: Vec<Input> = read(&device, &queue, &records);
         let outputs: Vec<Output> = chosen.iter().map(|input| bytemuck::cast(input.u)).collect();
         let [_, built, kept, ..] = rig.report();
-        // In the first frame cells get rows and nothing is learnt, so the second keeps its cuts.
-        let (most, none) = if frame == 1 { (kept, built) } else { (built, kept) };
-        assert!(most > 100 && none == 0, "frame {frame}: {built} {kept}");
+        // In the first frame cells get rows and nothing is learnt. Young cells are built again when they have learnt, and
+        // later in turn.
+        let (report, is_whole) = (table.report(), [0, 2, 4].contains(&frame));
+        assert!(built.abs_diff(report.built as u32) <= 4 && kept.abs_diff(report.kept as u32) <= 4);
+        assert!(built + kept > 100 && is_whole == (kept == 0), "frame {frame}: {built} {kept}");
         let sampler = world.sampler().with_splits(SplitCount::NONE).with_visibility(&learnt).with_cuts(&table);
         // As above, and a mean position within rounding of the border between two groups may count in the other one.
         let count = others(&sampler, &at, &outputs);
@@ -509,7 +511,7 @@ fn cuts_are_kept_while_nothing_changes_and_void_after_a_change_until_they_are_bu
     assert!(again == first && rig.cuts(options()).keys().eq(cuts.keys()));
 
     // Glossy cells depend on the view.
-    let eye = EYE + Vec3::new(0.3, 0.0, 0.2);
+    let eye = EYE + Vec3::new(5.0, 0.0, 2.0);
     rig.lights.set_cut_view(eye.as_dvec3(), 0.01);
     rig.run(&inputs(3000, eye, 0), &inputs(1500, eye, 500_000));
     let [_, built, kept, ..] = rig.report();
@@ -527,8 +529,7 @@ fn cuts_are_kept_while_nothing_changes_and_void_after_a_change_until_they_are_bu
     rig.lights.set_cut_view(EYE.as_dvec3(), 0.01);
     let outputs = rig.run(&marked, &chosen);
     assert_exact(&outputs);
-    let [_, built, kept, ..] = rig.report();
-    assert!(built > 100 && kept == 0 && outputs != first);
+    assert!(outputs != first);
 
     // Cells stay where they are when the origin moves.
     let cells: Vec<_> = rig.cuts(options()).into_keys().collect();
@@ -551,6 +552,54 @@ fn cuts_are_kept_while_nothing_changes_and_void_after_a_change_until_they_are_bu
     assert!(rig.lights.cut_report().is_none());
     let input = moved(&chosen);
     assert_as_without_cuts(&world, &input, &rig.run(&moved(&marked), &input));
+}
+
+#[test]
+fn cells_keep_their_cuts_as_on_the_cpu_while_lights_move_come_and_go() {
+    let mut world = glossy_world();
+    let mut rig = Rig::new(EFFECTS | Effects::MASKS, CutFallback::Walk, options());
+    rig.lights.set_cut_view(EYE.as_dvec3(), 0.01);
+    let mut table = CutTable::new(options());
+    table.set_view(EYE.as_dvec3(), 0.01);
+    let at = inputs(3000, EYE, 0);
+    let (mut all, mut some) = (0, 0);
+    for frame in 0..16 {
+        let keys: Vec<_> = world.instances().collect();
+        for (i, key) in keys.iter().enumerate().filter(|(i, _)| i % 5 == frame % 5) {
+            let placement = world.placement(*key).expect("it lives");
+            let by = 0.1 * DVec3::new(f64::from(unit(i as u32)) - 0.5, 0.0, 0.5);
+            if frame > 0 && Some(*key) != world.sky().map(|(sky, _)| sky) {
+                let moved = Placement { translation: placement.translation + by, ..placement };
+                world.move_instance(*key, moved).expect("valid");
+            }
+        }
+        match frame {
+            3 => world.remove_instance(keys[4]).expect("it lives"),
+            5 => {
+                let tree = world.instance_tree(keys[5]).expect("it lives");
+                let placement = world.placement(keys[5]).expect("it lives");
+                world.add_instance(tree, placement, crate::policy::Policy::Static).expect("valid");
+            }
+            7 => world.set_factor(keys[6], Vec3::splat(20.0)).expect("valid"),
+            9 => world.set_mask(keys[7], 2).expect("valid"),
+            _ => {}
+        }
+        world.update(FrameBudget::NONE);
+        rig.lights.upload(&world).expect("room enough");
+        mark(&world, &table, &at);
+        table.build(world.sampler());
+        let outputs = rig.run(&at, &at);
+        assert_exact(&outputs);
+        let (report, [_, built, kept, ..]) = (table.report(), rig.report());
+        // The names of nodes are not the same, but change together.
+        let far = built.abs_diff(report.built as u32).max(kept.abs_diff(report.kept as u32));
+        assert!(far <= 8 && built + kept > 100, "frame {frame}: {built} {kept} {report:?}");
+        let sampler = world.sampler().with_splits(SplitCount::NONE).with_cuts(&table);
+        let count = others(&sampler, &at, &outputs);
+        assert!(count <= at.len() / 25, "frame {frame}: {count} of {}", at.len());
+        (all, some) = (all + usize::from(kept == 0), some + usize::from(kept > built));
+    }
+    assert!(all >= 1 && some >= 8, "{all} {some}");
 }
 
 #[test]

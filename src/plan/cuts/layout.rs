@@ -14,11 +14,17 @@ pub(crate) const LOST_MARKS: u32 = 13;
 pub(crate) const SLOT_WORDS: u32 = 16;
 /// The units of 16 bytes of a row, up to its nodes, and up to its running sums. `shaders/shared.wgsl` has
 /// the fields.
-pub(crate) const ROW_QUADS: u32 = ROW_SUMS + (SHARED_NODES * WIDTH / 4) as u32;
+pub(crate) const ROW_QUADS: u32 = ROW_FLUX + (SHARED_NODES * WIDTH / 16) as u32;
 /// See [`ROW_QUADS`].
 pub(crate) const ROW_NODES: u32 = 5;
 /// See [`ROW_QUADS`].
 pub(crate) const ROW_SUMS: u32 = ROW_NODES + (SHARED_NODES / 2) as u32;
+/// Up to what tells whether a row still suits, of which `shaders/row.wgsl` has the fields.
+pub(crate) const ROW_FROM: u32 = ROW_SUMS + (SHARED_NODES * WIDTH / 4) as u32;
+/// See [`ROW_FROM`].
+pub(crate) const ROW_STATE: u32 = ROW_FROM + (SHARED_NODES / 16) as u32;
+/// See [`ROW_FROM`].
+pub(crate) const ROW_FLUX: u32 = ROW_STATE + 1;
 
 /// The byte at which the words begin: behind the grid.
 pub(crate) const WORDS_AT: u64 = size_of::<GridRecord>() as u64;
@@ -36,6 +42,8 @@ pub(crate) struct CutPlaces {
     pub free_rows: u32,
     /// The word of the first slot that is listed, of as many as the ring has rows.
     pub listed: u32,
+    /// The word of the first slot to look at, of as many.
+    pub looks: u32,
     /// The first row, in units of 16 bytes.
     pub first_row: u32,
 }
@@ -46,10 +54,11 @@ impl CutPlaces {
         let ring = rows.next_power_of_two().max(4);
         let free_rows = HEAD + SLOT_WORDS * slots;
         let listed = free_rows + ring;
-        Self { slots, rows, free_rows, listed, first_row: (listed + ring) / 4 }
+        let looks = listed + ring;
+        Self { slots, rows, free_rows, listed, looks, first_row: (looks + ring) / 4 }
     }
 
-    /// The size of the storage buffer in bytes: at most 106 MB.
+    /// The size of the storage buffer in bytes: at most 127 MB.
     pub fn bytes(&self) -> u64 {
         WORDS_AT + 16 * (u64::from(self.first_row) + u64::from(self.rows) * u64::from(ROW_QUADS))
     }
@@ -74,7 +83,7 @@ pub(crate) struct GridRecord {
     offset: [f32; 3],
     last_slot: u32,
     first: [u32; 3],
-    padding: u32,
+    looks: u32,
     eye: [f32; 3],
     has_eye: u32,
     min_marks: u32,
@@ -93,7 +102,7 @@ impl GridRecord {
             offset: grid.offset.to_array(),
             last_slot: places.slots - 1,
             first: grid.first,
-            padding: 0,
+            looks: places.looks,
             eye: grid.eye.unwrap_or_default().to_array(),
             has_eye: u32::from(grid.eye.is_some()),
             min_marks: options.min_marks(),

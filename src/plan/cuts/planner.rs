@@ -13,7 +13,7 @@ impl LightPlanner {
     /// Reserves a table of cuts that neighbours share, which replaces the present one; `None` drops it. At first
     /// there is no table. [`CutTable`](crate::CutTable) says what cuts are good for; the GPU does the same.
     ///
-    /// Takes 1.4 kB of GPU memory for each cell that may have a cut, and 256 to 512 bytes for its places
+    /// Takes 1.7 kB of GPU memory for each cell that may have a cut, and 256 to 512 bytes for its places
     /// for marked cells. A frame has these steps:
     ///
     /// 1. The plan of the frame, and the commands of [`LightPlanner::set_cut_view`].
@@ -61,14 +61,13 @@ impl LightPlanner {
     /// first plan.
     ///
     /// Cuts suit glossy points if the world's lights are sampled for these: see
-    /// [`LightWorld::set_glossy_sampling`](crate::LightWorld::set_glossy_sampling). Cells keep their cuts while
-    /// plans have nothing to send, unless more points of them are known now; glossy ones also while the eye is
-    /// where it was. With [learnt visibility](LightPlanner::reserve_visibility), cells choose lights by that too, and
-    /// are built again after each [`LightPlanner::fold_visibility`] that found records. Which cells are refused, if
+    /// [`LightWorld::set_glossy_sampling`](crate::LightWorld::set_glossy_sampling). Cells keep their cuts as
+    /// those of [`CutTable::build`](crate::CutTable::build) do. With [learnt
+    /// visibility](LightPlanner::reserve_visibility), cells choose lights by that too. Which cells are refused, if
     /// there are too many, depends on the order in which the GPU works.
     ///
-    /// Three dispatches: one for the places of the table, one of a single invocation, and one of a workgroup
-    /// for each cell that is built. Their kernels are [`cut_kernels`](super::super::cut_kernels).
+    /// Five dispatches: one for the places of the table, two of a single invocation, and two of a workgroup
+    /// for each cell that is looked at and for each that is built. Their kernels are [`cut_kernels`](super::super::cut_kernels).
     pub fn build_cuts(&self) -> Commands {
         let mut commands = Commands::default();
         if let Some(lights) = self.bindings() {
@@ -121,8 +120,8 @@ mod tests {
 
         let frame_of = |planner: &mut LightPlanner, world: &LightWorld| changed(&frame(planner, world).upload, table);
         assert_eq!(frame_of(&mut planner, &world), [4, 0]);
-        assert_eq!(planner.build_cuts().iter().filter(|c| matches!(c, Command::DispatchIndirect { .. })).count(), 1);
-        assert_eq!(planner.build_cuts().len(), 3);
+        assert_eq!(planner.build_cuts().iter().filter(|c| matches!(c, Command::DispatchIndirect { .. })).count(), 2);
+        assert_eq!(planner.build_cuts().len(), 5);
         assert_eq!(frame_of(&mut planner, &world), [0, 0]);
         let lamp = LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid");
         world.add_tree(lamp);

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::super::buffers::{BufferId, Ids, NewBuffer, ShaderBuffers};
 use super::super::commands::Commands;
 use super::super::error::PlanError;
-use super::kernels::{DISPATCH, LANES, LIST, build, build_by_visibility};
+use super::kernels::{DISPATCH, KEEP, LANES, LIST, LOOKS, build, build_by_visibility};
 use super::layout::{CutPlaces, GridRecord, WORDS_AT};
 use crate::effects::Effects;
 use crate::sampling::cuts::{Camera, CutOptions};
@@ -110,6 +110,8 @@ impl CutStore {
         let [params, top, nodes, instances, lights] = lights.0;
         let own = [params, table.cells, table.report];
         commands.dispatch(LIST, &own, 0, table.places.slots.div_ceil(LANES));
+        commands.dispatch(LOOKS, &own, 0, 1);
+        commands.dispatch_indirect(KEEP, &[params, top, nodes, instances, lights, table.cells], 0, table.report);
         commands.dispatch(DISPATCH, &own, 0, 1);
         match learnt {
             Some(learnt) => {

@@ -33,7 +33,7 @@ impl LightPlanner {
         self.visibility.table().map(|table| [table.learnt, table.records])
     }
 
-    /// What makes the records of a frame part of the table, and shared cuts void that were built before. Play it
+    /// What makes the records of a frame part of the table, and shared cuts void until the next build. Play it
     /// once a frame, behind the passes that record. There is nothing to do without a table, and before the first plan.
     ///
     /// Dispatches [`visibility_kernels`](super::super::visibility_kernels), with a workgroup for each cell of the
@@ -97,7 +97,7 @@ mod tests {
         assert_eq!(dispatches(&planner.fold_visibility()), fold);
         drop(planner.reserve_cuts(Some(CutOptions::default())).expect("it fits").plan());
         assert_eq!(dispatches(&planner.fold_visibility())[3..], [("visibility_void", 1)]);
-        assert_eq!(planner.build_cuts().len(), 3);
+        assert_eq!(planner.build_cuts().len(), 5);
         // Cuts may know what a table knew that is dropped.
         let plan = planner.reserve_visibility(None).expect("nothing is made").plan();
         assert_eq!((plan.freed.len(), plan.report.bytes), (3, 4));

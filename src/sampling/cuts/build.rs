@@ -7,13 +7,14 @@
 use crate::math::simd::{VectorJob, with_vectors};
 use crate::sampling::cut::{MIN_DOUBT, NO_INSTANCE, TreeView, seen_importances};
 use crate::sampling::cuts::cell::POINTS;
+use crate::sampling::cuts::keep::{SKY_ROOT, below, flux_step, name};
 use crate::sampling::cuts::shared::{MIN_SIDE, NodeId, SHARED_NODES, SharedCut, UNITS};
 use crate::sampling::sample::LightSampler;
 use crate::shading::importance::{
     ChildImportances, UNRESOLVED_DOUBT, resolved_sum, scale_unresolved, unresolved_scale, unresolved_sum,
 };
 use crate::shading::shading_point::ShadingPoint;
-use crate::tree::{ChildRef, Lanes, Node, WIDTH};
+use crate::tree::{Lanes, Node, WIDTH};
 use crate::visibility::LearntCell;
 
 /// A candidate is split only while its doubt and the deviation of its share are more than this share of
@@ -39,6 +40,8 @@ const VIEWS: usize = POINTS + 1;
 #[derive(Clone, Copy)]
 struct Opened {
     id: NodeId,
+    /// The child that it was: see [`SharedCut::from`].
+    from: u8,
     /// The importances of the children for each point; 0 for a child that was split.
     importance: [Lanes; VIEWS],
     /// The sums of the resolved importances.
@@ -95,6 +98,7 @@ impl VectorJob for BuildJob<'_, '_, '_> {
 fn sketch<'s, 'a, 'p>(sampler: &'s LightSampler<'a>, cell: &'s CellPoints<'p>) -> Sketch<'s, 'a, 'p> {
     let opened = Opened {
         id: NodeId::default(),
+        from: 0,
         importance: [[0.0; WIDTH]; VIEWS],
         sums: [0.0; VIEWS],
         priority: [0.0; WIDTH],
@@ -108,16 +112,16 @@ fn sketch<'s, 'a, 'p>(sampler: &'s LightSampler<'a>, cell: &'s CellPoints<'p>) -
     for (learnt, point) in sketch.learnt.iter_mut().zip(cell.points) {
         *learnt = sampler.learnt(point);
     }
-    let mut next = NodeId { instance: NO_INSTANCE, node: 0 };
+    let mut next = (NodeId { instance: NO_INSTANCE, node: 0 }, 0);
     let mut sky = sampler.sky_view(&cell.center).map(|tree| NodeId { instance: tree.instance, node: 0 });
     while sketch.add(next).is_some() && sketch.count < SHARED_NODES {
         if let Some(root) = sky.take() {
-            next = root;
+            next = (root, SKY_ROOT);
             continue;
         }
         let Some((index, slot, child)) = sketch.next() else { break };
         sketch.remove(index, slot);
-        next = child;
+        next = (child, (index * WIDTH + slot) as u8);
     }
     sketch
 }
@@ -134,8 +138,8 @@ impl<'a> Sketch<'_, 'a, '_> {
 
     /// Makes a node's children candidates. `None` if there is no such node.
     #[inline(always)]
-    fn add(&mut self, id: NodeId) -> Option<()> {
-        let mut opened = Opened { id, ..self.opened[self.count] };
+    fn add(&mut self, (id, from): (NodeId, u8)) -> Option<()> {
+        let mut opened = Opened { id, from, ..self.opened[self.count] };
         let mut doubts = [[0.0; WIDTH]; POINTS];
         // Points in the same row see each child in the same group.
         let mut last: Option<(LearntCell<'a>, Lanes)> = None;
@@ -230,32 +234,11 @@ impl<'a> Sketch<'_, 'a, '_> {
             }
             let child = (CHILD_BITS - (greatest & CHILD_BITS)) as usize;
             let (index, slot) = (child / WIDTH, child % WIDTH);
-            if let Some(node) = self.below(index, slot) {
+            if let Some(node) = below(self.sampler, self.opened[index].id, slot) {
                 return Some((index, slot, node));
             }
             // A single light cannot be split.
             self.opened[index].priority[slot] = 0.0;
-        }
-    }
-
-    /// The node below a child; `None` for a light.
-    fn below(&self, index: usize, slot: usize) -> Option<NodeId> {
-        let id = self.opened[index].id;
-        let LightSampler { world, top, .. } = self.sampler;
-        let nodes = match id.instance {
-            NO_INSTANCE => &top.nodes[..],
-            slot => world.tree(world.instance(world.instance_at(slot)?)?.tree)?.nodes(),
-        };
-        match nodes.get(id.node as usize)?.child(slot)? {
-            ChildRef::Node(node) => Some(NodeId { node, ..id }),
-            ChildRef::Leaf(leaf) if id.instance == NO_INSTANCE => {
-                let part = top.part(leaf)?;
-                match part.entry {
-                    ChildRef::Node(node) => Some(NodeId { instance: part.slot, node }),
-                    ChildRef::Leaf(_) => None,
-                }
-            }
-            ChildRef::Leaf(_) => None,
         }
     }
 
@@ -337,5 +320,13 @@ impl<'a> Sketch<'_, 'a, '_> {
             }
         }
         cut.count = self.count;
+        cut.name = 0;
+        for (index, Opened { id, from, .. }) in self.opened[..self.count].iter().enumerate() {
+            let record =
+                self.sampler.view_at(id.instance, &self.cell.center).and_then(|t| t.nodes.get(id.node as usize));
+            cut.from[index] = *from;
+            cut.flux[index] = record.map_or([0; WIDTH], |record| record.flux.map(flux_step));
+            cut.name = cut.name.wrapping_add(name(self.sampler, *id).unwrap_or(0));
+        }
     }
 }

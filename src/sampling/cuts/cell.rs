@@ -162,6 +162,12 @@ impl CutGrid {
         self.shading_point(&matte, Vec3::splat((1 << (PLACE_BITS - 1)) as f32), Vec3::ZERO)
     }
 
+    /// The direction from the middle of a glossy cell to the eye; 0 for a matte one.
+    pub fn toward(&self, cell: &CutCell) -> Vec3 {
+        let eye = self.eye.filter(|_| cell.is_glossy());
+        eye.map_or(Vec3::ZERO, |eye| (eye - self.center(cell).position).normalize_or_zero())
+    }
+
     /// `place` is in units of the cell's level, from its corner.
     fn shading_point(&self, cell: &CutCell, place: Vec3, normal: Vec3) -> ShadingPoint {
         let level = cell.level();

@@ -8,6 +8,7 @@
 mod build;
 pub(crate) mod builds;
 mod cell;
+pub(crate) mod keep;
 mod marks;
 pub(crate) mod options;
 mod placed;

@@ -6,7 +6,7 @@ use crate::error::CutError;
 use crate::sampling::cuts::cell::{Camera, CutGrid};
 use crate::sampling::cuts::marks::PROBES;
 
-/// The largest number of cells of [`CutOptions`]. Their cuts take 84 MB.
+/// The largest number of cells of [`CutOptions`]. Their cuts take 106 MB.
 pub(crate) const MAX_CELLS: usize = 1 << 16;
 
 /// The least and the largest edge of a cell, in metres.
@@ -38,7 +38,7 @@ impl CutOptions {
     /// Cells with edges of `edge` metres, of which `cells` have cuts at the same time.
     ///
     /// With a [view](crate::CutTable::set_view), edges are up to four times as long where pixels are large. The
-    /// default is 0.25 m and 16,384 cells, which take 1.3 kB each.
+    /// default is 0.25 m and 16,384 cells, which take 1.6 kB each.
     ///
     /// # Errors
     /// [`CutError`] for an edge outside 0.01 to 10,000 m, and for 0 or more than 65,536 cells.

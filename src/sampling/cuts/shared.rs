@@ -1,5 +1,7 @@
 //! A cut that belongs to a cell.
 
+use glam::Vec3;
+
 use crate::tree::WIDTH;
 
 /// The nodes whose children are the candidates of a shared cut, at most: the root and one node for each
@@ -29,10 +31,19 @@ pub(crate) struct SharedCut {
     pub count: usize,
     /// The number of points that it was made for.
     pub points: usize,
-    /// The table of learnt visibility that it was made with and the last change there, or zeros.
-    pub learnt: [u64; 2],
     /// In the order in which they were split.
     pub nodes: [NodeId; SHARED_NODES],
+    /// For each node the child, counted through all nodes, that it was, or [`SKY_ROOT`](super::keep::SKY_ROOT). 0 for
+    /// the root.
+    pub from: [u8; SHARED_NODES],
+    /// The sum of the names of all nodes.
+    pub name: u32,
+    /// The fluxes of all children of all nodes, as [`flux_step`](super::keep::flux_step).
+    pub flux: [[u8; WIDTH]; SHARED_NODES],
+    /// How many builds the cell has had a cut for.
+    pub age: u32,
+    /// The direction from a glossy cell to the eye; 0 for a matte one.
+    pub toward: Vec3,
     /// The running sums of the units of all children of all nodes. A child without flux has none, and
     /// neither has one that was split.
     pub sums: [[u32; WIDTH]; SHARED_NODES],
@@ -46,8 +57,12 @@ impl Default for SharedCut {
         Self {
             count: 0,
             points: 0,
-            learnt: [0; 2],
             nodes: [NodeId::default(); SHARED_NODES],
+            from: [0; SHARED_NODES],
+            name: 0,
+            flux: [[0; WIDTH]; SHARED_NODES],
+            age: 0,
+            toward: Vec3::ZERO,
             sums: [[0; WIDTH]; SHARED_NODES],
             directional: 0.0,
         }

@@ -19,7 +19,7 @@ pub struct CutReport {
     pub marked: usize,
     /// The cells that were built. They have a cut unless no light reaches any of their known points.
     pub built: usize,
-    /// The cells that kept their cut.
+    /// The cells that kept their cut: see [`CutTable::build`].
     pub kept: usize,
     /// The marked cells that had too few marks to get one.
     pub rare: usize,
@@ -39,8 +39,8 @@ pub struct CutReport {
 /// do without a table.
 ///
 /// In each frame, after [`LightWorld::update`](crate::LightWorld::update): [mark](crate::LightSampler::mark) the shading points, or those
-/// of the frame before; [`build`](Self::build); and sample. A change of the world makes cuts void, until
-/// they are built again.
+/// of the frame before; [`build`](Self::build); and sample. After a change of the world, samplers
+/// ignore the table until the next build, which keeps the cuts that still suit.
 ///
 /// ```
 /// use girandole::glam::Vec3;
@@ -82,7 +82,15 @@ pub(crate) struct Built {
     pub tags: Vec<(u32, u32)>,
     /// The first ones are in use.
     pub cuts: Vec<SharedCut>,
+    /// The table of learnt visibility with which they were built and the last change there, or zeros.
+    pub learnt: [u64; 2],
+    /// The builds since the last one before which the world or what is learnt had changed.
+    pub calm: u32,
+    /// The builds since the last one before which the eye had moved.
+    pub eye_rest: u32,
     pub report: CutReport,
+    /// How many of the cells that the report calls built were kept after all.
+    pub kept_after_all: AtomicUsize,
 }
 
 impl Built {
@@ -97,14 +105,12 @@ impl Built {
         size_of::<(u32, u32)>() * self.tags.capacity() + size_of::<SharedCut>() * self.cuts.capacity()
     }
 
-    /// The number of the cut of a cell that keeps it: the world is the same, the cut was made for at least
-    /// as many points as are known now, and glossy points have the same view.
-    pub fn kept(&self, marked: &Marked, grid: &CutGrid, world: u64) -> Option<u32> {
-        let number = self.number(&marked.cell).filter(|_| self.world == world)?;
+    /// The number of the cut of a cell that may keep it: the cut was made for at least as many points as are known now.
+    pub fn kept(&self, marked: &Marked) -> Option<u32> {
+        let number = self.number(&marked.cell)?;
         let cut = self.cuts.get(number as usize).filter(|cut| cut.count > 0)?;
-        let has_view = !marked.cell.is_glossy() || self.grid.is_some_and(|built| built.has_eye_of(grid));
         let known = marked.points.iter().filter(|word| **word != 0).count();
-        (has_view && cut.points >= known).then_some(number)
+        (cut.points >= known).then_some(number)
     }
 }
 
@@ -138,7 +144,9 @@ impl CutTable {
 
     /// What the last build did.
     pub fn report(&self) -> CutReport {
-        self.built.report
+        let CutReport { built, kept, .. } = self.built.report;
+        let more = self.built.kept_after_all.load(Relaxed);
+        CutReport { built: built - more, kept: kept + more, ..self.built.report }
     }
 
     /// Forgets all marks and all cuts, and keeps the memory for new ones. O(cells of the table).
@@ -150,7 +158,7 @@ impl CutTable {
         self.built = Built { tags, cuts, ..Built::default() };
     }
 
-    /// The memory of the table: 1.3 kB for each cell that ever had a cut, and 256 bytes or more for each that
+    /// The memory of the table: 1.6 kB for each cell that ever had a cut, and 256 bytes or more for each that
     /// may have one. O(1).
     pub fn memory_bytes(&self) -> usize {
         size_of_val(self) + self.marks.memory_bytes() + self.built.memory_bytes()

@@ -44,7 +44,14 @@ pub fn marked(world: &LightWorld, shading_points: &[ShadingPoint], edge: f32) ->
         // So small that all cells have the edge of the options.
         table.set_view(eye.as_dvec3() + world.origin(), 1.0e-9);
     }
-    let sampler = world.sampler().with_cuts(&table);
+    mark(world, &table, shading_points, edge);
+    Ok(table)
+}
+
+/// Marks the neighbours of all shading points.
+pub fn mark(world: &LightWorld, table: &CutTable, shading_points: &[ShadingPoint], edge: f32) {
+    let eye = shading_points.iter().find_map(|at| Some(at.position + at.gloss?.view));
+    let sampler = world.sampler().with_cuts(table);
     for (index, at) in (0..).zip(shading_points) {
         let mut rng = Rng::new(SEED, index);
         for mut neighbour in neighbours(at, edge, &mut rng) {
@@ -54,7 +61,6 @@ pub fn marked(world: &LightWorld, shading_points: &[ShadingPoint], edge: f32) ->
             sampler.mark(&neighbour);
         }
     }
-    Ok(table)
 }
 
 /// Points within an edge of a point, in its plane. Those in its cell are uniform there.

@@ -1,0 +1,182 @@
+// Looks at the rows of listed cells: a workgroup for each, with an invocation for four children of a node. Lists those to
+// build that do not suit any more, and those whose turn it is. Twin of `SharedCut::is_kept`.
+
+// cut_list.wgsl has the head.
+struct LightCutTable { grid: LightCutGrid, words: array<atomic<u32>> }
+
+@group(0) @binding(5) var<storage, read_write> light_cuts: LightCutTable;
+
+const LISTED: u32 = 1u;
+const KEPT: u32 = 10u;
+const TO_LOOK_AT: u32 = 18u;
+const TAUGHT: u32 = 19u;
+
+var<workgroup> job: u32;
+var<workgroup> state: u32;
+var<workgroup> nodes: array<LightPlace, LIGHT_SHARED_NODES>;
+var<workgroup> names: array<u32, 64>;
+var<workgroup> faults: atomic<u32>;
+var<workgroup> moves: atomic<u32>;
+
+fn keep_word(word: u32) -> u32 {
+    return atomicLoad(&light_cuts.words[word]);
+}
+
+// The child that a node was.
+fn keep_from(row: u32, node: u32) -> u32 {
+    return (keep_word(4u * (row + LIGHT_ROW_FROM) + node / 4u) >> (8u * (node % 4u))) & 0xffu;
+}
+
+// Where the node is that was a child; is_node is false if there is none.
+struct KeepPlace {
+    place: LightPlace,
+    is_node: bool,
+}
+
+fn keep_place(child: u32, cell: LightCutCell) -> KeepPlace {
+    if child == LIGHT_SKY_ROOT {
+        return KeepPlace(light_sky_root(), true);
+    }
+    let above = nodes[child / LIGHT_WIDTH];
+    let in_top = above.instance == LIGHT_NO_INSTANCE;
+    let bits = light_child_bits(in_top, above.index, child % LIGHT_WIDTH);
+    if (bits & select(LIGHT_LEAF, LIGHT_SINGLE, in_top)) != 0u {
+        return KeepPlace(above, false);
+    }
+    return KeepPlace(light_place_below(above, bits), true);
+}
+
+@compute @workgroup_size(64)
+fn cut_keep(
+    @builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let number = group.x + group.y * groups.x;
+    if lane == 0u {
+        let slot = keep_word(light_cuts.grid.looks + number);
+        job = select(0u, LIGHT_CUT_HEAD + LIGHT_SLOT_WORDS * slot, number < keep_word(TO_LOOK_AT));
+        atomicStore(&faults, 0u);
+        atomicStore(&moves, 0u);
+    }
+    let at = workgroupUniformLoad(&job);
+    if at == 0u {
+        return;
+    }
+    var cell: LightCutCell;
+    cell.corner = vec3(keep_word(at + 4u), keep_word(at + 5u), keep_word(at + 6u));
+    cell.kind = keep_word(at + 7u);
+    cell.mask = keep_word(at + 8u);
+    let row = light_cuts.grid.first_row + (keep_word(at + 2u) - 1u) * LIGHT_ROW_QUADS;
+    let count = keep_word(4u * row);
+    let state_at = 4u * (row + LIGHT_ROW_STATE);
+    if lane < LIGHT_SHARED_NODES {
+        let node = 4u * (row + LIGHT_ROW_NODES) + 2u * lane;
+        nodes[lane] = LightPlace(keep_word(node), keep_word(node + 1u));
+    }
+    var sees_sky = light_params.sky != LIGHT_NO_INSTANCE;
+    if sees_sky {
+        sees_sky = (light_instance(light_params.sky).mask & cell.mask) != 0u;
+    }
+    let has_sky = count > 1u && keep_from(row, 1u) == LIGHT_SKY_ROOT;
+    let has_sun = light_params.directional_count != 0u;
+    if lane == 0u && (sees_sky != has_sky || has_sun != (bitcast<f32>(keep_word(4u * row + 2u)) > 0.0)) {
+        atomicStore(&faults, 1u);
+    }
+    workgroupBarrier();
+
+    // Follow nodes that are stored elsewhere, and those below them.
+    var round = 0u;
+    loop {
+        var found = KeepPlace(LightPlace(0u, 0u), true);
+        var is_moved = false;
+        if lane > 0u && lane < count {
+            found = keep_place(keep_from(row, lane), cell);
+            is_moved = found.place.instance != nodes[lane].instance || found.place.index != nodes[lane].index;
+        }
+        workgroupBarrier();
+        if !found.is_node {
+            atomicStore(&faults, 1u);
+        } else if is_moved {
+            nodes[lane] = found.place;
+            atomicStore(&moves, 1u);
+        }
+        workgroupBarrier();
+        if lane == 0u {
+            state = atomicExchange(&moves, 0u);
+        }
+        let moved = workgroupUniformLoad(&state);
+        if moved == 0u || round == LIGHT_SHARED_NODES {
+            break;
+        }
+        round++;
+    }
+    if lane < count {
+        let node = 4u * (row + LIGHT_ROW_NODES) + 2u * lane;
+        atomicStore(&light_cuts.words[node], nodes[lane].instance);
+        atomicStore(&light_cuts.words[node + 1u], nodes[lane].index);
+    }
+
+    // Compare names and fluxes.
+    let node = lane / 2u;
+    let first_slot = 4u * (lane % 2u);
+    names[lane] = 0u;
+    if node < count {
+        let found = row_children(nodes[node], first_slot, cell.mask);
+        names[lane] = found.name;
+        let known = keep_word(4u * (row + LIGHT_ROW_FLUX) + lane);
+        let sums = 4u * (row + LIGHT_ROW_SUMS) + 4u * lane;
+        let least = LIGHT_JUMP_SHARE * f32(keep_word(4u * row + 3u));
+        var before = 0u;
+        if lane > 0u {
+            before = keep_word(sums - 1u);
+        }
+        for (var i = 0u; i < 4u; i++) {
+            let sum = keep_word(sums + i);
+            let units = sum - before;
+            before = sum;
+            let is_lit = ((found.lit >> i) & 1u) != 0u;
+            // Sign extended.
+            let now = extractBits(bitcast<i32>(found.flux), 8u * i, 8u);
+            let steps = extractBits(now - extractBits(bitcast<i32>(known), 8u * i, 8u), 0u, 8u);
+            if units == 0u {
+                var is_opened = false;
+                for (var other = 1u; other < count; other++) {
+                    is_opened = is_opened || keep_from(row, other) == node * LIGHT_WIDTH + first_slot + i;
+                }
+                if is_lit && !is_opened {
+                    atomicStore(&faults, 1u);
+                }
+            } else {
+                let gain = select(1.0, exp2(0.5 * f32(max(steps, 0))), is_lit);
+                if (!is_lit || u32(abs(steps)) >= LIGHT_FLUX_JUMP) && f32(units) * gain > least {
+                    atomicStore(&faults, 1u);
+                }
+            }
+        }
+    }
+    workgroupBarrier();
+    if lane == 0u {
+        var name = 0u;
+        for (var i = 0u; i < 64u; i++) {
+            name += names[i];
+        }
+        let age = keep_word(state_at + 1u) + 1u;
+        atomicStore(&light_cuts.words[state_at + 1u], age);
+        let is_young = age <= 4u && countOneBits(age) == 1u;
+        let is_due = (age + keep_word(at)) % LIGHT_TURNS == 0u || (is_young && keep_word(TAUGHT) != 0u);
+        let toward = row_toward(cell, row_center(cell));
+        let has_view = all(toward == vec3(0.0))
+            || dot(toward, row_direction_of(keep_word(state_at + 2u))) >= LIGHT_KEPT_VIEW_COSINE;
+        if is_due || !has_view || name != keep_word(state_at) || atomicLoad(&faults) != 0u {
+            // It has no cut until it is built.
+            atomicStore(&light_cuts.words[at + 3u], 0u);
+            let listed = atomicAdd(&light_cuts.words[LISTED], 1u);
+            atomicStore(&light_cuts.words[light_cuts.grid.listed + listed], (at - LIGHT_CUT_HEAD) / LIGHT_SLOT_WORDS);
+        } else {
+            atomicAdd(&light_cuts.words[KEPT], 1u);
+            for (var i = 0u; i < LIGHT_CELL_POINTS; i++) {
+                atomicStore(&light_cuts.words[at + 9u + i], 0u);
+            }
+        }
+    }
+}

@@ -1,0 +1,64 @@
+// What a row says about the nodes that it was made for, so that a later build can tell whether it still suits. Behind the
+// running sums: for each node a byte with the child, counted through all nodes, that it was, or LIGHT_SKY_ROOT; the sum of
+// the names of all nodes, how many builds the cell has had a row for, and the direction from a glossy cell to the
+// eye; for each child a byte with its flux in half octaves. Twin of src/sampling/cuts/keep.rs.
+
+// Four neighbouring children of a node.
+struct RowChildren {
+    // A byte for each: see flux_step in src/sampling/cuts/keep.rs.
+    flux: u32,
+    // A bit for each that may send light.
+    lit: u32,
+    // Their part of the name of the node.
+    name: u32,
+}
+
+fn row_children(place: LightPlace, first_slot: u32, mask: u32) -> RowChildren {
+    let in_top = place.instance == LIGHT_NO_INSTANCE;
+    let at = place.index * light_params.node_stride;
+    var found: RowChildren;
+    for (var i = 0u; i < 4u; i++) {
+        let words = light_quad(in_top, at + LIGHT_NODE_CHILDREN + first_slot + i);
+        let flux = words.w >> 16u;
+        found.flux |= ((flux >> 6u) & 0xffu) << (8u * i);
+        found.lit |= select(0u, 1u << i, flux != 0u && mask != 0u);
+        found.name += light_hash(words.x ^ light_hash(first_slot + i));
+    }
+    // #if MASKS
+    found.lit &= light_met_children(in_top, place.index, mask) >> first_slot;
+    // #endif
+    if in_top {
+        found.name = select(0u, light_quad(true, at + LIGHT_NODE_TAIL).z, first_slot == 0u);
+    }
+    return found;
+}
+
+// A direction in 30 bits; 0 for none.
+fn row_direction(direction: vec3<f32>) -> u32 {
+    let steps = vec3<u32>(round(direction * 511.0) + 512.0);
+    return select(0u, (steps.x << 20u) | (steps.y << 10u) | steps.z, any(direction != vec3(0.0)));
+}
+
+fn row_direction_of(bits: u32) -> vec3<f32> {
+    return (vec3<f32>((vec3(bits) >> vec3(20u, 10u, 0u)) & vec3(1023u)) - 512.0) / 511.0;
+}
+
+// The direction from the middle of a glossy cell to the eye; 0 for a matte one.
+fn row_toward(cell: LightCutCell, center: vec3<f32>) -> vec3<f32> {
+    let toward = light_cuts.grid.eye - center;
+    let is_glossy = (cell.kind >> LIGHT_GLOSS_SHIFT) != 0u && light_cuts.grid.has_eye != 0u;
+    return select(vec3(0.0), light_normalize_or_zero(toward), is_glossy);
+}
+
+// The position in the middle of a cell. Twin of `CutGrid::center`.
+fn row_center(cell: LightCutCell) -> vec3<f32> {
+    return row_position(cell, vec3(f32(1u << (LIGHT_PLACE_BITS - 1u))));
+}
+
+// `place` is in units of the cell's level, from its corner.
+fn row_position(cell: LightCutCell, place: vec3<f32>) -> vec3<f32> {
+    let level = cell.kind & 15u;
+    let corner = (cell.corner << vec3(LIGHT_PLACE_BITS + level)) - light_cuts.grid.first;
+    let units = vec3<f32>(bitcast<vec3<i32>>(corner)) + place * f32(1u << level);
+    return units * light_cuts.grid.unit - light_cuts.grid.offset;
+}

@@ -1,0 +1,129 @@
+//! Whether the cut of a cell still suits the world.
+//!
+//! A cut names the children of nodes, so it covers all lights for as long as the nodes that it opened lead to each
+//! other as they did. It is built again when one of them has other children, when the brightness of a child jumps, and
+//! else in turn. Twin of shaders/cut_keep.wgsl.
+
+use glam::Vec3;
+
+use crate::math::dice::hash;
+use crate::sampling::cut::NO_INSTANCE;
+use crate::sampling::cuts::shared::{NodeId, SharedCut};
+use crate::sampling::sample::LightSampler;
+use crate::shading::shading_point::ShadingPoint;
+use crate::tree::{ChildRef, WIDTH};
+
+/// Cells are built again in turn, each in one of so many builds.
+pub(crate) const TURNS: u32 = 12;
+
+/// A cut is built again if the steps of a child's flux differ by at least [`FLUX_JUMP`], and the child then has one in
+/// so many of all samples or more.
+pub(crate) const JUMP_SHARE: f32 = 1.0 / 64.0;
+
+/// Two half octaves: a factor between 1.5 and 2.8.
+pub(crate) const FLUX_JUMP: u32 = 2;
+
+/// The least cosine between the directions to the eye for which the cut of a glossy cell suits.
+pub(crate) const KEPT_VIEW_COSINE: f32 = 0.9986;
+
+/// In place of the child that the root of the sky's tree would be.
+pub(crate) const SKY_ROOT: u8 = u8::MAX;
+
+/// What tells a flux from others, in half octaves modulo 2^8.
+pub(crate) fn flux_step(flux: u16) -> u8 {
+    (flux >> 6) as u8
+}
+
+/// Whether a cell that has learnt in this frame is built again: soon after it got its first cut.
+fn is_young(age: u32) -> bool {
+    age <= 4 && age.is_power_of_two()
+}
+
+impl SharedCut {
+    /// Follows nodes that were stored elsewhere. Returns whether the cut still suits the world and the view; if not, or
+    /// if it is its turn, it is to be built again. `taught` is whether anything was learnt since the last build, and
+    /// `tag` that of the cell.
+    pub fn is_kept(
+        &mut self,
+        sampler: &LightSampler<'_>,
+        (center, toward): (&ShadingPoint, Vec3),
+        (tag, taught): (u32, bool),
+    ) -> bool {
+        self.age += 1;
+        let is_due = self.age.wrapping_add(tag) % TURNS == 0 || taught && is_young(self.age);
+        !is_due && self.has_same_view(toward) && self.follow(sampler, center).is_some()
+    }
+
+    /// `toward` is the direction from a glossy cell to the eye, or 0.
+    fn has_same_view(&self, toward: Vec3) -> bool {
+        toward == Vec3::ZERO || self.toward.dot(toward) >= KEPT_VIEW_COSINE
+    }
+
+    fn follow(&mut self, sampler: &LightSampler<'_>, center: &ShadingPoint) -> Option<()> {
+        let sky = sampler.sky_view(center).map(|tree| NodeId { instance: tree.instance, node: 0 });
+        let has_sky = self.count > 1 && self.from[1] == SKY_ROOT;
+        let has_sun = sampler.world.directional_lights().next().is_some();
+        (has_sky == sky.is_some() && has_sun == (self.directional > 0.0)).then_some(())?;
+        for index in 1..self.count {
+            self.nodes[index] = match self.from[index] {
+                SKY_ROOT => sky?,
+                child => below(sampler, self.nodes[usize::from(child) / WIDTH], usize::from(child) % WIDTH)?,
+            };
+        }
+        let name =
+            self.nodes[..self.count].iter().try_fold(0, |sum: u32, id| Some(sum.wrapping_add(name(sampler, *id)?)));
+        (name? == self.name).then_some(())?;
+        let least = JUMP_SHARE * self.total() as f32;
+        for (index, id) in self.nodes[..self.count].iter().enumerate() {
+            let tree = sampler.view_at(id.instance, center)?;
+            let record = tree.nodes.get(id.node as usize)?;
+            let met = sampler.met_children(&tree, id.node, center.mask);
+            for slot in 0..WIDTH {
+                let child = index * WIDTH + slot;
+                let [_, units] = self.units(child);
+                let is_lit = record.flux[slot] > 0 && met[slot];
+                let steps = i32::from(flux_step(record.flux[slot]).wrapping_sub(self.flux[index][slot]) as i8);
+                let is_kept = match (units, is_lit) {
+                    (0, _) => !is_lit || self.from[1..self.count].contains(&(child as u8)),
+                    (_, false) => units as f32 <= least,
+                    (_, true) => {
+                        steps.unsigned_abs() < FLUX_JUMP || units as f32 * (0.5 * steps.max(0) as f32).exp2() <= least
+                    }
+                };
+                is_kept.then_some(())?;
+            }
+        }
+        Some(())
+    }
+}
+
+/// The node below a child; `None` for a light, and if there is none.
+pub(crate) fn below(sampler: &LightSampler<'_>, id: NodeId, slot: usize) -> Option<NodeId> {
+    let LightSampler { world, top, .. } = sampler;
+    let nodes = match id.instance {
+        NO_INSTANCE => &top.nodes[..],
+        slot => world.tree(world.instance(world.instance_at(slot)?)?.tree)?.nodes(),
+    };
+    match nodes.get(id.node as usize)?.child(slot)? {
+        ChildRef::Node(node) => Some(NodeId { node, ..id }),
+        ChildRef::Leaf(leaf) if id.instance == NO_INSTANCE => {
+            let part = top.part(leaf)?;
+            match part.entry {
+                ChildRef::Node(node) => Some(NodeId { instance: part.slot, node }),
+                ChildRef::Leaf(_) => None,
+            }
+        }
+        ChildRef::Leaf(_) => None,
+    }
+}
+
+/// What changes with the children of a node.
+pub(crate) fn name(sampler: &LightSampler<'_>, id: NodeId) -> Option<u32> {
+    let LightSampler { world, top, .. } = sampler;
+    if id.instance == NO_INSTANCE {
+        return Some(top.name(id.node));
+    }
+    let tree = world.tree(world.instance(world.instance_at(id.instance)?)?.tree)?;
+    let children = tree.nodes().get(id.node as usize)?.children;
+    Some((0..).zip(children).fold(0, |sum, (slot, child)| sum.wrapping_add(hash(child ^ hash(slot)))))
+}
