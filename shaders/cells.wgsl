@@ -31,9 +31,16 @@ fn light_cut_cell(shading_point: LightShadingPoint) -> LightCutCell {
     let within = bitcast<vec3<u32>>(place >> vec3(level)) & vec3((1u << LIGHT_PLACE_BITS) - 1u);
     let bits = (((within.x << LIGHT_PLACE_BITS) | within.y) << LIGHT_PLACE_BITS) | within.z;
     cell.which = random % LIGHT_CELL_POINTS;
-    let priority = max(random & ~((1u << LIGHT_PRIORITY_SHIFT) - 1u), 1u << LIGHT_PRIORITY_SHIFT);
-    cell.word = priority | (bits << (2u * LIGHT_SLOPE_BITS)) | normal.y;
+    let content = (bits << (2u * LIGHT_SLOPE_BITS)) | normal.y;
+    cell.word = max(light_scrambled((content << LIGHT_RANDOM_BITS) | (random >> (32u - LIGHT_RANDOM_BITS))), 1u);
     return cell;
+}
+
+// Twin of `scrambled`.
+fn light_scrambled(content: u32) -> u32 {
+    var word = (content ^ (content >> 16u)) * 0x7feb352du;
+    word = (word ^ (word >> 15u)) * 0x846ca68bu;
+    return word ^ (word >> 16u);
 }
 
 // The class of a normal, and its slopes within the class. Twin of `normal_bits`.

@@ -26,6 +26,13 @@ var<workgroup> job: u32;
 // lights bring over what trees do.
 var<workgroup> parts: vec4<f32>;
 
+// Twin of `unscrambled`.
+fn cell_unscrambled(scrambled: u32) -> u32 {
+    var word = (scrambled ^ (scrambled >> 16u)) * 0x43021123u;
+    word = (word ^ (word >> 15u) ^ (word >> 30u)) * 0x1d69e2a5u;
+    return word ^ (word >> 16u);
+}
+
 // Twin of `normal_of`.
 fn cell_normal(normal_class: u32, slopes: u32) -> vec3<f32> {
     if normal_class >= LIGHT_VOLUME_CLASS {
@@ -46,7 +53,8 @@ fn cell_normal(normal_class: u32, slopes: u32) -> vec3<f32> {
 }
 
 // A point of a cell, or its middle. Twin of `CutGrid::point` and `CutGrid::center`.
-fn cell_point(cell: LightCutCell, word: u32, is_center: bool) -> LightShadingPoint {
+fn cell_point(cell: LightCutCell, kept: u32, is_center: bool) -> LightShadingPoint {
+    let word = cell_unscrambled(kept) >> LIGHT_RANDOM_BITS;
     let shifts = 2u * LIGHT_SLOPE_BITS + LIGHT_PLACE_BITS * vec3(2u, 1u, 0u);
     let within = vec3<f32>((vec3(word) >> shifts) & vec3((1u << LIGHT_PLACE_BITS) - 1u)) + 0.5;
     let place = select(within, vec3(f32(1u << (LIGHT_PLACE_BITS - 1u))), is_center);

@@ -410,7 +410,7 @@ pub(crate) fn constants() -> String {
         ("CELL_POINTS", cuts::POINTS as u32),
         ("PLACE_BITS", cuts::PLACE_BITS),
         ("SLOPE_BITS", cuts::SLOPE_BITS),
-        ("PRIORITY_SHIFT", cuts::PRIORITY_SHIFT),
+        ("RANDOM_BITS", cuts::RANDOM_BITS),
         ("VOLUME_CLASS", cuts::VOLUME),
         ("GLOSS_SHIFT", cuts::GLOSS_SHIFT),
         ("CUT_HEAD", cut_layout::HEAD),
@@ -739,7 +739,7 @@ mod tests {
 
     const CELL_NAMES: &str = "light_cuts light_cut_cell light_cell_normal light_cell_keys light_shared_cut \
         light_row light_shared_total light_sums_passed light_sixteen_passed light_shared_sum light_units \
-        light_choose_shared light_shared_pmf light_side";
+        light_choose_shared light_shared_pmf light_side light_scrambled";
 
     #[test]
     fn cells_add_their_functions_with_every_effect_and_without_any_and_may_take_the_place_of_splits() {
