@@ -10,7 +10,8 @@ fn light_cut_cell(shading_point: LightShadingPoint) -> LightCutCell {
     let normal = light_cell_normal(shading_point.normal, random);
     let toward = light_cuts.grid.eye - shading_point.position;
     let exponent = bitcast<u32>(dot(toward, toward) * light_cuts.grid.edges_sq) >> 23u;
-    let level = min((max(exponent, 127u) - 127u) / 2u, light_cuts.grid.levels);
+    let seen = min((max(exponent, 127u) - 127u) / 2u, LIGHT_CELL_LEVELS);
+    let level = select(LIGHT_STILL_LEVEL, seen, light_cuts.grid.has_eye != 0u);
     let units = floor((shading_point.position + light_cuts.grid.offset) * light_cuts.grid.units_per_metre);
     let limited = clamp(units, vec3(-LIGHT_MAX_COORDINATE), vec3(LIGHT_MAX_COORDINATE));
     let place = bitcast<vec3<i32>>(bitcast<vec3<u32>>(vec3<i32>(limited)) + light_cuts.grid.first);

@@ -5,23 +5,23 @@ struct LightCutGrid {
     units_per_metre: f32,
     // What squares of distances to the eye are multiplied by: see `CutGrid`. 0 without an eye.
     edges_sq: f32,
-    levels: u32,
-    offset: vec3<f32>,
     // The slots of the table less one.
     last_slot: u32,
+    offset: vec3<f32>,
+    // The marks that a cell needs to get a cut.
+    min_marks: u32,
     first: vec3<u32>,
     // The slots of cells to look at: the word at which they begin.
     looks: u32,
     eye: vec3<f32>,
     // 1 if there is an eye.
     has_eye: u32,
-    // The marks that a cell needs to get a cut.
-    min_marks: u32,
     // The quad at which the first row begins.
     first_row: u32,
     // The numbers of free rows and the slots of cells to build: the words at which they begin.
     free_rows: u32,
     listed: u32,
+    padding: u32,
 }
 
 // What tells cells apart. Twin of `CutCell`.

@@ -407,6 +407,8 @@ pub(crate) fn constants() -> String {
         ("SHARED_UNITS", cuts::UNITS),
         ("SHARED_BITS", cuts::CHILD_BITS),
         ("PROBES", cuts::PROBES as u32),
+        ("STILL_LEVEL", cuts::options::LEVELS[0]),
+        ("CELL_LEVELS", cuts::options::LEVELS[0] + cuts::options::LEVELS[1]),
         ("CELL_POINTS", cuts::POINTS as u32),
         ("PLACE_BITS", cuts::PLACE_BITS),
         ("SLOPE_BITS", cuts::SLOPE_BITS),

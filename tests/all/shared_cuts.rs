@@ -7,7 +7,7 @@ use girandole::{
 };
 use rayon::prelude::*;
 
-use testbed::testing::support::{Rng, all_pmfs};
+use testbed::testing::support::{Rng, all_pmfs, rounds};
 
 /// As in `sampling.rs`: rounding of products of two dozen ratios.
 const SUM_TOLERANCE: f64 = 1.0e-4;
@@ -172,6 +172,67 @@ fn moving_worlds_keep_their_probabilities_with_marks_of_the_frame_before() {
             world.set_origin(DVec3::ZERO).expect("valid");
         }
     }
+}
+
+/// One change of a world, of any kind.
+fn edit(world: &mut LightWorld, rng: &mut Rng) {
+    let (instances, trees): (Vec<_>, Vec<_>) = (world.instances().collect(), world.trees().collect());
+    let instance = instances[rng.bits() as usize % instances.len()];
+    let tree = trees[rng.bits() as usize % trees.len()];
+    let count = world.tree(tree).expect("it lives").lights().len() as u32;
+    let light = rng.bits() as u32 % count;
+    match rng.bits() % 13 {
+        0 | 1 => {
+            let mut placement = world.placement(instance).expect("it lives");
+            placement.translation += rng.position(0.5).as_dvec3();
+            world.move_instance(instance, placement).expect("valid");
+        }
+        2 => drop(world.add_instance(tree, rng.affine(20.0), Policy::Budgeted).expect("valid")),
+        3 if instances.len() > 8 => world.remove_instance(instance).expect("it lives"),
+        4 => world.set_factor(instance, Vec3::splat([0.0, 1.0, 100.0][rng.bits() as usize % 3])).expect("valid"),
+        5 => world.set_mask(instance, [u32::MAX, 0b01, 0b10][rng.bits() as usize % 3]).expect("it lives"),
+        6 => world.set_enabled(instance, rng.bits().is_multiple_of(2)).expect("it lives"),
+        7 => {
+            let mut new = rng.light(2.0);
+            new.emission *= [0.0, 1.0, 1000.0][rng.bits() as usize % 3];
+            // A light that was removed is refused.
+            let _ = world.set_lights(tree, &[(light, new)]);
+        }
+        8 => drop(world.add_lights(tree, &rng.lights(3, 2.0)).expect("valid")),
+        9 => drop(world.remove_lights(tree, &[light])),
+        10 => drop(world.rebuild_tree(tree).expect("it lives")),
+        11 => {
+            let by = LightTree::new(rng.lights(30, 2.0)).expect("valid");
+            world.replace_tree(tree, by).expect("it lives");
+        }
+        _ if world.directional_count() > 0 => {
+            let suns: Vec<_> = world.directionals().collect();
+            suns.into_iter().for_each(|sun| world.remove_directional(sun).expect("it lives"));
+        }
+        _ => {
+            let sun = DirectionalLight { direction: rng.direction(), illuminance: Vec3::ONE };
+            world.add_directional(sun).expect("valid");
+        }
+    }
+}
+
+#[test]
+fn cuts_that_are_kept_stay_exact_whatever_is_edited() {
+    let mut kept = 0;
+    for seed in 0..rounds(16) {
+        let mut rng = Rng(190 + seed);
+        let mut world = rng.varied_world(4, 30, 5, 20.0);
+        let at: Vec<_> = (0..30).map(|_| rng.masked_point(20.0)).collect();
+        let mut cuts = table();
+        for frame in 0..60 {
+            (0..1 + frame % 3).for_each(|_| edit(&mut world, &mut rng));
+            world.update(if frame % 2 == 0 { FrameBudget::UNLIMITED } else { FrameBudget::NONE });
+            build(&mut cuts, &world, &at);
+            assert_exact(&world, &cuts, &others(&at, &mut rng)[..4], &mut rng);
+            kept += cuts.report().kept;
+        }
+    }
+    assert!(kept > 1000, "{kept}");
 }
 
 #[test]

@@ -79,17 +79,17 @@ pub(crate) struct GridRecord {
     unit: f32,
     units_per_metre: f32,
     edges_sq: f32,
-    levels: u32,
-    offset: [f32; 3],
     last_slot: u32,
+    offset: [f32; 3],
+    min_marks: u32,
     first: [u32; 3],
     looks: u32,
     eye: [f32; 3],
     has_eye: u32,
-    min_marks: u32,
     first_row: u32,
     free_rows: u32,
     listed: u32,
+    padding: u32,
 }
 
 impl GridRecord {
@@ -98,17 +98,17 @@ impl GridRecord {
             unit: grid.unit,
             units_per_metre: grid.units_per_metre,
             edges_sq: grid.edges_sq,
-            levels: grid.levels,
-            offset: grid.offset.to_array(),
             last_slot: places.slots - 1,
+            offset: grid.offset.to_array(),
+            min_marks: options.min_marks(),
             first: grid.first,
             looks: places.looks,
             eye: grid.eye.unwrap_or_default().to_array(),
             has_eye: u32::from(grid.eye.is_some()),
-            min_marks: options.min_marks(),
             first_row: places.first_row,
             free_rows: places.free_rows,
             listed: places.listed,
+            padding: 0,
         }
     }
 }

@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use crate::math::dice::{U_STEP, hash};
+use crate::sampling::cuts::options::LEVELS;
 use crate::shading::gloss::Gloss;
 use crate::shading::segment::LocalSegment;
 use crate::shading::shading_point::ShadingPoint;
@@ -64,8 +65,6 @@ pub(crate) struct CutGrid {
     /// Squares of distances are multiplied by this. The result is the square of the edge of a cell in
     /// edges of the smallest cells, and twice that, to round to the nearest power of two.
     pub edges_sq: f32,
-    /// The largest cells have 2^`levels` times the edge of the smallest.
-    pub levels: u32,
 }
 
 /// What tells cells apart.
@@ -102,13 +101,14 @@ impl CutCell {
 }
 
 impl CutGrid {
-    /// Cells with edges of `edge` metres at least and `edge` times 2^`levels` at most, which lie at
+    /// Cells with edges of `edge` metres; with a camera, edges halved and doubled as often as [`LEVELS`] says. They lie at
     /// multiples of their edges in the world.
-    pub fn new(edge: f32, levels: u32, camera: Option<Camera>, origin: DVec3) -> Self {
-        let unit = edge / (1 << PLACE_BITS) as f32;
+    pub fn new(edge: f32, camera: Option<Camera>, origin: DVec3) -> Self {
+        let smallest = edge / (1 << LEVELS[0]) as f32;
+        let unit = smallest / (1 << PLACE_BITS) as f32;
         let exact = f64::from(unit);
         let first = (origin / exact).floor();
-        let edges = camera.map_or(0.0, |camera| camera.edge_per_metre / edge);
+        let edges = camera.map_or(0.0, |camera| camera.edge_per_metre / smallest);
         Self {
             unit,
             units_per_metre: 1.0 / unit,
@@ -116,7 +116,6 @@ impl CutGrid {
             first: first.to_array().map(|coordinate| coordinate as i64 as u32),
             eye: camera.map(|camera| (camera.eye - origin).as_vec3()),
             edges_sq: 2.0 * edges * edges,
-            levels,
         }
     }
 
@@ -131,7 +130,7 @@ impl CutGrid {
         let random = hash(x ^ hash(y ^ hash(z)));
         let (normal_class, slopes) = normal_bits(shading_point.normal, random);
         let gloss = self.gloss_class(shading_point)?;
-        let level = self.eye.map_or(0, |eye| self.level(position.distance_squared(eye)));
+        let level = self.eye.map_or(LEVELS[0], |eye| self.level(position.distance_squared(eye)));
         let units = ((position + self.offset) * self.units_per_metre).floor();
         let limited = units.clamp(Vec3::splat(-MAX_COORDINATE), Vec3::splat(MAX_COORDINATE));
         let place = |k: usize| (limited[k] as i32 as u32).wrapping_add(self.first[k]) as i32;
@@ -191,7 +190,7 @@ impl CutGrid {
     /// From the square of the distance to the eye.
     fn level(&self, dist_sq: f32) -> u32 {
         let exponent = (dist_sq * self.edges_sq).to_bits() >> 23;
-        (exponent.saturating_sub(127) / 2).min(self.levels)
+        (exponent.saturating_sub(127) / 2).min(LEVELS[0] + LEVELS[1])
     }
 
     /// The class of a gloss, 0 for a matte surface; `None` if its points share no cells.
@@ -282,7 +281,7 @@ mod tests {
     use crate::tree::testing::Rng;
 
     fn grid(camera: Option<Camera>, origin: DVec3) -> CutGrid {
-        CutGrid::new(0.25, 2, camera, origin)
+        CutGrid::new(0.25, camera, origin)
     }
 
     #[test]
@@ -380,9 +379,11 @@ mod tests {
             let (cell, _) = grid.cell(&ShadingPoint::surface(Vec3::X * dist, Vec3::Y)).expect("a surface");
             cell.level()
         };
-        // The nearest power of two of 0.25 m: 0.354 m are 11.05 m away, and 0.707 m 22.1 m.
-        let at = [0.0, 1.0, 11.0, 11.1, 22.0, 22.2, 1.0e6, f32::INFINITY, f32::NAN];
-        assert_eq!(at.map(level), [0, 0, 0, 1, 1, 2, 2, 2, 2]);
+        // The nearest power of two of 0.25 m: 0.354 m are 11.05 m away, and 0.707 m 22.1 m. The limits are 1/32 m and 8 m.
+        let at = [0.0, 1.0, 11.0, 11.1, 22.0, 22.2, 176.0, 177.0, 1.0e6, f32::INFINITY, f32::NAN];
+        assert_eq!(at.map(level), [0, 0, 3, 4, 4, 5, 7, 8, 8, 8, 8]);
+        let (still, _) = CutGrid::new(0.25, None, DVec3::ZERO).cell(&ShadingPoint::volume(Vec3::X)).expect("a point");
+        assert_eq!((still.level(), still.corner), (3, [4, 0, 0]));
     }
 
     #[test]

@@ -12,8 +12,8 @@ pub(crate) const MAX_CELLS: usize = 1 << 16;
 /// The least and the largest edge of a cell, in metres.
 pub(crate) const EDGES: [f32; 2] = [0.01, 1.0e4];
 
-/// The edges of cells that follow a camera are at most this many times doubled.
-const LEVELS: u32 = 2;
+/// How often the edge of a cell that follows a camera can be halved, and doubled.
+pub(crate) const LEVELS: [u32; 2] = [3, 5];
 
 /// The edge of a cell, in pixels of the camera.
 pub(crate) const PIXELS: f32 = 16.0;
@@ -37,7 +37,7 @@ pub struct CutOptions {
 impl CutOptions {
     /// Cells with edges of `edge` metres, of which `cells` have cuts at the same time.
     ///
-    /// With a [view](crate::CutTable::set_view), edges are up to four times as long where pixels are large. The
+    /// With a [view](crate::CutTable::set_view), edges are an eighth to 32 times of that, as pixels are large. The
     /// default is 0.25 m and 16,384 cells, which take 1.6 kB each.
     ///
     /// # Errors
@@ -60,7 +60,7 @@ impl CutOptions {
         Self { min_marks, ..self }
     }
 
-    /// The edge of the smallest cells in metres.
+    /// The edge of cells without a view, in metres.
     pub const fn edge(self) -> f32 {
         self.edge
     }
@@ -85,7 +85,7 @@ impl Default for CutOptions {
 impl CutOptions {
     /// The grid of cells in coordinates relative to an origin.
     pub(crate) fn grid(&self, camera: Option<Camera>, origin: DVec3) -> CutGrid {
-        CutGrid::new(self.edge, LEVELS, camera, origin)
+        CutGrid::new(self.edge, camera, origin)
     }
 }
 

@@ -7,6 +7,8 @@ use std::time::Instant;
 
 /// The points that are marked around each shading point: as many pixels as a cell has in a picture.
 pub const NEIGHBOURS: u64 = 256;
+/// The edge of the options over the least edge of cells that follow a view.
+const SMALLEST: f32 = 8.0;
 /// Seeds their places.
 const SEED: u64 = 2_024;
 
@@ -38,10 +40,11 @@ pub fn build_time(
 
 /// The table before the build.
 pub fn marked(world: &LightWorld, shading_points: &[ShadingPoint], edge: f32) -> Result<CutTable, CutError> {
-    let mut table = CutTable::new(CutOptions::new(edge, (16 * shading_points.len()).clamp(1, 1 << 16))?);
     let eye = shading_points.iter().find_map(|at| Some(at.position + at.gloss?.view));
+    // With pixels that are so small, all cells have the least edge.
+    let options_edge = if eye.is_some() { SMALLEST * edge } else { edge };
+    let mut table = CutTable::new(CutOptions::new(options_edge, (16 * shading_points.len()).clamp(1, 1 << 16))?);
     if let Some(eye) = eye {
-        // So small that all cells have the edge of the options.
         table.set_view(eye.as_dvec3() + world.origin(), 1.0e-9);
     }
     mark(world, &table, shading_points, edge);
