@@ -4,7 +4,7 @@ use std::cmp::Reverse;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use crate::sampling::cuts::build::{CellPoints, build};
-use crate::sampling::cuts::cell::{CutGrid, POINTS};
+use crate::sampling::cuts::cell::{CutCell, CutGrid, POINTS};
 use crate::sampling::cuts::keep::TURNS;
 use crate::sampling::cuts::marks::Marked;
 use crate::sampling::cuts::shared::SharedCut;
@@ -16,6 +16,7 @@ use crate::sampling::sample::LightSampler;
 pub struct CutBuild<'t> {
     sampler: LightSampler<'t>,
     grid: CutGrid,
+    cell: CutCell,
     marked: Marked,
     cut: &'t mut SharedCut,
     /// The nodes of the cell's cut; 0 if it has none.
@@ -30,22 +31,21 @@ impl CutBuild<'_> {
     /// Builds the cell's cut: up to 32 nodes for each of up to eight points. A cell may keep its cut, after a look at the
     /// 32 nodes.
     pub fn run(self) {
-        let Self { sampler, grid, marked, cut, nodes, kept, taught } = self;
-        let center = grid.center(&marked.cell);
-        let toward = grid.toward(&marked.cell);
+        let Self { sampler, grid, cell, marked, cut, nodes, kept, taught } = self;
+        let (center, toward, [_, tag]) = (grid.center(&cell), grid.toward(&cell), cell.keys());
         if nodes == 0 {
             cut.age = 0;
         } else {
             cut.count = nodes;
-            if cut.is_kept(&sampler, (&center, toward), (marked.tag, taught)) {
+            if cut.is_kept(&sampler, (&center, toward), (tag, taught)) {
                 kept.fetch_add(1, Relaxed);
                 return;
             }
         }
         let mut points = [center; POINTS];
         let mut count = 0;
-        for word in marked.points.into_iter().filter(|word| *word != 0) {
-            points[count] = grid.point(&marked.cell, word);
+        for word in marked.words() {
+            points[count] = grid.point(&cell, word);
             count += 1;
         }
         build(&sampler, &CellPoints { points: &points[..count], center }, cut);
@@ -62,7 +62,7 @@ impl CutTable {
     /// With a sampler that has [learnt visibility](LightSampler::with_visibility), cells choose lights by that
     /// too. Choices take no longer.
     ///
-    /// The result does not depend on the order or the threads of the marks. O(cells of the table), and
+    /// The result does not depend on the order or the threads of the marks. O(n log n) in the marked cells, and
     /// up to 256 evaluations of a node for each cell that gets a cut.
     pub fn build(&mut self, sampler: LightSampler<'_>) {
         self.builds(sampler).for_each(CutBuild::run);
@@ -70,23 +70,15 @@ impl CutTable {
 
     /// The same in parts, each of which may run on any thread. Cells whose part does not run have no cut.
     pub fn builds<'t>(&'t mut self, sampler: LightSampler<'t>) -> impl Iterator<Item = CutBuild<'t>> + use<'t> {
-        let Self { options, camera, marks, lost_marks, built } = self;
-        let lost_marks = std::mem::take(lost_marks.get_mut());
-        let (mut report, mut chosen) = (CutReport { lost_marks, ..CutReport::default() }, Vec::new());
-        for (slot, marked) in marks.cells() {
-            report.marked += 1;
-            if marked.count < options.min_marks() {
-                report.rare += 1;
-            } else {
-                chosen.push((slot, marked));
-            }
-        }
-        if chosen.len() > options.cells() {
-            report.refused = chosen.len() - options.cells();
-            let rank = |(_, marked): &(usize, Marked)| (Reverse(marked.count), marked.tag);
-            chosen.select_nth_unstable_by_key(options.cells(), rank);
-            chosen.truncate(options.cells());
-        }
+        let Self { options, camera, marks, built } = self;
+        let mut report = CutReport::default();
+        let mut chosen: Vec<(CutCell, Marked)> = marks.cells().inspect(|_| report.marked += 1).collect();
+        chosen.retain(|(_, marked)| marked.count >= options.min_marks());
+        report.rare = report.marked - chosen.len();
+        report.refused = chosen.len().saturating_sub(options.cells());
+        // Where there are too many, those with the most marks.
+        chosen.sort_unstable_by_key(|(cell, marked)| (Reverse(marked.count), *cell));
+        chosen.truncate(options.cells());
         marks.clear();
         let grid = options.grid(*camera, sampler.world.origin());
         let learnt = sampler.visibility.as_ref().map_or([0; 2], |(table, _)| [table.id(), table.last_change()]);
@@ -95,9 +87,9 @@ impl CutTable {
         let has_same_eye = built.grid.is_some_and(|built| built.has_eye_of(&grid));
         built.eye_rest = if has_same_eye { built.eye_rest.saturating_add(1) } else { 0 };
         // The number of a cut, and whether nothing has changed for it.
-        let kept = |(_, marked): &(usize, Marked)| {
-            let is_calm = built.calm > TURNS && (built.eye_rest > TURNS || !marked.cell.is_glossy());
-            built.kept(marked).map(|number| (number, is_calm))
+        let kept = |(cell, marked): &(CutCell, Marked)| {
+            let is_calm = built.calm > TURNS && (built.eye_rest > TURNS || !cell.is_glossy());
+            built.kept(cell, marked).map(|number| (number, is_calm))
         };
         let kept: Vec<Option<(u32, bool)>> = chosen.iter().map(kept).collect();
         report.kept = kept.iter().flatten().filter(|(_, is_calm)| *is_calm).count();
@@ -109,13 +101,14 @@ impl CutTable {
         kept.iter().flatten().for_each(|(number, _)| is_kept[*number as usize] = true);
         let mut free = (0..).zip(&is_kept).filter(|(_, is_kept)| !**is_kept).map(|(number, _)| number);
         let mut work = vec![None; built.cuts.len()];
-        built.tags.fill((0, 0));
-        for ((slot, marked), kept) in chosen.iter().zip(&kept) {
+        built.numbers.clear();
+        for ((cell, marked), kept) in chosen.iter().zip(&kept) {
             let Some((number, is_calm)) = kept.or_else(|| Some((free.next()?, false))) else { continue };
-            built.tags[*slot] = (marked.tag, number);
+            built.numbers.insert(*cell, number);
             // Cells whose part does not run have no cut.
             let cut = &mut built.cuts[number as usize];
-            work[number as usize] = (!is_calm).then(|| (*marked, kept.map_or(0, |_| std::mem::take(&mut cut.count))));
+            work[number as usize] =
+                (!is_calm).then(|| (*cell, *marked, kept.map_or(0, |_| std::mem::take(&mut cut.count))));
         }
         for (cut, _) in built.cuts.iter_mut().zip(&is_kept).filter(|(_, is_kept)| !**is_kept) {
             cut.count = 0;
@@ -124,8 +117,8 @@ impl CutTable {
         *built.kept_after_all.get_mut() = 0;
         let kept = &built.kept_after_all;
         built.cuts.iter_mut().zip(work).filter_map(move |(cut, work)| {
-            let (marked, nodes) = work?;
-            Some(CutBuild { sampler, grid, marked, cut, nodes, kept, taught })
+            let (cell, marked, nodes) = work?;
+            Some(CutBuild { sampler, grid, cell, marked, cut, nodes, kept, taught })
         })
     }
 }

@@ -68,7 +68,7 @@ pub(crate) struct CutGrid {
 }
 
 /// What tells cells apart.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) struct CutCell {
     /// In edges of the cell, modulo 2^32.
     pub corner: [u32; 3],

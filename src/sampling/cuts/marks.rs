@@ -1,96 +1,76 @@
 //! The cells that shading points need, and a few points of each.
 
-use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError};
 
 use super::cell::{CutCell, POINTS, Place};
 
-/// The places of a table in which a cell may be.
-pub(crate) const PROBES: usize = 16;
+/// Parts of the marks that threads do not lock at the same time.
+const SHARDS: usize = 64;
 
-/// Cells by hash, with open addressing. Any threads may add to it.
-pub(crate) struct Marks {
-    slots: Vec<MarkSlot>,
-}
+type Shard = HashMap<CutCell, Marked>;
 
-/// The words of a cell; 0 while there is none.
+/// The marks of a frame. Any threads may add to them.
 #[derive(Default)]
-struct MarkSlot {
-    tag: AtomicU32,
-    /// How often the cell was marked.
-    count: AtomicU32,
-    /// [`CutCell`], written by the thread that wrote the tag.
-    corner: [AtomicU32; 3],
-    kind: AtomicU32,
-    mask: AtomicU32,
-    points: [AtomicU32; POINTS],
+pub(crate) struct Marks {
+    shards: Vec<Mutex<Shard>>,
 }
 
-/// A cell that was marked.
-#[derive(Clone, Copy, Debug)]
+/// What is known of a marked cell.
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Marked {
-    pub tag: u32,
+    /// How often the cell was marked.
     pub count: u32,
-    pub cell: CutCell,
     /// The words of points; 0 for none.
     pub points: [u32; POINTS],
 }
 
+impl Marked {
+    /// The words of points that there are.
+    pub fn words(&self) -> impl Iterator<Item = u32> {
+        self.points.into_iter().filter(|word| *word != 0)
+    }
+}
+
 impl Marks {
-    /// Room for a power of two of cells.
-    pub fn new(slots: usize) -> Self {
-        Self { slots: (0..slots).map(|_| MarkSlot::default()).collect() }
+    /// No marks.
+    pub fn new() -> Self {
+        Self { shards: (0..SHARDS).map(|_| Mutex::default()).collect() }
     }
 
-    /// Marks the cell of a point. Returns false if there is no room.
-    ///
-    /// Which cells find room does not depend on the order of marks unless a run of [`PROBES`] slots is
-    /// full.
-    pub fn add(&self, cell: &CutCell, place: Place) -> bool {
-        let [hash, tag] = cell.keys();
-        for step in 0..PROBES {
-            let slot = &self.slots[(hash as usize).wrapping_add(step) & (self.slots.len() - 1)];
-            let mut found = slot.tag.load(Relaxed);
-            if found == 0 {
-                found = match slot.tag.compare_exchange(0, tag, Relaxed, Relaxed) {
-                    Ok(_) => {
-                        for (word, value) in slot.corner.iter().zip(cell.corner) {
-                            word.store(value, Relaxed);
-                        }
-                        slot.kind.store(cell.kind, Relaxed);
-                        slot.mask.store(cell.mask, Relaxed);
-                        tag
-                    }
-                    Err(other) => other,
-                };
-            }
-            if found == tag {
-                slot.count.fetch_add(1, Relaxed);
-                slot.points[place.which].fetch_max(place.word, Relaxed);
-                return true;
-            }
-        }
-        false
+    /// Marks the cell of a point.
+    pub fn add(&self, cell: &CutCell, place: Place) {
+        let [hash, _] = cell.keys();
+        // A thread cannot panic while it holds the lock.
+        let mut shard = self.shards[hash as usize % SHARDS].lock().unwrap_or_else(PoisonError::into_inner);
+        let marked = shard.entry(*cell).or_default();
+        marked.count = marked.count.saturating_add(1);
+        let word = &mut marked.points[place.which];
+        *word = place.word.max(*word);
     }
 
-    /// The cells and their slots.
-    pub fn cells(&mut self) -> impl Iterator<Item = (usize, Marked)> {
-        self.slots.iter_mut().enumerate().filter_map(|(index, slot)| {
-            let tag = *slot.tag.get_mut();
-            (tag != 0).then(|| {
-                let corner = slot.corner.each_mut().map(|word| *word.get_mut());
-                let cell = CutCell { corner, kind: *slot.kind.get_mut(), mask: *slot.mask.get_mut() };
-                let points = slot.points.each_mut().map(|word| *word.get_mut());
-                (index, Marked { tag, count: *slot.count.get_mut(), cell, points })
-            })
-        })
+    /// All cells, in no order.
+    pub fn cells(&mut self) -> impl Iterator<Item = (CutCell, Marked)> {
+        self.shards().flat_map(|shard| shard.iter().map(|(cell, marked)| (*cell, *marked)))
     }
 
+    /// The bytes of the marks on the heap.
     pub fn memory_bytes(&self) -> usize {
-        size_of::<MarkSlot>() * self.slots.capacity()
+        let of_shard = |shard: &Mutex<Shard>| map_bytes(&shard.lock().unwrap_or_else(PoisonError::into_inner));
+        size_of::<Mutex<Shard>>() * self.shards.capacity() + self.shards.iter().map(of_shard).sum::<usize>()
     }
 
-    /// Removes all cells.
+    /// Removes all cells, and keeps the memory.
     pub fn clear(&mut self) {
-        self.slots.iter_mut().for_each(|slot| *slot = MarkSlot::default());
+        self.shards().for_each(Shard::clear);
     }
+
+    fn shards(&mut self) -> impl Iterator<Item = &mut Shard> {
+        self.shards.iter_mut().map(|shard| shard.get_mut().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+/// About the bytes of a map on the heap: an entry and a byte for each place, of which an eighth stays free.
+pub(super) fn map_bytes<K, V>(map: &HashMap<K, V>) -> usize {
+    map.capacity() / 7 * 8 * (size_of::<(K, V)>() + 1)
 }

@@ -25,8 +25,6 @@ pub(crate) use cell::{
     SLOPE_STEPS, SLOPE_ZERO, VIEW_COSINE, VOLUME,
 };
 #[cfg(feature = "gpu-plan")]
-pub(crate) use marks::PROBES;
-#[cfg(feature = "gpu-plan")]
-pub(crate) use options::{CutOptions, camera, slots};
+pub(crate) use options::{CutOptions, PROBES, camera, slots};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use shared::{MIN_SIDE, SHARED_NODES, UNITS};

@@ -4,7 +4,6 @@ use glam::DVec3;
 
 use crate::error::CutError;
 use crate::sampling::cuts::cell::{Camera, CutGrid};
-use crate::sampling::cuts::marks::PROBES;
 
 /// The largest number of cells of [`CutOptions`]. Their cuts take 106 MB.
 pub(crate) const MAX_CELLS: usize = 1 << 16;
@@ -89,7 +88,12 @@ impl CutOptions {
     }
 }
 
-/// The places for marked cells: four for each cell that may have a cut.
+/// The places of a table on the GPU in which a marked cell may be.
+#[cfg(feature = "gpu-plan")]
+pub(crate) const PROBES: usize = 16;
+
+/// The places for marked cells on the GPU: four for each cell that may have a cut.
+#[cfg(feature = "gpu-plan")]
 pub(crate) fn slots(options: CutOptions) -> usize {
     (4 * options.cells()).next_power_of_two().max(PROBES)
 }

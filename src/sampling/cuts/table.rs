@@ -1,13 +1,14 @@
 //! The table of cells: what was marked, and the cuts that were built from it.
 
+use std::collections::HashMap;
 use std::fmt;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use glam::DVec3;
 
 use crate::sampling::cuts::cell::{Camera, CutCell, CutGrid};
-use crate::sampling::cuts::marks::{Marked, Marks, PROBES};
-use crate::sampling::cuts::options::{CutOptions, camera, slots};
+use crate::sampling::cuts::marks::{Marked, Marks, map_bytes};
+use crate::sampling::cuts::options::{CutOptions, camera};
 use crate::sampling::cuts::shared::SharedCut;
 use crate::shading::shading_point::ShadingPoint;
 
@@ -25,7 +26,7 @@ pub struct CutReport {
     pub rare: usize,
     /// The marked cells for which there was no room.
     pub refused: usize,
-    /// The marks for whose cells there was no room.
+    /// The marks for whose cells there was no room; 0 on the CPU.
     pub lost_marks: usize,
 }
 
@@ -68,7 +69,6 @@ pub struct CutTable {
     /// For marks.
     pub(crate) camera: Option<Camera>,
     pub(crate) marks: Marks,
-    pub(crate) lost_marks: AtomicUsize,
     pub(crate) built: Built,
 }
 
@@ -78,8 +78,8 @@ pub(crate) struct Built {
     pub grid: Option<CutGrid>,
     /// [`TopLevel::id`](crate::top::TopLevel::id) of the world for which they were built; 0 for none.
     pub world: u64,
-    /// For each place of a mark the tag of its cell and the number of its cut; 0 for none.
-    pub tags: Vec<(u32, u32)>,
+    /// The numbers of the cuts of cells.
+    pub numbers: HashMap<CutCell, u32>,
     /// The first ones are in use.
     pub cuts: Vec<SharedCut>,
     /// The table of learnt visibility with which they were built and the last change there, or zeros.
@@ -94,37 +94,22 @@ pub(crate) struct Built {
 }
 
 impl Built {
-    /// The number of a cell's cut.
-    fn number(&self, cell: &CutCell) -> Option<u32> {
-        let [hash, tag] = cell.keys();
-        let mut slots = (0..PROBES).map(|step| self.tags[(hash as usize).wrapping_add(step) & (self.tags.len() - 1)]);
-        slots.find(|(found, _)| *found == tag).map(|(_, number)| number)
-    }
-
     fn memory_bytes(&self) -> usize {
-        size_of::<(u32, u32)>() * self.tags.capacity() + size_of::<SharedCut>() * self.cuts.capacity()
+        map_bytes(&self.numbers) + size_of::<SharedCut>() * self.cuts.capacity()
     }
 
     /// The number of the cut of a cell that may keep it: the cut was made for at least as many points as are known now.
-    pub fn kept(&self, marked: &Marked) -> Option<u32> {
-        let number = self.number(&marked.cell)?;
+    pub fn kept(&self, cell: &CutCell, marked: &Marked) -> Option<u32> {
+        let number = *self.numbers.get(cell)?;
         let cut = self.cuts.get(number as usize).filter(|cut| cut.count > 0)?;
-        let known = marked.points.iter().filter(|word| **word != 0).count();
-        (cut.points >= known).then_some(number)
+        (cut.points >= marked.words().count()).then_some(number)
     }
 }
 
 impl CutTable {
     /// Creates a table without cells.
     pub fn new(options: CutOptions) -> Self {
-        let slots = slots(options);
-        Self {
-            options,
-            camera: None,
-            marks: Marks::new(slots),
-            lost_marks: AtomicUsize::new(0),
-            built: Built { tags: vec![(0, 0); slots], ..Built::default() },
-        }
+        Self { options, camera: None, marks: Marks::new(), built: Built::default() }
     }
 
     /// The options that the table was made with.
@@ -149,17 +134,16 @@ impl CutTable {
         CutReport { built: built - more, kept: kept + more, ..self.built.report }
     }
 
-    /// Forgets all marks and all cuts, and keeps the memory for new ones. O(cells of the table).
+    /// Forgets all marks and all cuts, and keeps the memory for new ones.
     pub fn clear(&mut self) {
         self.marks.clear();
-        *self.lost_marks.get_mut() = 0;
-        let Built { mut tags, cuts, .. } = std::mem::take(&mut self.built);
-        tags.fill((0, 0));
-        self.built = Built { tags, cuts, ..Built::default() };
+        let Built { mut numbers, cuts, .. } = std::mem::take(&mut self.built);
+        numbers.clear();
+        self.built = Built { numbers, cuts, ..Built::default() };
     }
 
-    /// The memory of the table: 1.6 kB for each cell that ever had a cut, and 256 bytes or more for each that
-    /// may have one. O(1).
+    /// The memory of the table: 1.6 kB for each cell that ever had a cut, and some 100 bytes for each that was
+    /// ever marked in one frame. O(1).
     pub fn memory_bytes(&self) -> usize {
         size_of_val(self) + self.marks.memory_bytes() + self.built.memory_bytes()
     }
@@ -199,10 +183,8 @@ impl<'a> CutsInUse<'a> {
     /// Marks the cell of a shading point.
     pub fn mark(&self, shading_point: &ShadingPoint) {
         let CutTable { options, camera, .. } = self.table;
-        if let Some((cell, place)) = options.grid(*camera, self.origin).cell(shading_point)
-            && !self.table.marks.add(&cell, place)
-        {
-            self.table.lost_marks.fetch_add(1, Relaxed);
+        if let Some((cell, place)) = options.grid(*camera, self.origin).cell(shading_point) {
+            self.table.marks.add(&cell, place);
         }
     }
 
@@ -210,6 +192,6 @@ impl<'a> CutsInUse<'a> {
     pub fn cut(&self, shading_point: &ShadingPoint) -> Option<&'a SharedCut> {
         let (built, grid) = self.built.as_ref()?;
         let (cell, _) = grid.cell(shading_point)?;
-        built.cuts.get(built.number(&cell)? as usize).filter(|cut| cut.count > 0)
+        built.cuts.get(*built.numbers.get(&cell)? as usize).filter(|cut| cut.count > 0)
     }
 }
