@@ -15,6 +15,8 @@ var<workgroup> job: u32;
 var<workgroup> state: u32;
 var<workgroup> nodes: array<LightPlace, LIGHT_SHARED_NODES>;
 var<workgroup> names: array<u32, 64>;
+// A bit for each child that is one of the nodes.
+var<workgroup> opened: array<atomic<u32>, LIGHT_SHARED_NODES / 4u>;
 var<workgroup> faults: atomic<u32>;
 var<workgroup> moves: atomic<u32>;
 
@@ -33,7 +35,7 @@ struct KeepPlace {
     is_node: bool,
 }
 
-fn keep_place(child: u32, cell: LightCutCell) -> KeepPlace {
+fn keep_place(child: u32) -> KeepPlace {
     if child == LIGHT_SKY_ROOT {
         return KeepPlace(light_sky_root(), true);
     }
@@ -73,6 +75,9 @@ fn cut_keep(
         let node = 4u * (row + LIGHT_ROW_NODES) + 2u * lane;
         nodes[lane] = LightPlace(keep_word(node), keep_word(node + 1u));
     }
+    if lane < LIGHT_SHARED_NODES / 4u {
+        atomicStore(&opened[lane], 0u);
+    }
     var sees_sky = light_params.sky != LIGHT_NO_INSTANCE;
     if sees_sky {
         sees_sky = (light_instance(light_params.sky).mask & cell.mask) != 0u;
@@ -84,13 +89,20 @@ fn cut_keep(
     }
     workgroupBarrier();
 
+    var from_child = LIGHT_SKY_ROOT;
+    if lane > 0u && lane < count {
+        from_child = keep_from(row, lane);
+        if from_child != LIGHT_SKY_ROOT {
+            atomicOr(&opened[from_child / 32u], 1u << (from_child % 32u));
+        }
+    }
     // Follow nodes that are stored elsewhere, and those below them.
     var round = 0u;
     loop {
         var found = KeepPlace(LightPlace(0u, 0u), true);
         var is_moved = false;
         if lane > 0u && lane < count {
-            found = keep_place(keep_from(row, lane), cell);
+            found = keep_place(from_child);
             is_moved = found.place.instance != nodes[lane].instance || found.place.index != nodes[lane].index;
         }
         workgroupBarrier();
@@ -138,12 +150,9 @@ fn cut_keep(
             // Sign extended.
             let now = extractBits(bitcast<i32>(found.flux), 8u * i, 8u);
             let steps = extractBits(now - extractBits(bitcast<i32>(known), 8u * i, 8u), 0u, 8u);
+            let child = node * LIGHT_WIDTH + first_slot + i;
             if units == 0u {
-                var is_opened = false;
-                for (var other = 1u; other < count; other++) {
-                    is_opened = is_opened || keep_from(row, other) == node * LIGHT_WIDTH + first_slot + i;
-                }
-                if is_lit && !is_opened {
+                if is_lit && ((atomicLoad(&opened[child / 32u]) >> (child % 32u)) & 1u) == 0u {
                     atomicStore(&faults, 1u);
                 }
             } else {
