@@ -17,13 +17,13 @@ fn node_store_words(at: u32, words: vec4<u32>) {
     nodes[4u * at + 3u] = words.w;
 }
 
-// Stores a node without its children: the origin and the exponents of the steps of its grid, and its
-// tail.
-fn node_store(stored: NodeLayout, index: u32, origin: vec3<f32>, bits: vec3<u32>, tail: vec4<u32>) {
+// Stores a node without its children: the origin and the exponents of the steps of its grid, and the
+// place of its parent.
+fn node_store(stored: NodeLayout, index: u32, origin: vec3<f32>, bits: vec3<u32>, parent: u32) {
     let at = index * stored.stride;
     let steps = (LIGHT_WIDTH << 24u) | bits.x | (bits.y << 8u) | (bits.z << 16u);
     node_store_words(at, vec4(bitcast<vec3<u32>>(origin), steps));
-    node_store_words(at + LIGHT_NODE_TAIL, tail);
+    node_store_words(at + LIGHT_NODE_TAIL, vec4(parent, 0u, 0u, 0u));
 }
 
 // Stores a child without its child bits; `place` is node * LIGHT_WIDTH + slot.

@@ -103,8 +103,6 @@ fn node_pack(lane: u32, node: u32, parent: u32, is_used: bool, child: NodeChild,
         pack_masks(lane, node, is_used, child, held);
     }
     let cluster = node_cluster(child);
-    let child_bits = node_child_bits(child);
-    pack_child_names[lane] = node_mixed(node_child_name(child, child_bits), slot);
     let merged = pack_merged(lane, cluster, cluster.flux);
     if is_used {
         let bits = vec3(
@@ -113,12 +111,7 @@ fn node_pack(lane: u32, node: u32, parent: u32, is_used: bool, child: NodeChild,
             step_bits(merged.box_min.z, merged.box_max.z),
         );
         if slot == 0u {
-            var name = 0u;
-            for (var i = 0u; i < LIGHT_WIDTH; i++) {
-                name += pack_child_names[first + i];
-            }
-            pack_names[held] = name;
-            node_store(stored, node, merged.box_min, bits, vec4(parent, 0u, name, 0u));
+            node_store(stored, node, merged.box_min, bits, parent);
             let finished = pack_finished(first, merged, pack_between(first, merged));
             clusters[top_pass.capacity + node] = finished;
             pack_clusters[held] = finished;
@@ -131,10 +124,20 @@ fn node_pack(lane: u32, node: u32, parent: u32, is_used: bool, child: NodeChild,
                 node_store_parent(stored, child.bits, place);
             }
         }
+        let child_bits = node_child_bits(child);
         node_store_child_bits(stored, place, child_bits);
+        pack_child_names[lane] = node_mixed(node_child_name(child, child_bits), slot);
     }
     // The words may be written again, and the cluster is read.
     workgroupBarrier();
+    if is_used && slot == 0u {
+        var name = 0u;
+        for (var i = 0u; i < LIGHT_WIDTH; i++) {
+            name += pack_child_names[first + i];
+        }
+        pack_names[held] = name;
+        nodes[node_tail_word(stored, node) + 2u] = name;
+    }
 }
 
 // Twin of `weights` in src/top/masks.rs; `greatest` is the greatest flux of the eight.

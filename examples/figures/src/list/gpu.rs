@@ -88,6 +88,7 @@ pub const FUNCTIONS: Figure = table(
             ("kernel", "light_sample_"),
             ("kernel", "light_mark"),
             ("kernel", "cut_list"),
+            ("kernel", "cut_looks"),
             ("kernel", "cut_dispatch"),
             ("kernel", "shared or split"),
         ],
