@@ -5,9 +5,6 @@ const LIGHT_NO_CELL: u32 = 0xffffffffu;
 
 // The cell of a shading point. Twin of `CutGrid::cell`.
 fn light_cut_cell(shading_point: LightShadingPoint) -> LightCutCell {
-    let position = bitcast<vec3<u32>>(shading_point.position);
-    let random = light_hash(position.x ^ light_hash(position.y ^ light_hash(position.z)));
-    let normal = light_cell_normal(shading_point.normal, random);
     let toward = light_cuts.grid.eye - shading_point.position;
     let exponent = bitcast<u32>(dot(toward, toward) * light_cuts.grid.edges_sq) >> 23u;
     let seen = min((max(exponent, 127u) - 127u) / 2u, LIGHT_CELL_LEVELS);
@@ -17,6 +14,10 @@ fn light_cut_cell(shading_point: LightShadingPoint) -> LightCutCell {
     let place = bitcast<vec3<i32>>(bitcast<vec3<u32>>(vec3<i32>(limited)) + light_cuts.grid.first);
     var cell: LightCutCell;
     cell.corner = bitcast<vec3<u32>>(place >> vec3(LIGHT_PLACE_BITS + level));
+    let within = bitcast<vec3<u32>>(place >> vec3(level)) & vec3((1u << LIGHT_PLACE_BITS) - 1u);
+    let bits = (((within.x << LIGHT_PLACE_BITS) | within.y) << LIGHT_PLACE_BITS) | within.z;
+    let random = light_hash(bits ^ light_hash(cell.corner.x ^ light_hash(cell.corner.y ^ light_hash(cell.corner.z))));
+    let normal = light_cell_normal(shading_point.normal, random);
     cell.kind = level | (normal.x << 4u);
     cell.mask = 0xffffffffu;
     // #if MASKS
@@ -29,8 +30,6 @@ fn light_cut_cell(shading_point: LightShadingPoint) -> LightCutCell {
     // #if SEGMENTS
     cell.kind = select(cell.kind, LIGHT_NO_CELL, light_is_segment(shading_point));
     // #endif
-    let within = bitcast<vec3<u32>>(place >> vec3(level)) & vec3((1u << LIGHT_PLACE_BITS) - 1u);
-    let bits = (((within.x << LIGHT_PLACE_BITS) | within.y) << LIGHT_PLACE_BITS) | within.z;
     cell.which = random % LIGHT_CELL_POINTS;
     let content = (bits << (2u * LIGHT_SLOPE_BITS)) | normal.y;
     cell.word = max(light_scrambled((content << LIGHT_RANDOM_BITS) | (random >> (32u - LIGHT_RANDOM_BITS))), 1u);

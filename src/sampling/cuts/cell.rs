@@ -126,9 +126,6 @@ impl CutGrid {
             return None;
         }
         let position = shading_point.position;
-        let [x, y, z] = position.to_array().map(f32::to_bits);
-        let random = hash(x ^ hash(y ^ hash(z)));
-        let (normal_class, slopes) = normal_bits(shading_point.normal, random);
         let gloss = self.gloss_class(shading_point)?;
         let level = self.eye.map_or(LEVELS[0], |eye| self.level(position.distance_squared(eye)));
         let units = ((position + self.offset) * self.units_per_metre).floor();
@@ -139,6 +136,9 @@ impl CutGrid {
             corner[k] = (place(k) >> (PLACE_BITS + level)) as u32;
             bits = bits << PLACE_BITS | (place(k) >> level) as u32 & ((1 << PLACE_BITS) - 1);
         }
+        // The same for positions that differ by rounding.
+        let random = hash(bits ^ hash(corner[0] ^ hash(corner[1] ^ hash(corner[2]))));
+        let (normal_class, slopes) = normal_bits(shading_point.normal, random);
         let content = bits << (2 * SLOPE_BITS) | slopes;
         let word = scrambled(content << RANDOM_BITS | random >> (32 - RANDOM_BITS)).max(1);
         let kind = level | normal_class << 4 | gloss << GLOSS_SHIFT;

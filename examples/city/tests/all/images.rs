@@ -134,8 +134,8 @@ fn a_fire_and_a_dancer_that_the_gpu_moves_light_the_street() {
     assert!(first.x > 1.3 * night.x && first.x - night.x > 2.0 * (first.z - night.z), "{first} {night}");
 }
 
-/// Which points a cell keeps depends on all bits of their positions, and so on how rays are rounded. The
-/// samples of a cell whose points are others differ by their noise.
+/// Which points a cell keeps depends on their places in it, and so on how rays are rounded at the borders between two
+/// places. The samples of a cell whose points are others differ by their noise.
 #[test]
 fn both_backends_render_the_same_picture_from_shared_cuts_but_for_a_few_cells() {
     let options = CityOptions { size: Size::S, cars: None, seed: 1, lamp_profile: None };
