@@ -412,7 +412,7 @@ fn cut_build(
         let words = light_cuts.quads[slot_at + 1u];
         let same_cell = LightCutCell(words.xyz, words.w, 0u, 0u, 0u);
         let toward = row_direction(row_toward(same_cell, row_center(same_cell)));
-        light_cuts.quads[row + LIGHT_ROW_STATE] = vec4(name, age, toward, 0u);
+        light_cuts.quads[row + LIGHT_ROW_STATE] = vec4(name, age, toward, row_sky());
     }
     if lane == 63u {
         light_cuts.quads[row] = vec4(count, point_count, bitcast<u32>(shared_parts.w), sum_at_end);

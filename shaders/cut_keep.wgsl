@@ -84,8 +84,15 @@ fn cut_keep(
     }
     let has_sky = count > 1u && keep_from(row, 1u) == LIGHT_SKY_ROOT;
     let has_sun = light_params.directional_count != 0u;
-    if lane == 0u && (sees_sky != has_sky || has_sun != (bitcast<f32>(keep_word(4u * row + 2u)) > 0.0)) {
-        atomicStore(&faults, 1u);
+    if lane == 0u {
+        let known = keep_word(state_at + 3u);
+        let sky = row_sky();
+        let is_other_sky = has_sky && (u32(abs(row_steps(sky, known))) >= LIGHT_FLUX_JUMP
+            || row_sky_cosine(sky, known) < LIGHT_KEPT_VIEW_COSINE);
+        let is_other_sun = has_sun != (bitcast<f32>(keep_word(4u * row + 2u)) > 0.0);
+        if sees_sky != has_sky || is_other_sky || is_other_sun {
+            atomicStore(&faults, 1u);
+        }
     }
     workgroupBarrier();
 
@@ -147,17 +154,17 @@ fn cut_keep(
             let units = sum - before;
             before = sum;
             let is_lit = ((found.lit >> i) & 1u) != 0u;
-            // Sign extended.
-            let now = extractBits(bitcast<i32>(found.flux), 8u * i, 8u);
-            let steps = extractBits(now - extractBits(bitcast<i32>(known), 8u * i, 8u), 0u, 8u);
+            let steps = row_steps(found.flux >> (8u * i), known >> (8u * i));
+            let has_jumped = u32(abs(steps)) >= LIGHT_FLUX_JUMP;
             let child = node * LIGHT_WIDTH + first_slot + i;
             if units == 0u {
-                if is_lit && ((atomicLoad(&opened[child / 32u]) >> (child % 32u)) & 1u) == 0u {
+                let is_opened = ((atomicLoad(&opened[child / 32u]) >> (child % 32u)) & 1u) != 0u;
+                if is_lit && (!is_opened || has_jumped) {
                     atomicStore(&faults, 1u);
                 }
             } else {
                 let gain = select(1.0, exp2(0.5 * f32(max(steps, 0))), is_lit);
-                if (!is_lit || u32(abs(steps)) >= LIGHT_FLUX_JUMP) && f32(units) * gain > least {
+                if (!is_lit || has_jumped) && f32(units) * gain > least {
                     atomicStore(&faults, 1u);
                 }
             }

@@ -1,7 +1,7 @@
 // What a row says about the nodes that it was made for, so that a later build can tell whether it still suits. Behind the
 // running sums: for each node a byte with the child, counted through all nodes, that it was, or LIGHT_SKY_ROOT; the sum of
-// the names of all nodes, how many builds the cell has had a row for, and the direction from a glossy cell to the
-// eye; for each child a byte with its flux in half octaves. Twin of src/sampling/cuts/keep.rs.
+// the names of all nodes, how many builds the cell has had a row for, the direction from a glossy cell to the
+// eye, and the state of the sky; for each child a byte with its flux in half octaves. Twin of src/sampling/cuts/keep.rs.
 
 // Four neighbouring children of a node.
 struct RowChildren {
@@ -41,6 +41,40 @@ fn row_direction(direction: vec3<f32>) -> u32 {
 
 fn row_direction_of(bits: u32) -> vec3<f32> {
     return (vec3<f32>((vec3(bits) >> vec3(20u, 10u, 0u)) & vec3(1023u)) - 512.0) / 511.0;
+}
+
+// Twin of `SkyState`: how the sky is turned in three bytes, and a byte with half octaves of its brightness.
+fn row_sky() -> u32 {
+    var state = 0u;
+    // #if SKY
+    if light_params.sky != LIGHT_NO_INSTANCE {
+        let placed = light_instance(light_params.sky);
+        let axis = vec3(1.0, 2.0, 3.0);
+        let turned = vec3(
+            dot(placed.to_world[0].xyz, axis), dot(placed.to_world[1].xyz, axis), dot(placed.to_world[2].xyz, axis),
+        );
+        let steps = vec3<u32>(round(light_normalize_or_zero(turned) * 127.0) + 128.0);
+        var brightness = 1.0;
+        // #if FACTORS
+        brightness = light_brightness(placed.factor);
+        // #endif
+        state = (steps.x << 24u) | (steps.y << 16u) | (steps.z << 8u) | ((bitcast<u32>(brightness) >> 22u) & 0xffu);
+    }
+    // #endif
+    return state;
+}
+
+// The cosine between two turned skies.
+fn row_sky_cosine(a: u32, b: u32) -> f32 {
+    let shifts = vec3(24u, 16u, 8u);
+    let turns = vec3<f32>((vec3(a) >> shifts) & vec3(255u)) - 128.0;
+    let other = vec3<f32>((vec3(b) >> shifts) & vec3(255u)) - 128.0;
+    return dot(light_normalize_or_zero(turns), light_normalize_or_zero(other));
+}
+
+// How far a byte is above another one, modulo 2^8.
+fn row_steps(now: u32, known: u32) -> i32 {
+    return extractBits(bitcast<i32>(now - known), 0u, 8u);
 }
 
 // The direction from the middle of a glossy cell to the eye; 0 for a matte one.

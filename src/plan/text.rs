@@ -246,7 +246,7 @@ fn cut_build(effects: Effects, learns: bool) -> String {
 
 /// The stage that looks at rows. It reads any layout.
 pub(crate) fn wgsl_of_cut_keep() -> String {
-    let effects = Effects::MASKS | Effects::SKY;
+    let effects = Effects::MASKS | Effects::SKY | Effects::FACTORS;
     let own = [
         include_str!("../../shaders/cut_grid.wgsl"),
         include_str!("../../shaders/row.wgsl"),

@@ -7,7 +7,7 @@
 use crate::math::simd::{VectorJob, with_vectors};
 use crate::sampling::cut::{MIN_DOUBT, NO_INSTANCE, TreeView, seen_importances};
 use crate::sampling::cuts::cell::POINTS;
-use crate::sampling::cuts::keep::{SKY_ROOT, below, flux_step, name};
+use crate::sampling::cuts::keep::{SKY_ROOT, SkyState, below, flux_step, name};
 use crate::sampling::cuts::shared::{MIN_SIDE, NodeId, SHARED_NODES, SharedCut, UNITS};
 use crate::sampling::sample::LightSampler;
 use crate::shading::importance::{
@@ -320,7 +320,7 @@ impl<'a> Sketch<'_, 'a, '_> {
             }
         }
         cut.count = self.count;
-        cut.name = 0;
+        (cut.name, cut.sky) = (0, SkyState::of(self.sampler));
         for (index, Opened { id, from, .. }) in self.opened[..self.count].iter().enumerate() {
             let record =
                 self.sampler.view_at(id.instance, &self.cell.center).and_then(|t| t.nodes.get(id.node as usize));

@@ -23,7 +23,8 @@ pub(crate) const JUMP_SHARE: f32 = 1.0 / 64.0;
 /// Two half octaves: a factor between 1.5 and 2.8.
 pub(crate) const FLUX_JUMP: u32 = 2;
 
-/// The least cosine between the directions to the eye for which the cut of a glossy cell suits.
+/// The least cosine between the directions to the eye for which the cut of a glossy cell suits, and between those of a
+/// turned sky.
 pub(crate) const KEPT_VIEW_COSINE: f32 = 0.9986;
 
 /// In place of the child that the root of the sky's tree would be.
@@ -32,6 +33,30 @@ pub(crate) const SKY_ROOT: u8 = u8::MAX;
 /// What tells a flux from others, in half octaves modulo 2^8.
 pub(crate) fn flux_step(flux: u16) -> u8 {
     (flux >> 6) as u8
+}
+
+/// How the sky is turned and how bright its instance is: where a vector along no axis is, and half octaves.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct SkyState {
+    turn: Vec3,
+    brightness: u8,
+}
+
+impl SkyState {
+    /// That of a world; the default without a sky.
+    pub fn of(sampler: &LightSampler<'_>) -> Self {
+        let sky = sampler.world.sky().and_then(|(key, _)| sampler.world.instance(key));
+        sky.and_then(|sky| {
+            let turn = (sky.shown()?.linear.linear * Vec3::new(1.0, 2.0, 3.0)).normalize_or_zero();
+            Some(Self { turn, brightness: (sky.appearance.brightness().to_bits() >> 22) as u8 })
+        })
+        .unwrap_or_default()
+    }
+
+    fn suits(&self, other: &Self) -> bool {
+        let steps = self.brightness.wrapping_sub(other.brightness) as i8;
+        self.turn.dot(other.turn) >= KEPT_VIEW_COSINE && u32::from(steps.unsigned_abs()) < FLUX_JUMP
+    }
 }
 
 /// Whether a cell that has learnt in this frame is built again: soon after it got its first cut.
@@ -64,6 +89,7 @@ impl SharedCut {
         let has_sky = self.count > 1 && self.from[1] == SKY_ROOT;
         let has_sun = sampler.world.directional_lights().next().is_some();
         (has_sky == sky.is_some() && has_sun == (self.directional > 0.0)).then_some(())?;
+        (!has_sky || self.sky.suits(&SkyState::of(sampler))).then_some(())?;
         for index in 1..self.count {
             self.nodes[index] = match self.from[index] {
                 SKY_ROOT => sky?,
@@ -84,7 +110,8 @@ impl SharedCut {
                 let is_lit = record.flux[slot] > 0 && met[slot];
                 let steps = i32::from(flux_step(record.flux[slot]).wrapping_sub(self.flux[index][slot]) as i8);
                 let is_kept = match (units, is_lit) {
-                    (0, _) => !is_lit || self.from[1..self.count].contains(&(child as u8)),
+                    (0, false) => true,
+                    (0, true) => steps.unsigned_abs() < FLUX_JUMP && self.from[1..self.count].contains(&(child as u8)),
                     (_, false) => units as f32 <= least,
                     (_, true) => {
                         steps.unsigned_abs() < FLUX_JUMP || units as f32 * (0.5 * steps.max(0) as f32).exp2() <= least

@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use crate::sampling::cuts::keep::SkyState;
 use crate::tree::WIDTH;
 
 /// The nodes whose children are the candidates of a shared cut, at most: the root and one node for each
@@ -42,6 +43,8 @@ pub(crate) struct SharedCut {
     pub flux: [[u8; WIDTH]; SHARED_NODES],
     /// How many builds the cell has had a cut for.
     pub age: u32,
+    /// The sky that it was made for.
+    pub sky: SkyState,
     /// The direction from a glossy cell to the eye; 0 for a matte one.
     pub toward: Vec3,
     /// The running sums of the units of all children of all nodes. A child without flux has none, and
@@ -62,6 +65,7 @@ impl Default for SharedCut {
             name: 0,
             flux: [[0; WIDTH]; SHARED_NODES],
             age: 0,
+            sky: SkyState::default(),
             toward: Vec3::ZERO,
             sums: [[0; WIDTH]; SHARED_NODES],
             directional: 0.0,
