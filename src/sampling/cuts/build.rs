@@ -7,8 +7,8 @@
 use crate::math::simd::{VectorJob, with_vectors};
 use crate::sampling::cut::{MIN_DOUBT, NO_INSTANCE, TreeView, seen_importances};
 use crate::sampling::cuts::cell::POINTS;
-use crate::sampling::cuts::keep::{SKY_ROOT, SkyState, below, flux_step, name};
-use crate::sampling::cuts::shared::{MIN_SIDE, NodeId, SHARED_NODES, SharedCut, UNITS};
+use crate::sampling::cuts::keep::{SKY_ROOT, below, flux_step, name};
+use crate::sampling::cuts::shared::{MIN_SIDE, NodeId, SHARED_NODES, SharedCut, SkyState, UNITS};
 use crate::sampling::sample::LightSampler;
 use crate::shading::importance::{
     ChildImportances, UNRESOLVED_DOUBT, resolved_sum, scale_unresolved, unresolved_scale, unresolved_sum,

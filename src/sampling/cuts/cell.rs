@@ -3,7 +3,6 @@
 use glam::{DVec3, Vec3};
 
 use crate::math::dice::{U_STEP, hash};
-use crate::sampling::cuts::options::LEVELS;
 use crate::shading::gloss::Gloss;
 use crate::shading::segment::LocalSegment;
 use crate::shading::shading_point::ShadingPoint;
@@ -37,6 +36,9 @@ pub(crate) const REFLECTANCES: [f32; 2] = [-6.0, 8.0];
 /// Points belong to the cells of a camera's surfaces only if their view is to the camera, as far as
 /// this cosine.
 pub(crate) const VIEW_COSINE: f32 = 0.98;
+
+/// How often the edge of a cell that follows a camera can be halved, and doubled.
+pub(crate) const LEVELS: [u32; 2] = [3, 5];
 
 /// The lowest bit of a kind that belongs to the gloss.
 pub(crate) const GLOSS_SHIFT: u32 = 10;

@@ -8,7 +8,7 @@ use glam::Vec3;
 
 use crate::math::dice::hash;
 use crate::sampling::cut::NO_INSTANCE;
-use crate::sampling::cuts::shared::{NodeId, SharedCut};
+use crate::sampling::cuts::shared::{NodeId, SharedCut, SkyState};
 use crate::sampling::sample::LightSampler;
 use crate::shading::shading_point::ShadingPoint;
 use crate::tree::{ChildRef, WIDTH};
@@ -33,13 +33,6 @@ pub(crate) const SKY_ROOT: u8 = u8::MAX;
 /// What tells a flux from others, in half octaves modulo 2^8.
 pub(crate) fn flux_step(flux: u16) -> u8 {
     (flux >> 6) as u8
-}
-
-/// How the sky is turned and how bright its instance is: where a vector along no axis is, and half octaves.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct SkyState {
-    turn: Vec3,
-    brightness: u8,
 }
 
 impl SkyState {

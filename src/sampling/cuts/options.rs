@@ -11,9 +11,6 @@ pub(crate) const MAX_CELLS: usize = 1 << 16;
 /// The least and the largest edge of a cell, in metres.
 pub(crate) const EDGES: [f32; 2] = [0.01, 1.0e4];
 
-/// How often the edge of a cell that follows a camera can be halved, and doubled.
-pub(crate) const LEVELS: [u32; 2] = [3, 5];
-
 /// The edge of a cell, in pixels of the camera.
 pub(crate) const PIXELS: f32 = 16.0;
 

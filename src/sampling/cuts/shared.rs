@@ -2,7 +2,6 @@
 
 use glam::Vec3;
 
-use crate::sampling::cuts::keep::SkyState;
 use crate::tree::WIDTH;
 
 /// The nodes whose children are the candidates of a shared cut, at most: the root and one node for each
@@ -23,6 +22,13 @@ pub(crate) const MIN_SIDE: f32 = 0.01;
 pub(crate) struct NodeId {
     pub instance: u32,
     pub node: u32,
+}
+
+/// How the sky is turned and how bright its instance is: where a vector along no axis is, and half octaves.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct SkyState {
+    pub turn: Vec3,
+    pub brightness: u8,
 }
 
 /// The candidates of a cell.
