@@ -129,7 +129,7 @@ fn cut_keep(
         }
         round++;
     }
-    if lane < count {
+    if lane < count && round > 0u {
         let node = 4u * (row + LIGHT_ROW_NODES) + 2u * lane;
         atomicStore(&light_cuts.words[node], nodes[lane].instance);
         atomicStore(&light_cuts.words[node + 1u], nodes[lane].index);
@@ -178,7 +178,7 @@ fn cut_keep(
         }
         let age = keep_word(state_at + 1u) + 1u;
         atomicStore(&light_cuts.words[state_at + 1u], age);
-        let is_young = age <= 4u && countOneBits(age) == 1u;
+        let is_young = age <= LIGHT_YOUNG && countOneBits(age) == 1u;
         let is_due = (age + keep_word(at)) % LIGHT_TURNS == 0u || (is_young && keep_word(TAUGHT) != 0u);
         let toward = row_toward(cell, row_center(cell));
         let has_view = all(toward == vec3(0.0))

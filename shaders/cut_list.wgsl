@@ -3,9 +3,9 @@
 //
 // The head of the table: 0 while cuts are void, and then how many builds there were since, up to LIGHT_TURNS + 1;
 // the number of listed cells to build; the first and the end of the free rows in their ring, and where those end that
-// were free before this frame; the number of cells to build; how many builds there were since the eye moved; counters, of which LIGHT_LOST_MARKS is the last; the eye of
-// the last build; the number of listed cells to look at; the number of cells to look at; and whether anything was
-// learnt since the last build.
+// were free before this frame; the number of cells to build; how many builds there were since the eye moved; counters,
+// of which LIGHT_LOST_MARKS is the last; the eye of the last build; the number of listed cells to look at; the number of
+// cells to look at; and whether anything was learnt since the last build.
 
 struct LightCutTable { grid: LightCutGrid, words: array<atomic<u32>> }
 

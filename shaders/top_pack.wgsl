@@ -66,13 +66,6 @@ fn node_child_name(child: NodeChild, bits: u32) -> u32 {
     return bits;
 }
 
-// A word that depends on a child and its slot.
-fn node_mixed(name: u32, slot: u32) -> u32 {
-    var word = (name ^ (slot * 0x9e3779b9u)) * 0x85ebca6bu;
-    word = (word ^ (word >> 15u)) * 0xc2b2ae35u;
-    return word ^ (word >> 16u);
-}
-
 // The `MaskShares` of a child.
 fn node_shares(child: NodeChild) -> vec3<u32> {
     if child.bits == LIGHT_EMPTY_SLOT {
@@ -89,10 +82,11 @@ fn node_shares(child: NodeChild) -> vec3<u32> {
     return vec3(nodes[at], nodes[at + 1u], nodes[at + 2u]);
 }
 
-// Packs a node whose parent's place is `parent`, and holds its cluster at `held`. Writes into each part where its leaf
-// is, and into each node that was packed by an earlier dispatch the place of its parent. The tail of a node has its
-// parent, 0, and its name, which changes with its children. Twin of `Build::pack` in src/top/mod.rs. Eight neighbouring invocations pack a node, one for each child; those without a node have `is_used`
-// false. Call from uniform control flow.
+// Packs a node whose parent's place is `parent`, and holds its cluster at `held`. Writes into each part where its
+// leaf is, and into each node that was packed by an earlier dispatch the place of its parent. The tail of a node
+// has its parent, 0, and its name, which changes with its children. Twin of `Build::pack` in src/top/mod.rs. Eight
+// neighbouring invocations pack a node, one for each child; those without a node have `is_used` false. Call from
+// uniform control flow.
 fn node_pack(lane: u32, node: u32, parent: u32, is_used: bool, child: NodeChild, held: u32) {
     let stored = node_layout();
     let slot = lane % LIGHT_WIDTH;
@@ -126,7 +120,7 @@ fn node_pack(lane: u32, node: u32, parent: u32, is_used: bool, child: NodeChild,
         }
         let child_bits = node_child_bits(child);
         node_store_child_bits(stored, place, child_bits);
-        pack_child_names[lane] = node_mixed(node_child_name(child, child_bits), slot);
+        pack_child_names[lane] = light_hash(node_child_name(child, child_bits) ^ light_hash(slot));
     }
     // The words may be written again, and the cluster is read.
     workgroupBarrier();

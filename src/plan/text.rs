@@ -425,6 +425,7 @@ pub(crate) fn constants() -> String {
         ("ROW_STATE", cut_layout::ROW_STATE),
         ("ROW_FLUX", cut_layout::ROW_FLUX),
         ("TURNS", cuts::keep::TURNS),
+        ("YOUNG", cuts::keep::YOUNG),
         ("FLUX_JUMP", cuts::keep::FLUX_JUMP),
         ("SKY_ROOT", cuts::keep::SKY_ROOT.into()),
         ("WAYS", visibility::WAYS as u32),

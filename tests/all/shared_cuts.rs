@@ -2,11 +2,12 @@
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::{
-    CandidateCount, CutError, CutOptions, CutReport, CutTable, DirectionalLight, FrameBudget, Gloss, Light,
+    CandidateCount, CutError, CutOptions, CutReport, CutTable, DirectionalLight, FrameBudget, Gloss, Incident, Light,
     LightSampler, LightTree, LightWorld, Placement, Policy, ShadingPoint, VisibilityTable,
 };
 use rayon::prelude::*;
 
+use testbed::measuring::sigma::Noise;
 use testbed::testing::support::{Rng, all_pmfs, rounds};
 
 /// As in `sampling.rs`: rounding of products of two dozen ratios.
@@ -233,6 +234,50 @@ fn cuts_that_are_kept_stay_exact_whatever_is_edited() {
         }
     }
     assert!(kept > 1000, "{kept}");
+}
+
+/// The mean exact noise of a sampler at some points.
+fn mean_sigma(sampler: &LightSampler<'_>, at: &[ShadingPoint]) -> f64 {
+    let ids: Vec<_> = sampler.all_lights().collect();
+    let sigma = |at: &ShadingPoint| {
+        let mut pmfs = Vec::new();
+        sampler.distribution(at, &mut pmfs);
+        let lux = |incident: Incident| incident.radiance.y * incident.direction.dot(at.normal) / incident.pdf;
+        let contributions: Vec<f32> =
+            ids.iter().map(|id| sampler.sample_light(at, *id, [0.5; 2]).map_or(0.0, lux)).collect();
+        Noise::of(&contributions, &pmfs).expect("lamps shine there").sigma
+    };
+    at.par_iter().map(sigma).sum::<f64>() / at.len() as f64
+}
+
+#[test]
+fn lamps_close_to_a_floor_have_little_noise_in_the_cells_of_a_near_camera() {
+    let mut rng = Rng(181);
+    let far = |rng: &mut Rng| {
+        Light::point(rng.position(50.0) * Vec3::new(1.0, 0.05, 1.0) + 5.5 * Vec3::Y, Vec3::splat(100.0))
+    };
+    let mut lights: Vec<Light> = (0..400).map(|_| far(&mut rng)).collect();
+    let near = |i: usize| Vec3::new(0.31 * (i % 3) as f32 - 0.28, 0.1, 0.31 * (i / 3) as f32 - 0.33);
+    lights.extend((0..9).map(|i| Light::point(near(i), Vec3::splat(10.0))));
+    let mut world = LightWorld::new();
+    let tree = world.add_tree(LightTree::new(lights).expect("valid"));
+    world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+    world.update(FrameBudget::UNLIMITED);
+    let mut floor = |count: usize| -> Vec<ShadingPoint> {
+        let at = |rng: &mut Rng| rng.position(0.5) * Vec3::new(1.0, 0.0, 1.0);
+        (0..count).map(|_| ShadingPoint::surface(at(&mut rng), Vec3::Y)).collect()
+    };
+    let (marked, at) = (floor(200_000), floor(300));
+    let over_own = |eye: Option<DVec3>| {
+        let mut cuts = CutTable::default();
+        // Pixels of 1080 rows with 60 degrees.
+        eye.into_iter().for_each(|eye| cuts.set_view(eye, 0.00107));
+        build(&mut cuts, &world, &marked);
+        mean_sigma(&world.sampler().with_cuts(&cuts), &at) / mean_sigma(&world.sampler(), &at)
+    };
+    let [near, still] = [Some(2.0 * DVec3::Y), None].map(over_own);
+    // Here 1.55 and 9.9.
+    assert!(near < 1.7 && still > 3.0 * near, "{near} {still}");
 }
 
 #[test]

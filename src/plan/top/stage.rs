@@ -46,6 +46,7 @@ pub(super) const BLOCKS: Stage = Stage { entry: "top_blocks", sources: &[PACKING
 
 /// What packs a node.
 const PACKING: &str = concat!(
+    include_str!("../../../shaders/dice.wgsl"),
     include_str!("../../../shaders/node_store.wgsl"),
     include_str!("../../../shaders/pack_merge.wgsl"),
     include_str!("../../../shaders/top_pack.wgsl")

@@ -62,7 +62,7 @@ impl CutTable {
     /// With a sampler that has [learnt visibility](LightSampler::with_visibility), cells choose lights by that
     /// too. Choices take no longer.
     ///
-    /// The result does not depend on the order or the threads of the marks. O(n log n) in the marked cells, and
+    /// The result does not depend on the order or the threads of the marks. O(marked cells), and
     /// up to 256 evaluations of a node for each cell that gets a cut.
     pub fn build(&mut self, sampler: LightSampler<'_>) {
         self.builds(sampler).for_each(CutBuild::run);
@@ -76,9 +76,11 @@ impl CutTable {
         chosen.retain(|(_, marked)| marked.count >= options.min_marks());
         report.rare = report.marked - chosen.len();
         report.refused = chosen.len().saturating_sub(options.cells());
-        // Where there are too many, those with the most marks.
-        chosen.sort_unstable_by_key(|(cell, marked)| (Reverse(marked.count), *cell));
-        chosen.truncate(options.cells());
+        if report.refused > 0 {
+            // Those with the most marks stay.
+            chosen.select_nth_unstable_by_key(options.cells(), |(cell, marked)| (Reverse(marked.count), *cell));
+            chosen.truncate(options.cells());
+        }
         marks.clear();
         let grid = options.grid(*camera, sampler.world.origin());
         let learnt = sampler.visibility.as_ref().map_or([0; 2], |(table, _)| [table.id(), table.last_change()]);

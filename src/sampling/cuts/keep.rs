@@ -16,6 +16,9 @@ use crate::tree::{ChildRef, WIDTH};
 /// Cells are built again in turn, each in one of so many builds.
 pub(crate) const TURNS: u32 = 12;
 
+/// Up to so many builds after its first cut, a cell that learns is built again early.
+pub(crate) const YOUNG: u32 = 4;
+
 /// A cut is built again if the steps of a child's flux differ by at least [`FLUX_JUMP`], and the child then has one in
 /// so many of all samples or more.
 pub(crate) const JUMP_SHARE: f32 = 1.0 / 64.0;
@@ -54,7 +57,7 @@ impl SkyState {
 
 /// Whether a cell that has learnt in this frame is built again: soon after it got its first cut.
 fn is_young(age: u32) -> bool {
-    age <= 4 && age.is_power_of_two()
+    age <= YOUNG && age.is_power_of_two()
 }
 
 impl SharedCut {
