@@ -9,7 +9,7 @@
 
 #![allow(clippy::print_stdout, reason = "a table is what this program is for")]
 
-use girandole::gpu::{CutFallback, GpuLights};
+use girandole::gpu::GpuLights;
 use girandole::{CutOptions, Effects, FrameBudget, LightWorld, wgpu};
 use std::time::SystemTime;
 use testbed::common::gpu;
@@ -133,7 +133,7 @@ fn compile(
     (uses, shares): (&str, bool),
 ) -> Result<f64, String> {
     let (shader, groups, then) = match shares {
-        true => (lights.cut_shader(1, effects, CutFallback::Walk), vec![lights.cut_bind_group()], ""),
+        true => (lights.cut_shader(1, effects), vec![lights.cut_bind_group()], ""),
         false => {
             (lights.shader(1, effects).with_previous(2), vec![lights.bind_group(), lights.previous_bind_group()], THEN)
         }

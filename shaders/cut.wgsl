@@ -7,19 +7,11 @@
 // that may be split next it keeps as many as there are splits. No array is indexed at run time,
 // because such arrays are in memory.
 
-// #if SPLITS
 // The nodes that a cut has at most: the root and one node for each split.
 const LIGHT_CUT_NODES: u32 = LIGHT_MAX_SPLITS + 1u;
-// #endif
 
 // The candidates of a shading point: the children of the nodes that were split.
 struct LightCut {
-    // #if CELLS
-    // The row of the cut that the point shares with its cell, as in light_shared_cut. Without one, the
-    // other fields are those of the point's own cut.
-    row: u32,
-    // #endif
-    // #if SPLITS
     // The number of nodes that were split.
     node_count: u32,
     // The index of each of them, with LIGHT_LEAF for nodes of the top level.
@@ -34,24 +26,16 @@ struct LightCut {
     // A bit for each node with unresolved candidates.
     unresolved_nodes: u32,
     pending: LightPending,
-    // #endif
     // The sum of all weights: the estimated illuminance by all candidates, in lux.
     total: f32,
     // The sum of the importances of unresolved candidates; after the last split what each of them is
     // multiplied by.
     unresolved: f32,
-    // #if UNSPLIT
-    // #if SKY
-    // The part of the total that the top level has.
-    top_total: f32,
-    // #endif
-    // #endif
-    // #if POINT_LEARNS
+    // #if LEARNS
     cell: LightCell,
     // #endif
 }
 
-// #if SPLITS
 // The children that may be split next, the one with the greatest doubt first. They are not in the
 // sums of their nodes. The eighth place is always empty.
 struct LightPending {
@@ -180,8 +164,6 @@ fn light_shift_pending(cut: ptr<function, LightCut>) {
     );
 }
 
-// #endif
-
 // What the children of a node are weighed for.
 struct LightWeighing {
     // The node's children become candidates; otherwise their importances are returned.
@@ -259,12 +241,11 @@ fn light_take(
     estimate: LightImportance,
 ) {
     var lux = estimate.lux;
-    // #if POINT_LEARNS
+    // #if LEARNS
     if weighing.in_cut {
         lux *= light_visible_share(packed, view, instance, local, (*cut).cell);
     }
     // #endif
-    // #if SPLITS
     if weighing.is_split {
         if lux != 0.0 {
             // What cannot be resolved is split first, but single lights cannot be split.
@@ -275,11 +256,9 @@ fn light_take(
         }
         return;
     }
-    // #endif
     light_set_lane(lanes, slot, lux);
 }
 
-// #if SPLITS
 // Splits the pending child with the greatest doubt, if that is worth its time and allowed. Returns
 // whether it did; the links of the cut then lead to the child as its last node. Otherwise all
 // pending children have been added to the sums of their nodes.
@@ -309,8 +288,6 @@ fn light_split_next(cut: ptr<function, LightCut>) -> bool {
     return false;
 }
 
-// #endif
-
 // Splits the root of the top level and then, up to light_splits times, the candidate with the
 // greatest doubt. If only one child of the root is worth a split, that one is not counted. Limits the
 // weights of all unresolved candidates together, relative to the other candidates and the directional
@@ -321,40 +298,9 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
     if light_params.slots == 0u {
         return;
     }
-    // #if CELLS
-    (*cut).row = light_shared_cut(shading_point);
-    if (*cut).row != 0u {
-        (*cut).total = light_shared_total((*cut).row, directional_lux);
-        return;
-    }
-    // #endif
-    // #if POINT_LEARNS
+    // #if LEARNS
     (*cut).cell = light_cell(shading_point);
     // #endif
-    // #if UNSPLIT
-    // The candidates are the children of the root.
-    let root = LightPlace(LIGHT_NO_INSTANCE, 0u);
-    let local = light_local_to_top(shading_point);
-    let lanes = light_weigh(cut, root, shading_point, local, LightWeighing(false, true, 0u));
-    var unresolved = light_unresolved_sum(lanes);
-    var resolved = light_resolved_sum(lanes) + directional_lux;
-    // #if SKY
-    var sky_lanes = LightLanes(vec4(0.0), vec4(0.0));
-    if light_sees_sky(shading_point) {
-        let in_sky = light_local_to_tree(light_params.sky, shading_point);
-        sky_lanes = light_weigh(cut, light_sky_root(), shading_point, in_sky, LightWeighing(false, true, 0u));
-        unresolved += light_unresolved_sum(sky_lanes);
-        resolved += light_resolved_sum(sky_lanes);
-    }
-    // #endif
-    (*cut).unresolved = light_unresolved_scale(resolved, unresolved);
-    (*cut).total = light_sum(light_scale_unresolved(lanes, (*cut).unresolved));
-    // #if SKY
-    (*cut).top_total = (*cut).total;
-    (*cut).total += light_sum(light_scale_unresolved(sky_lanes, (*cut).unresolved));
-    // #endif
-    // #endif
-    // #if SPLITS
     var local: LightLocalShadingPoint;
     var local_instance = LIGHT_NO_INSTANCE;
     var node = 0u;
@@ -398,10 +344,8 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
         node = firstTrailingBit((*cut).unresolved_nodes);
         skipped = light_split_children(cut, node);
     }
-    // #endif
 }
 
-// #if SPLITS
 // Records which node a node of the cut is.
 fn light_name_node(cut: ptr<function, LightCut>, node: u32, place: LightPlace) {
     let id = light_node_id(place);
@@ -430,4 +374,3 @@ fn light_number_in_cut(cut: ptr<function, LightCut>, place: LightPlace) -> u32 {
     }
     return LIGHT_CUT_NODES;
 }
-// #endif

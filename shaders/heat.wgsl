@@ -25,15 +25,10 @@ fn light_heat_of_cut(shading_point: LightShadingPoint) -> vec3<f32> {
     var cut: LightCut;
     light_new_cut(&cut, directional_lux, shading_point);
     // #if CELLS
-    if cut.row != 0u {
-        return light_number_color(cut.row);
-    }
+    return select(vec3(0.0), light_number_color(cut.row), cut.row != 0u);
     // #endif
     // #if SPLITS
     return light_heat_color(f32(cut.node_count) / f32(LIGHT_CUT_NODES));
-    // #endif
-    // #if UNSPLIT
-    return vec3(0.0);
     // #endif
 }
 

@@ -15,39 +15,12 @@ fn light_descend(
     var inner = start_inner;
     var pmf = 1.0;
     var point = outer.u * total;
-    var start = 0.0;
-    var skipped = 0u;
-    var place = LightPlace(LIGHT_NO_INSTANCE, 0u);
-    var is_first = true;
-    // #if CELLS
-    if (*cut).row != 0u {
-        let shared_choice = light_choose_shared((*cut).row, outer.u);
-        place = shared_choice.place;
-        pmf = shared_choice.pmf;
-        if (place.index & LIGHT_LEAF) != 0u {
-            return LightPick(place.instance, place.index & ~LIGHT_LEAF, pmf);
-        }
-        outer = light_remap(outer, shared_choice.offset, pmf);
-        is_first = false;
-    }
-    // #endif
-    // #if SPLITS
     // First a node of the cut, whose children are weighed again, then one of them.
-    if is_first {
-        let chosen = light_choose_lane((*cut).sums, 0.0, point);
-        start = chosen.before;
-        skipped = light_split_children(cut, chosen.slot);
-        place = light_cut_place((*cut).links, chosen.slot);
-    }
-    // #endif
-    // #if UNSPLIT
-    // #if SKY
-    if is_first && point >= (*cut).top_total {
-        start = (*cut).top_total;
-        place = light_sky_root();
-    }
-    // #endif
-    // #endif
+    let chosen = light_choose_lane((*cut).sums, 0.0, point);
+    var start = chosen.before;
+    var skipped = light_split_children(cut, chosen.slot);
+    var place = light_cut_place((*cut).links, chosen.slot);
+    var is_first = true;
     var local: LightLocalShadingPoint;
     // No instance has this slot.
     var local_instance = LIGHT_NO_INSTANCE - 1u;
@@ -130,29 +103,12 @@ fn light_climb(
         if !in_top {
             place.index += light_node_base(place.instance);
         }
-        // #if CELLS
-        if (*cut).row != 0u {
-            let shared_pmf = light_shared_pmf((*cut).row, place, up % LIGHT_WIDTH);
-            if shared_pmf >= 0.0 {
-                return light_joint_pmf(pmf, shared_pmf);
-            }
-        }
-        // #endif
         var skipped = 0u;
-        // #if UNSPLIT
-        var in_cut = in_top && place.index == 0u;
-        // #if SKY
-        in_cut = in_cut
-            || (place.instance == light_params.sky && up / LIGHT_WIDTH == 0u && light_sees_sky(shading_point));
-        // #endif
-        // #endif
-        // #if SPLITS
         let number = light_number_in_cut(cut, place);
         let in_cut = number < LIGHT_CUT_NODES;
         if in_cut {
             skipped = light_split_children(cut, number);
         }
-        // #endif
         var lanes = light_weigh(cut, place, shading_point, local, LightWeighing(false, in_cut, skipped));
         var total = (*cut).total;
         if in_cut {

@@ -80,9 +80,7 @@ use top_status::TopStatus;
 use crate::effects::Effects;
 use crate::plan::pool::Growth;
 use crate::plan::{Commands, KERNELS, Kernel, LightPlanner, PlanLimits, ShaderBuffers};
-pub use crate::plan::{
-    CutFallback, GpuMemory, HeatMap, ShaderNameError, ShaderParts, TargetHook, UploadReport, wgsl, with_prefix,
-};
+pub use crate::plan::{GpuMemory, HeatMap, ShaderNameError, ShaderParts, TargetHook, UploadReport, wgsl, with_prefix};
 use crate::world::{LightWorld, Revision};
 
 /// The lights of one [`LightWorld`] on a GPU: the buffers and the bind group that shaders read, and

@@ -107,7 +107,7 @@ pub use buffers::{BufferId, BufferKind, NewBuffer, ShaderBuffers};
 pub use changes::UploadReport;
 pub use commands::{Command, Commands};
 pub use cursor::PlanCursor;
-pub use cuts::{CutFallback, cut_kernels};
+pub use cuts::cut_kernels;
 pub use error::{PlanError, ShaderNameError};
 pub use frame::FramePlan;
 pub use heat_map::HeatMap;

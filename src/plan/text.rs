@@ -4,7 +4,7 @@
 use std::collections::HashSet;
 use std::fmt::Write;
 
-use super::cuts::{CutFallback, layout as cut_layout};
+use super::cuts::layout as cut_layout;
 use super::heat_map::HeatMap;
 use super::items::renamed;
 use super::target_hook::TargetHook;
@@ -26,6 +26,7 @@ use crate::sampling::hit;
 use crate::sampling::resample;
 use crate::shading::gloss;
 use crate::shading::importance;
+use crate::shading::rough;
 use crate::shading::segment;
 use crate::shading::shading_point;
 use crate::sky;
@@ -64,10 +65,10 @@ pub struct ShaderParts {
     /// parameters.
     pub target: Option<TargetHook>,
     /// Lights are chosen from the cuts that cells share, with one more read-only storage buffer at binding 5:
-    /// [`LightPlanner::cut_table`](super::LightPlanner::cut_table). The value says how lights are chosen where a cell
-    /// has no cut: because the table has no room for it, because it was marked too rarely or not at all, or because
-    /// the world changed after the last build of the cuts. All probabilities stay exact.
-    pub cuts: Option<CutFallback>,
+    /// [`LightPlanner::cut_table`](super::LightPlanner::cut_table). The text has no code for cuts of single points.
+    /// Where a cell has no cut, because it was marked too rarely or not at all or because the table has no room for
+    /// it, a walk from the roots chooses by rough estimates. All probabilities are exact.
+    pub cuts: bool,
     /// Lights are chosen by learnt visibility too, with one more read-only storage buffer at binding 6 and one that
     /// is written at 7: [`LightPlanner::visibility_table`](super::LightPlanner::visibility_table). The text has
     ///
@@ -103,8 +104,8 @@ impl ShaderParts {
 
     /// The same with choices from shared cuts.
     #[must_use]
-    pub fn with_cuts(self, fallback: CutFallback) -> Self {
-        Self { cuts: Some(fallback), ..self }
+    pub fn with_cuts(self) -> Self {
+        Self { cuts: true, ..self }
     }
 
     /// The same with `light_heat_map`.
@@ -145,7 +146,7 @@ pub fn wgsl_of_marks(group: u32, effects: Effects) -> String {
         include_str!("../../shaders/mark.wgsl"),
     ]
     .concat();
-    let extras = Extras { cells: Some(CutFallback::Walk), ..Extras::default() };
+    let extras = Extras { cells: true, ..Extras::default() };
     // There are no lights ahead of the table.
     with_constants(&variant(&at_group(&body, group).replace("@binding(5)", "@binding(0)"), effects, extras))
 }
@@ -189,8 +190,10 @@ pub(crate) struct Extras {
     pub previous: bool,
     /// Has a heat map.
     pub heat_map: bool,
-    /// Chooses from the cuts of cells, and like this where a cell has none.
-    pub cells: Option<CutFallback>,
+    /// Chooses from the cuts of cells.
+    pub cells: bool,
+    /// Builds the cuts of cells.
+    pub builds: bool,
 }
 
 impl Extras {
@@ -203,11 +206,9 @@ impl Extras {
         match name {
             "COUNTS" => Some(self.counts),
             "LEARNS" => Some(self.learns),
-            "POINT_LEARNS" => Some(self.learns && self.cells.is_none()),
             "PREVIOUS" => Some(self.previous),
-            "CELLS" => Some(self.cells.is_some()),
-            "SPLITS" => Some(self.cells != Some(CutFallback::Walk)),
-            "UNSPLIT" => Some(self.cells == Some(CutFallback::Walk)),
+            "CELLS" => Some(self.cells),
+            "SPLITS" => Some(!self.cells),
             _ => None,
         }
     }
@@ -237,7 +238,7 @@ pub(crate) fn wgsl_of_cut_build_by_visibility(effects: Effects) -> String {
 }
 
 fn cut_build(effects: Effects, learns: bool) -> String {
-    let extras = Extras { learns, cells: Some(CutFallback::Walk), ..Extras::default() };
+    let extras = Extras { learns, cells: true, builds: true, ..Extras::default() };
     let functions = functions(0, effects, extras, None)
         .replace("var<storage, read> light_cuts", "var<storage, read_write> light_cuts");
     let build = include_str!("../../shaders/row.wgsl").to_owned() + include_str!("../../shaders/cut_build.wgsl");
@@ -302,6 +303,7 @@ fn at_group(text: &str, group: u32) -> String {
 /// All functions, without the constants.
 fn functions(group: u32, effects: Effects, extras: Extras, target: Option<&TargetHook>) -> String {
     let optional = |is_used: bool, text: &'static str| if is_used { text } else { "" };
+    let weighs = !extras.cells || extras.builds || effects.contains(Effects::SEGMENTS);
     let body = [
         include_str!("../../shaders/types.wgsl"),
         include_str!("../../shaders/instance.wgsl"),
@@ -309,7 +311,8 @@ fn functions(group: u32, effects: Effects, extras: Extras, target: Option<&Targe
         include_str!("../../shaders/gloss.wgsl"),
         include_str!("../../shaders/shading_point.wgsl"),
         include_str!("../../shaders/segment.wgsl"),
-        include_str!("../../shaders/importance.wgsl"),
+        include_str!("../../shaders/child.wgsl"),
+        optional(weighs, include_str!("../../shaders/importance.wgsl")),
         include_str!("../../shaders/dice.wgsl"),
         include_str!("../../shaders/solid_angle.wgsl"),
         include_str!("../../shaders/emit.wgsl"),
@@ -317,8 +320,10 @@ fn functions(group: u32, effects: Effects, extras: Extras, target: Option<&Targe
         include_str!("../../shaders/stored.wgsl"),
         include_str!("../../shaders/scaled.wgsl"),
         include_str!("../../shaders/places.wgsl"),
-        include_str!("../../shaders/cut.wgsl"),
-        include_str!("../../shaders/walk.wgsl"),
+        optional(!extras.cells, include_str!("../../shaders/cut.wgsl")),
+        optional(!extras.cells, include_str!("../../shaders/walk.wgsl")),
+        optional(extras.cells, include_str!("../../shaders/rough.wgsl")),
+        optional(extras.cells, include_str!("../../shaders/row_walk.wgsl")),
         include_str!("../../shaders/along.wgsl"),
         include_str!("../../shaders/pdf.wgsl"),
         include_str!("../../shaders/hit.wgsl"),
@@ -327,9 +332,9 @@ fn functions(group: u32, effects: Effects, extras: Extras, target: Option<&Targe
         include_str!("../../shaders/resample.wgsl"),
         &resampling(target),
         optional(extras.learns, include_str!("../../shaders/visibility.wgsl")),
-        optional(extras.cells.is_some(), include_str!("../../shaders/cut_grid.wgsl")),
-        optional(extras.cells.is_some(), include_str!("../../shaders/cells.wgsl")),
-        optional(extras.cells.is_some(), include_str!("../../shaders/shared.wgsl")),
+        optional(extras.cells, include_str!("../../shaders/cut_grid.wgsl")),
+        optional(extras.cells, include_str!("../../shaders/cells.wgsl")),
+        optional(extras.cells, include_str!("../../shaders/shared.wgsl")),
         optional(extras.heat_map, include_str!("../../shaders/heat.wgsl")),
     ]
     .concat();
@@ -473,6 +478,10 @@ pub(crate) fn constants() -> String {
         ("RIM_MIN_SQ", importance::RIM_MIN_SQ),
         ("MAX_LOBE_LENGTH", importance::MAX_LOBE_LENGTH),
         ("MIN_IMPORTANCE", importance::MIN_IMPORTANCE),
+        ("ROUGH_COSINE", rough::ROUGH_COSINE),
+        ("ROUGH_RISE", rough::ROUGH_RISE),
+        ("ROUGH_SPILL", rough::ROUGH_SPILL),
+        ("UNLIKELY", rough::UNLIKELY),
         ("MAX_IMPORTANCE", importance::MAX_IMPORTANCE),
         ("POSITION_MARGIN", importance::POSITION_MARGIN),
         ("RIGID_TOLERANCE", cluster::RIGID_TOLERANCE),
@@ -729,8 +738,7 @@ mod tests {
 
     #[test]
     fn a_heat_map_adds_its_names_to_every_variant_and_nothing_else() {
-        let cells = [None, Some(CutFallback::Walk), Some(CutFallback::Split)];
-        for (effects, cells) in text_variants().flat_map(|effects| cells.map(|cells| (effects, cells))) {
+        for (effects, cells) in text_variants().flat_map(|effects| [false, true].map(|cells| (effects, cells))) {
             let parts = ShaderParts { cuts: cells, ..ShaderParts::default() };
             let names = |parts: &ShaderParts| module_names(&wgsl_with(2, effects, parts));
             let (plain, with) = (names(&parts), names(&parts.clone().with_heat_map()));
@@ -742,10 +750,11 @@ mod tests {
 
     const CELL_NAMES: &str = "light_cuts light_cut_cell light_cell_normal light_cell_keys light_shared_cut \
         light_row light_shared_total light_sums_passed light_sixteen_passed light_shared_sum light_units \
-        light_choose_shared light_shared_pmf light_side light_scrambled";
+        light_choose_shared light_shared_pmf light_side light_scrambled light_rough light_walk_lux \
+        light_rough_weights light_root_pmf";
 
     #[test]
-    fn cells_add_their_functions_with_every_effect_and_without_any_and_may_take_the_place_of_splits() {
+    fn cells_take_the_place_of_splits_with_every_effect_and_without_any() {
         let functions = |text: &str| -> HashSet<String> {
             let is_lower = |name: &String| name.starts_with("light_") && !name.contains('.');
             module_names(text).into_iter().filter(is_lower).collect()
@@ -756,15 +765,14 @@ mod tests {
             let plain = functions(&wgsl(2, effects));
             let gloss = effects.contains(Effects::GLOSSY).then_some("light_cell_gloss");
             let expected: HashSet<&str> = CELL_NAMES.split_whitespace().chain(gloss).collect();
-            for (fallback, lacks_splits) in [(CutFallback::Walk, true), (CutFallback::Split, false)] {
-                let text = wgsl_of_shader(2, effects, Extras { cells: Some(fallback), ..Extras::default() }, None);
-                let names = functions(&text);
-                let added: HashSet<&str> = names.difference(&plain).map(String::as_str).collect();
-                assert_eq!(added, expected, "{effects:?}");
-                assert_eq!(names.contains("light_split_next"), !lacks_splits);
-                let bindings = module(&text).global_variables.iter().filter(|(_, v)| v.binding.is_some()).count();
-                assert_eq!(bindings, 6, "{effects:?}");
-            }
+            let text = wgsl_of_shader(2, effects, Extras { cells: true, ..Extras::default() }, None);
+            let names = functions(&text);
+            let added: HashSet<&str> = names.difference(&plain).map(String::as_str).collect();
+            assert_eq!(added, expected, "{effects:?}");
+            assert!(!names.contains("light_split_next"));
+            assert_eq!(names.contains("light_importance"), effects.contains(Effects::SEGMENTS));
+            let bindings = module(&text).global_variables.iter().filter(|(_, v)| v.binding.is_some()).count();
+            assert_eq!(bindings, 6, "{effects:?}");
             let marks = module(&wgsl_of_marks(2, effects));
             assert!(marks.functions.iter().any(|(_, f)| f.name.as_deref() == Some("light_mark")));
             let build = module(&wgsl_of_cut_build(effects));

@@ -78,8 +78,6 @@ pub(crate) trait InstanceTrees<'a> {
 }
 
 /// The importances of the children of a node, which is in `tree`. 0 where masks hide all lights.
-///
-/// All choices are made by these, in the cut and below it, so masked lights are never drawn.
 #[inline(always)]
 pub(crate) fn seen_importances<'a>(
     tree: &TreeView<'a>,
@@ -112,6 +110,12 @@ pub(crate) trait Candidates<'a> {
 
     /// The probability of a node's child; `None` if the node was not split, and 0 if the child was.
     fn pmf(&self, tree: &TreeView<'a>, node: u32, slot: usize) -> Option<f32>;
+
+    /// What a walk below the candidates chooses one of a node's children by. 0 where masks hide all lights.
+    #[inline(always)]
+    fn weights(&self, tree: &TreeView<'a>, node: u32, record: &Node, trees: &impl InstanceTrees<'a>) -> Lanes {
+        seen_importances(tree, node, record, trees).weights()
+    }
 
     /// Visits every candidate that may be chosen, with its probability.
     fn visit(&self, visit: impl FnMut(&TreeView<'a>, ChildRef, f32));

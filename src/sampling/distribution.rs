@@ -6,9 +6,7 @@
 use crate::math::dice::{choice_pmf, joint_pmf};
 use crate::math::simd::{VectorJob, with_vectors};
 use crate::sampling::counts::SplitCount;
-use crate::sampling::cut::{
-    Candidates, CutSource, InstanceTrees, NO_INSTANCE, NoInstances, OwnCut, TreeView, seen_importances,
-};
+use crate::sampling::cut::{Candidates, CutSource, InstanceTrees, NO_INSTANCE, NoInstances, OwnCut, TreeView};
 use crate::shading::importance::running_sums;
 use crate::shading::shading_point::ShadingPoint;
 use crate::tree::{ChildRef, LightTree, WIDTH};
@@ -55,23 +53,24 @@ impl<'a, C: CutSource<'a>, T: InstanceTrees<'a>> VectorJob for DistributionJob<'
             if !tree.is_top() {
                 let start = if tree.instance == NO_INSTANCE { 0 } else { starts[tree.instance as usize] };
                 let visit = |light: u32, pmf| pmfs[start + light as usize] = pmf;
-                return visit_leaves(tree, child, pmf, instance_trees, &mut inner_stack, visit);
+                return visit_leaves(&cut, tree, child, pmf, instance_trees, &mut inner_stack, visit);
             }
-            visit_leaves(tree, child, pmf, instance_trees, &mut stack, |leaf, pmf| {
+            visit_leaves(&cut, tree, child, pmf, instance_trees, &mut stack, |leaf, pmf| {
                 let Some((tree, child)) = instance_trees.tree_view(leaf) else { return };
                 let start = starts[tree.instance as usize];
                 let visit = |light: u32, pmf| pmfs[start + light as usize] = pmf;
-                visit_leaves(&tree, child, pmf, instance_trees, &mut inner_stack, visit);
+                visit_leaves(&cut, &tree, child, pmf, instance_trees, &mut inner_stack, visit);
             });
         });
         total
     }
 }
 
-/// Visits every leaf of a tree at or below `child` with its probability; `pmf` is that of
+/// Visits every leaf of a tree at or below `child` with its probability by a cut; `pmf` is that of
 /// `child`. `stack` is empty before and after.
 #[inline(always)]
 fn visit_leaves<'a>(
+    cut: &impl Candidates<'a>,
     tree: &TreeView<'a>,
     child: ChildRef,
     pmf: f32,
@@ -85,7 +84,7 @@ fn visit_leaves<'a>(
     }
     while let Some((node, pmf)) = stack.pop() {
         let record = &tree.nodes[node as usize];
-        let weights = seen_importances(tree, node, record, instance_trees).weights();
+        let weights = cut.weights(tree, node, record, instance_trees);
         let total = running_sums(&weights)[WIDTH - 1];
         for slot in 0..WIDTH {
             if weights[slot] <= 0.0 {

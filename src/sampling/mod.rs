@@ -14,4 +14,4 @@ pub(crate) mod quality;
 pub(crate) mod resample;
 pub(crate) mod sample;
 mod sky;
-mod walk;
+pub(crate) mod walk;

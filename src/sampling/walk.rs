@@ -6,9 +6,7 @@
 
 use crate::math::dice::{Dice, choice_pmf, joint_pmf};
 use crate::math::simd::VectorJob;
-use crate::sampling::cut::{
-    Candidates, Choice, CutSource, InstanceTrees, NO_INSTANCE, TreeView, choose_lane, seen_importances,
-};
+use crate::sampling::cut::{Candidates, Choice, CutSource, InstanceTrees, NO_INSTANCE, TreeView, choose_lane};
 use crate::shading::importance::running_sums;
 use crate::tree::{ChildRef, NO_PARENT, Opening, WIDTH};
 
@@ -87,7 +85,7 @@ fn descend<'a>(
         };
         let dice = if tree.instance == NO_INSTANCE { &mut outer } else { &mut inner };
         let record = tree.nodes.get(node as usize)?;
-        let weights = seen_importances(&tree, node, record, instance_trees).weights();
+        let weights = cut.weights(&tree, node, record, instance_trees);
         let sums = running_sums(&weights);
         let total = sums[WIDTH - 1];
         if total <= 0.0 {
@@ -154,7 +152,7 @@ fn climb<'a>(cut: &impl Candidates<'a>, leaf: &LeafPath<'a>, instance_trees: &im
             return joint_pmf(pmf, in_cut);
         }
         let record = &tree.nodes[node as usize];
-        let weights = seen_importances(tree, node, record, instance_trees).weights();
+        let weights = cut.weights(tree, node, record, instance_trees);
         pmf = joint_pmf(pmf, choice_pmf(weights[slot], running_sums(&weights)[WIDTH - 1]));
         if pmf <= 0.0 {
             return 0.0;

@@ -347,17 +347,17 @@ fn estimate(
 /// that disagree, or that are near, form no broad lobe but a mixture whose back must not be
 /// starved. The lobe is a clamped cosine. It is clamped at 0 for a Lambertian emitter and higher
 /// for beams, so that its mean cosine is that of the emitters.
-struct Lobe {
+pub(crate) struct Lobe {
     /// The mixture, times the distance.
-    value: f32,
+    pub value: f32,
     /// The squared width that the value is still to be divided by.
-    width_sq: f32,
+    pub width_sq: f32,
 }
 
 impl Lobe {
     /// `length` is that of the mean direction, and `facing` as in [`ClusterView`].
     #[inline(always)]
-    fn new(length: f32, facing: f32, spread: f32, dist_sq: f32, dist: f32) -> Self {
+    pub fn new(length: f32, facing: f32, spread: f32, dist_sq: f32, dist: f32) -> Self {
         let length = min(length, MAX_LOBE_LENGTH);
         let share = LOBE_SHARE * min(length * (1.0 / LAMBERTIAN), 1.0) * (1.0 - spread);
         let min_cos = max(3.0 * length - 2.0, 0.0);
@@ -636,12 +636,12 @@ pub(crate) fn running_sums(values: &Lanes) -> Lanes {
 /// in `a` is discarded; only a shading point whose position is no number makes one, and its
 /// importances become the least.
 #[inline(always)]
-fn max(a: f32, b: f32) -> f32 {
+pub(crate) fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
 #[inline(always)]
-fn min(a: f32, b: f32) -> f32 {
+pub(crate) fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 

@@ -4,7 +4,7 @@
 //! an application import the same functions as modules.
 
 use bevy::shader::Shader;
-use girandole::plan::{self, CutFallback, ShaderParts, TargetHook};
+use girandole::plan::{self, ShaderParts, TargetHook};
 
 use crate::gpu::effects;
 use crate::shadows::ShadowRays;
@@ -46,7 +46,7 @@ fn extensions(rays: Option<ShadowRays>) -> &'static str {
 pub fn joined(shares_cuts: bool, shadows: Option<ShadowRays>, is_heat_map: bool) -> Shader {
     let hook = TargetHook::new("girandole_target", "LightingInput").expect("both are names");
     let parts = ShaderParts::default().with_target(hook);
-    let parts = if shares_cuts { parts.with_cuts(CutFallback::Walk) } else { parts };
+    let parts = if shares_cuts { parts.with_cuts() } else { parts };
     // What is learnt is read when cuts are built.
     let learns = shares_cuts && shadows.is_some();
     let parts = if learns { parts.with_learning() } else { parts };

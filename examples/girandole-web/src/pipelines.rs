@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use girandole::gpu::{CutFallback, GpuLights, LightShader, TargetHook};
+use girandole::gpu::{GpuLights, LightShader, TargetHook};
 use girandole::{Effects, wgpu};
 
 use crate::light_list::LightList;
@@ -69,7 +69,7 @@ impl Pipelines {
         let shares = lights.cut_report().is_some();
         let mark = shares.then(|| lights.mark_shader(LIGHT_GROUP, Effects::all()));
         let render = match shares {
-            true => lights.cut_shader(LIGHT_GROUP, Effects::all(), CutFallback::Split).with_target(target),
+            true => lights.cut_shader(LIGHT_GROUP, Effects::all()).with_target(target),
             false => plain.clone(),
         };
         let mut needs = Needs::new(scene, geometry);

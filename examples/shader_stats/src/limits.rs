@@ -26,7 +26,7 @@ const fn limit(kernel: &'static str, effects: &'static str, most: [u64; 3]) -> L
 /// Registers, bytes of scratch memory for each lane, and instructions. Registers and scratch memory
 /// are those that were measured; instructions are rounded up. Mesa
 /// 22.3.6, 2026-11-28, by `cargo run --release -p shader_stats -- --out FILE.csv`.
-pub const LIMITS: [Limit; 60] = [
+pub const LIMITS: [Limit; 57] = [
     limit("relayout", "", [16, 0, 100]),
     limit("scatter", "", [8, 0, 100]),
     limit("top_leaves", "", [56, 0, 700]),
@@ -69,13 +69,11 @@ pub const LIMITS: [Limit; 60] = [
     limit("light_mark", "none", [24, 0, 500]),
     limit("cut_build", "none", [64, 0, 2300]),
     limit("shared light_sample", "none", [72, 0, 1700]),
-    limit("shared or split light_sample", "none", [96, 0, 2500]),
     limit("shared light_resample", "none", [80, 528, 2100]),
     limit("shared light_pmf", "none", [64, 0, 1300]),
     limit("light_mark", "city", [24, 0, 500]),
     limit("cut_build", "city", [64, 0, 2400]),
     limit("shared light_sample", "city", [80, 0, 2800]),
-    limit("shared or split light_sample", "city", [96, 0, 3600]),
     limit("shared light_resample", "city", [88, 528, 3200]),
     limit("shared light_pmf", "city", [72, 0, 1700]),
     limit("light_mark", "all", [24, 0, 500]),
@@ -84,7 +82,6 @@ pub const LIMITS: [Limit; 60] = [
     limit("cut_build_by_visibility", "city", [72, 0, 2700]),
     limit("cut_build_by_visibility", "all", [120, 0, 4300]),
     limit("shared light_sample", "all", [128, 0, 7900]),
-    limit("shared or split light_sample", "all", [144, 0, 9600]),
     limit("shared light_resample", "all", [144, 528, 8300]),
     limit("shared light_pmf", "all", [120, 0, 5100]),
 ];

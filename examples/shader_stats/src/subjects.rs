@@ -1,7 +1,7 @@
 //! The kernels that are compiled.
 
 use girandole::Effects;
-use girandole::plan::{self, CutFallback, KERNELS, ShaderParts, cut_kernels, visibility_kernels};
+use girandole::plan::{self, KERNELS, ShaderParts, cut_kernels, visibility_kernels};
 
 /// A kernel of the library, or one that only calls a function of it.
 pub struct Subject {
@@ -44,13 +44,11 @@ const FUNCTIONS: [(&str, &str); 7] = [
     ("light_hit", "let s = light_hit(point, q.u.xyz, q.u.w); answers[id.x] = vec4(s.radiance, s.pdf * s.pmf);"),
 ];
 
-/// The functions of [`FUNCTIONS`] in shaders that share cuts, their names there, and whether a point without a
-/// cut splits for itself.
-const SHARED: [(&str, &str, CutFallback); 4] = [
-    ("light_sample", "shared light_sample", CutFallback::Walk),
-    ("light_sample", "shared or split light_sample", CutFallback::Split),
-    ("light_resample", "shared light_resample", CutFallback::Walk),
-    ("light_pmf", "shared light_pmf", CutFallback::Walk),
+/// The functions of [`FUNCTIONS`] in shaders that share cuts, and their names there.
+const SHARED: [(&str, &str); 3] = [
+    ("light_sample", "shared light_sample"),
+    ("light_resample", "shared light_resample"),
+    ("light_pmf", "shared light_pmf"),
 ];
 
 /// A kernel that calls a function for each question. `functions` is the text with the function.
@@ -119,8 +117,8 @@ fn cuts() -> impl Iterator<Item = Subject> {
             own.map(|kernel| Subject { kernel: kernel.entry(), effects, entry: kernel.entry(), wgsl: kernel.wgsl() });
         let marks = caller(&plan::wgsl_of_marks(0, set), "light_mark(point);");
         let mark = Subject { kernel: "light_mark", effects, entry: "call", wgsl: marks };
-        let choosing = SHARED.map(|(function, kernel, fallback)| {
-            let text = plan::wgsl_with(0, set, &ShaderParts::default().with_cuts(fallback));
+        let choosing = SHARED.map(|(function, kernel)| {
+            let text = plan::wgsl_with(0, set, &ShaderParts::default().with_cuts());
             Subject { kernel, effects, entry: "call", wgsl: caller(&text, call(function)) }
         });
         own.chain([mark]).chain(choosing).collect::<Vec<_>>()

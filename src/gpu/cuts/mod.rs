@@ -8,7 +8,7 @@ use super::recorder::Recorder;
 use super::shader::LightShader;
 use super::table_groups::Tables;
 use crate::effects::Effects;
-use crate::plan::{CutFallback, ShaderParts};
+use crate::plan::ShaderParts;
 use crate::sampling::cuts::CutOptions;
 
 impl GpuLights {
@@ -58,17 +58,17 @@ impl GpuLights {
     }
 
     /// As [`GpuLights::shader`], for lights that are chosen from the cuts of cells
-    /// ([`ShaderParts::cuts`]). `fallback` is what happens where a cell has no cut.
+    /// ([`ShaderParts::cuts`]).
     ///
     /// The layout has one more storage buffer, which is only read: five of the eight that WebGPU grants a
     /// stage. It takes [`GpuLights::cut_bind_group`] in place of [`GpuLights::bind_group`].
     /// `light_pmf_previous` ([`LightShader::with_previous`]) leaves shared cuts out. [`GpuLights::sample`]
     /// and [`GpuLights::resample`] do not use them.
-    pub fn cut_shader(&self, group: u32, effects: Effects, fallback: CutFallback) -> LightShader {
+    pub fn cut_shader(&self, group: u32, effects: Effects) -> LightShader {
         LightShader::choosing(
             group,
             effects,
-            ShaderParts::default().with_cuts(fallback),
+            ShaderParts::default().with_cuts(),
             self.table_group(Tables::Cuts).layout.clone(),
         )
     }
@@ -85,11 +85,11 @@ impl GpuLights {
     /// Both shaders read the same cells, which are built by the table of [`GpuLights::learn_visibility`].
     /// `light_resample` weighs candidates by learnt shares in this shader
     /// only.
-    pub fn learning_cut_shader(&self, group: u32, effects: Effects, fallback: CutFallback) -> LightShader {
+    pub fn learning_cut_shader(&self, group: u32, effects: Effects) -> LightShader {
         LightShader::choosing(
             group,
             effects,
-            ShaderParts::default().with_cuts(fallback).with_learning(),
+            ShaderParts::default().with_cuts().with_learning(),
             self.table_group(Tables::CutsAndVisibility).layout.clone(),
         )
     }

@@ -14,7 +14,6 @@ use crate::instance::placement::Placement;
 use crate::keys::LightId;
 use crate::plan::cuts::layout::{CutPlaces, HEAD, ROW_FROM, ROW_NODES, ROW_QUADS, ROW_SUMS, SLOT_WORDS, WORDS_AT};
 use crate::plan::text::{Extras, wgsl_of_shader};
-use crate::sampling::counts::SplitCount;
 use crate::sampling::cuts::camera;
 use crate::sampling::cuts::shared::NodeId;
 use crate::sampling::cuts::table::CutTable;
@@ -27,6 +26,7 @@ use crate::visibility::{VisibilityOptions, VisibilityTable};
 use crate::world::LightWorld;
 
 mod masks;
+mod roots;
 
 /// What an invocation of the shaders below gets.
 #[repr(C)]
@@ -98,12 +98,12 @@ struct Rig {
 }
 
 impl Rig {
-    fn new(effects: Effects, fallback: CutFallback, options: CutOptions) -> Self {
-        Self::choosing(effects, fallback, options, CHOOSE)
+    fn new(effects: Effects, options: CutOptions) -> Self {
+        Self::choosing(effects, options, CHOOSE)
     }
 
     /// With another text that chooses lights.
-    fn choosing(effects: Effects, fallback: CutFallback, options: CutOptions, work: &str) -> Self {
+    fn choosing(effects: Effects, options: CutOptions, work: &str) -> Self {
         let (device, _) = gpu();
         let mut lights = gpu_lights();
         let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
@@ -114,7 +114,7 @@ impl Rig {
             compute_pipeline(shader.join(&ENGINE.replace("WORK", work)), "engine", [&own, &shader.layout])
         };
         let mark = pipeline(&lights.mark_shader(1, effects), MARK);
-        let choose = pipeline(&lights.cut_shader(1, effects, fallback), work);
+        let choose = pipeline(&lights.cut_shader(1, effects), work);
         lights.share_cuts(Some(options)).expect("memory enough");
         Self { lights, own, mark, choose }
     }
@@ -252,15 +252,21 @@ fn mark(world: &LightWorld, table: &CutTable, inputs: &[Input]) {
     inputs.iter().for_each(|input| sampler.mark(&point(input)));
 }
 
-/// The number of choices that name another light or another probability than the CPU's.
+/// The number of choices that name another light or another probability than the CPU's. Where a cell has no cut, the
+/// GPU starts at the roots.
 fn others(sampler: &LightSampler<'_>, inputs: &[Input], outputs: &[Output]) -> usize {
+    let shared = |at: &ShadingPoint, u| {
+        let pick = sampler.pick(at, u)?;
+        Some(match pick.light {
+            LightId::Local { instance, light } => (sampler.world.slot(instance).expect("it lives"), light, pick.pmf),
+            LightId::Directional(_) => (u32::MAX, 0, pick.pmf),
+        })
+    };
     let is_other = |(input, output): &(&Input, &Output)| {
-        let Some(pick) = sampler.pick(&point(input), [input.u[0], input.u[1]]) else { return output.pmf > 0.0 };
-        let (instance, light) = match pick.light {
-            LightId::Local { instance, light } => (sampler.world.slot(instance).expect("it lives"), light),
-            LightId::Directional(_) => (u32::MAX, 0),
-        };
-        (output.instance, output.light) != (instance, light) || (output.pmf / pick.pmf - 1.0).abs() > 2.0e-3
+        let (at, u) = (point(input), [input.u[0], input.u[1]]);
+        let found = if sampler.shared_cut(&at, 0.0).is_some() { shared(&at, u) } else { roots::pick(sampler, &at, u) };
+        let Some((instance, light, pmf)) = found else { return output.pmf > 0.0 };
+        (output.instance, output.light) != (instance, light) || (output.pmf / pmf - 1.0).abs() > 2.0e-3
     };
     inputs.iter().zip(outputs).filter(is_other).count()
 }
@@ -280,63 +286,60 @@ fn options() -> CutOptions {
 #[test]
 fn the_gpu_builds_the_cuts_that_the_cpu_builds_and_chooses_the_same_lights() {
     let world = glossy_world();
-    for fallback in [CutFallback::Walk, CutFallback::Split] {
-        let mut rig = Rig::new(Effects::all(), fallback, options());
-        rig.lights.upload(&world).expect("room enough");
-        let pixel = 0.01;
-        rig.lights.set_cut_view(EYE.as_dvec3(), pixel);
-        let mut table = CutTable::new(options());
-        table.set_view(EYE.as_dvec3(), pixel);
-        let (marked, chosen) = (inputs(3000, EYE, 0), inputs(3000, EYE, 500_000));
-        mark(&world, &table, &marked);
-        table.build(world.sampler());
-        let outputs = rig.run(&marked, &chosen);
-        let report = table.report();
-        let known = [report.marked, report.built, report.kept, report.rare, report.refused, report.lost_marks];
-        let found = rig.report();
-        // A point within rounding of a border may mark another cell.
-        for (found, known) in found.iter().zip(known) {
-            assert!(found.abs_diff(known as u32) <= 4, "{found:?} {known:?}");
-        }
-        assert!(report.built > 100 && report.rare > 20 && report.refused == 0, "{report:?}");
-
-        let cuts = rig.cuts(options());
-        let (mut alike, mut total) = (0, 0);
-        let grid = options().grid(camera(EYE.as_dvec3(), pixel), DVec3::ZERO);
-        // The first node of each instance's tree in the buffer of nodes. The GPU gives the nodes of the top
-        // level other numbers.
-        let mut bases = BTreeMap::new();
-        for input in &marked {
-            let (cell, _) = grid.cell(&point(input)).expect("the camera sees it");
-            let [x, y, z] = cell.corner;
-            let at = point(input);
-            let sampler = world.sampler().with_cuts(&table);
-            let Some(cut) = sampler.shared_cut(&at, 0.0).map(|placed| placed.cut) else { continue };
-            total += 1;
-            let Some(row) = cuts.get(&[x, y, z, cell.kind, cell.mask]) else { continue };
-            let mut is_node = |[instance, index]: [u32; 2], node: &NodeId| {
-                let base = *bases.entry(instance).or_insert(index.wrapping_sub(node.node));
-                instance == node.instance && (instance == u32::MAX || index == node.node.wrapping_add(base))
-            };
-            let sums = cut.sums().iter().zip(&row.sums);
-            let is_alike = row.nodes.len() == cut.count
-                && row.nodes.iter().zip(&cut.nodes).all(|(a, b)| is_node(*a, b))
-                && cut.points as u32 == row.points
-                && (cut.directional - row.directional).abs() <= 1.0e-3 * cut.directional
-                && sums.clone().all(|(a, b)| a.abs_diff(*b) <= crate::sampling::cuts::UNITS / 4096)
-                && row.sums[WIDTH * cut.count..].iter().all(|sum| *sum == cut.total());
-            alike += usize::from(is_alike);
-        }
-        assert!(total > 1500 && alike * 50 >= total * 49, "{alike} of {total}");
-
-        assert_exact(&outputs);
-        let splits = if fallback == CutFallback::Walk { SplitCount::NONE } else { SplitCount::DEFAULT };
-        let sampler = world.sampler().with_splits(splits).with_cuts(&table);
-        let count = others(&sampler, &chosen, &outputs);
-        assert!(count <= chosen.len() / 50, "{count} of {}", chosen.len());
-        let without = others(&world.sampler(), &chosen, &outputs);
-        assert!(without > chosen.len() / 3, "cuts matter: {without}");
+    let mut rig = Rig::new(Effects::all(), options());
+    rig.lights.upload(&world).expect("room enough");
+    let pixel = 0.01;
+    rig.lights.set_cut_view(EYE.as_dvec3(), pixel);
+    let mut table = CutTable::new(options());
+    table.set_view(EYE.as_dvec3(), pixel);
+    let (marked, chosen) = (inputs(3000, EYE, 0), inputs(3000, EYE, 500_000));
+    mark(&world, &table, &marked);
+    table.build(world.sampler());
+    let outputs = rig.run(&marked, &chosen);
+    let report = table.report();
+    let known = [report.marked, report.built, report.kept, report.rare, report.refused, report.lost_marks];
+    let found = rig.report();
+    // A point within rounding of a border may mark another cell.
+    for (found, known) in found.iter().zip(known) {
+        assert!(found.abs_diff(known as u32) <= 4, "{found:?} {known:?}");
     }
+    assert!(report.built > 100 && report.rare > 20 && report.refused == 0, "{report:?}");
+
+    let cuts = rig.cuts(options());
+    let (mut alike, mut total) = (0, 0);
+    let grid = options().grid(camera(EYE.as_dvec3(), pixel), DVec3::ZERO);
+    // The first node of each instance's tree in the buffer of nodes. The GPU gives the nodes of the top
+    // level other numbers.
+    let mut bases = BTreeMap::new();
+    for input in &marked {
+        let (cell, _) = grid.cell(&point(input)).expect("the camera sees it");
+        let [x, y, z] = cell.corner;
+        let at = point(input);
+        let sampler = world.sampler().with_cuts(&table);
+        let Some(cut) = sampler.shared_cut(&at, 0.0).map(|placed| placed.cut) else { continue };
+        total += 1;
+        let Some(row) = cuts.get(&[x, y, z, cell.kind, cell.mask]) else { continue };
+        let mut is_node = |[instance, index]: [u32; 2], node: &NodeId| {
+            let base = *bases.entry(instance).or_insert(index.wrapping_sub(node.node));
+            instance == node.instance && (instance == u32::MAX || index == node.node.wrapping_add(base))
+        };
+        let sums = cut.sums().iter().zip(&row.sums);
+        let is_alike = row.nodes.len() == cut.count
+            && row.nodes.iter().zip(&cut.nodes).all(|(a, b)| is_node(*a, b))
+            && cut.points as u32 == row.points
+            && (cut.directional - row.directional).abs() <= 1.0e-3 * cut.directional
+            && sums.clone().all(|(a, b)| a.abs_diff(*b) <= crate::sampling::cuts::UNITS / 4096)
+            && row.sums[WIDTH * cut.count..].iter().all(|sum| *sum == cut.total());
+        alike += usize::from(is_alike);
+    }
+    assert!(total > 1500 && alike * 50 >= total * 49, "{alike} of {total}");
+
+    assert_exact(&outputs);
+    let sampler = world.sampler().with_cuts(&table);
+    let count = others(&sampler, &chosen, &outputs);
+    assert!(count <= chosen.len() / 50, "{count} of {}", chosen.len());
+    let without = others(&world.sampler(), &chosen, &outputs);
+    assert!(without > chosen.len() / 3, "cuts matter: {without}");
 }
 
 /// The nodes that a sample weighs, and one of eight candidates: 9.5 and 27 without cells, and 0.45 and 3.7 where a
@@ -347,14 +350,14 @@ fn choices_from_a_cell_read_few_nodes() {
     let mut world = glossy_world();
     let sky = world.sky().map(|(sky, _)| sky).expect("a sky");
     world.remove_instance(sky).expect("it lives");
-    let mut rig = Rig::new(EFFECTS, CutFallback::Walk, options());
-    let layouts = [&rig.lights.layout, &rig.lights.cut_shader(1, EFFECTS, CutFallback::Walk).layout].map(Clone::clone);
+    let mut rig = Rig::new(EFFECTS, options());
+    let layouts = [&rig.lights.layout, &rig.lights.cut_shader(1, EFFECTS).layout].map(Clone::clone);
     let count = |cells, layout| {
         let extras = Extras { counts: true, cells, ..Extras::default() };
         let text = wgsl_of_shader(1, EFFECTS, extras, None) + &ENGINE.replace("WORK", COUNT);
         compute_pipeline(text, "engine", [&rig.own, layout])
     };
-    let [alone, shared] = [count(None, &layouts[0]), count(Some(CutFallback::Walk), &layouts[1])];
+    let [alone, shared] = [count(false, &layouts[0]), count(true, &layouts[1])];
     rig.lights.upload(&world).expect("room enough");
     rig.lights.set_cut_view(EYE.as_dvec3(), 0.01);
     let mut table = CutTable::new(options());
@@ -386,13 +389,13 @@ fn choices_from_a_cell_read_few_nodes() {
 fn cells_know_what_shadow_rays_have_taught_as_on_the_cpu() {
     let (device, queue) = gpu();
     let world = glossy_world();
-    let mut rig = Rig::new(EFFECTS, CutFallback::Walk, options());
+    let mut rig = Rig::new(EFFECTS, options());
     // One storage buffer is left, so the engine writes where it reads.
     let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
         label: None,
         entries: &[storage_entry(0, false)],
     });
-    let shader = rig.lights.learning_cut_shader(1, EFFECTS, CutFallback::Walk);
+    let shader = rig.lights.learning_cut_shader(1, EFFECTS);
     let engine = ENGINE.replace("var<storage, read> inputs", "var<storage, read_write> inputs");
     let engine = engine.replace("@group(0) @binding(1) var<storage, read_write> outputs: array<vec4<u32>>;", "");
     let text = shader.join(&engine.replace("WORK", CHOOSE_AND_RECORD));
@@ -433,12 +436,12 @@ fn cells_know_what_shadow_rays_have_taught_as_on_the_cpu() {
         let (report, is_whole) = (table.report(), [0, 2, 4].contains(&frame));
         assert!(built.abs_diff(report.built as u32) <= 4 && kept.abs_diff(report.kept as u32) <= 4);
         assert!(built + kept > 100 && is_whole == (kept == 0), "frame {frame}: {built} {kept}");
-        let sampler = world.sampler().with_splits(SplitCount::NONE).with_visibility(&learnt).with_cuts(&table);
+        let sampler = world.sampler().with_visibility(&learnt).with_cuts(&table);
         // As above, and a mean position within rounding of the border between two groups may count in the other one.
         let count = others(&sampler, &at, &outputs);
         assert!(count <= at.len() / 40, "frame {frame}: {count} of {}", at.len());
         if frame == 9 {
-            let without = world.sampler().with_splits(SplitCount::NONE);
+            let without = world.sampler();
             let mut plain = CutTable::new(options());
             plain.set_view(EYE.as_dvec3(), 0.01);
             mark(&world, &plain, &at);
@@ -494,7 +497,7 @@ fn assert_as_without_cuts(world: &LightWorld, chosen: &[Input], outputs: &[Outpu
 fn cuts_are_kept_while_nothing_changes_and_void_after_a_change_until_they_are_built_again() {
     let mut world = glossy_world();
     assert!(EFFECTS.contains(world.effects() - Effects::MOVING));
-    let mut rig = Rig::new(EFFECTS, CutFallback::Split, options());
+    let mut rig = Rig::new(EFFECTS, options());
     rig.lights.upload(&world).expect("room enough");
     let (marked, chosen) = (inputs(3000, EYE, 0), inputs(1500, EYE, 500_000));
     assert_as_without_cuts(&world, &chosen, &rig.run(&[], &chosen));
@@ -557,7 +560,7 @@ fn cuts_are_kept_while_nothing_changes_and_void_after_a_change_until_they_are_bu
 #[test]
 fn cells_keep_their_cuts_as_on_the_cpu_while_lights_move_come_and_go() {
     let mut world = glossy_world();
-    let mut rig = Rig::new(EFFECTS | Effects::MASKS, CutFallback::Walk, options());
+    let mut rig = Rig::new(EFFECTS | Effects::MASKS, options());
     rig.lights.set_cut_view(EYE.as_dvec3(), 0.01);
     let mut table = CutTable::new(options());
     table.set_view(EYE.as_dvec3(), 0.01);
@@ -594,7 +597,7 @@ fn cells_keep_their_cuts_as_on_the_cpu_while_lights_move_come_and_go() {
         // The names of nodes are not the same, but change together.
         let far = built.abs_diff(report.built as u32).max(kept.abs_diff(report.kept as u32));
         assert!(far <= 8 && built + kept > 100, "frame {frame}: {built} {kept} {report:?}");
-        let sampler = world.sampler().with_splits(SplitCount::NONE).with_cuts(&table);
+        let sampler = world.sampler().with_cuts(&table);
         let count = others(&sampler, &at, &outputs);
         assert!(count <= at.len() / 25, "frame {frame}: {count} of {}", at.len());
         (all, some) = (all + usize::from(kept == 0), some + usize::from(kept > built));
@@ -607,7 +610,7 @@ fn what_has_no_room_is_refused_and_rows_come_back() {
     let world = glossy_world();
     // As many rows as there are cells, one less, and a tenth; in the end one cell, with 16 places for marks.
     let (marked, chosen) = (inputs(3000, EYE, 0), inputs(1000, EYE, 500_000));
-    let mut rig = Rig::new(EFFECTS, CutFallback::Walk, options());
+    let mut rig = Rig::new(EFFECTS, options());
     rig.lights.upload(&world).expect("room enough");
     rig.run(&marked, &chosen);
     let [_, wanted, ..] = rig.report();

@@ -3,12 +3,10 @@
 //!
 //! docs/cuts.md says when to use them.
 
-mod fallback;
 mod kernels;
 pub(crate) mod layout;
 mod planner;
 mod store;
 
-pub use fallback::CutFallback;
 pub use kernels::cut_kernels;
 pub(super) use store::{CutStore, Table};

@@ -5,8 +5,10 @@ use crate::sampling::cut::{Candidates, Choice, CutSource, InstanceTrees, TreeVie
 use crate::sampling::cuts::shared::{MIN_SIDE, NodeId, SharedCut};
 use crate::sampling::cuts::table::{CutTable, CutsInUse};
 use crate::sampling::sample::LightSampler;
+use crate::shading::importance::ChildImportances;
+use crate::shading::rough::rough_weights;
 use crate::shading::shading_point::ShadingPoint;
-use crate::tree::{ChildRef, WIDTH};
+use crate::tree::{ChildRef, Lanes, Node, WIDTH};
 
 /// A shared cut at one of the points of its cell.
 #[derive(Clone, Copy)]
@@ -66,6 +68,14 @@ impl<'a> Candidates<'a> for PlacedCut<'a, '_> {
         let index = self.cut.nodes[..self.cut.count].iter().position(|other| *other == id)?;
         let [_, units] = self.cut.units(index * WIDTH + slot);
         Some(units as f32 / self.cut.total() as f32)
+    }
+
+    /// By [rough estimates](rough_weights).
+    #[inline(always)]
+    fn weights(&self, tree: &TreeView<'a>, node: u32, record: &Node, trees: &impl InstanceTrees<'a>) -> Lanes {
+        let mut children = ChildImportances { importance: rough_weights(record, &tree.local), doubt: [0.0; WIDTH] };
+        trees.weigh_masks(tree, node, record, &mut children);
+        children.importance
     }
 
     fn visit(&self, mut visit: impl FnMut(&TreeView<'a>, ChildRef, f32)) {

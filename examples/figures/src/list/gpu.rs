@@ -90,7 +90,6 @@ pub const FUNCTIONS: Figure = table(
             ("kernel", "cut_list"),
             ("kernel", "cut_looks"),
             ("kernel", "cut_dispatch"),
-            ("kernel", "shared or split"),
         ],
         keys: &[("kernel", "function"), ("effects", "effects")],
         cells: &[

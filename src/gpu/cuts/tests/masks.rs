@@ -64,46 +64,43 @@ fn chosen(sampler: &LightSampler<'_>, input: &Input, output: &Output) -> Vec<u32
 fn no_cell_brings_lights_that_the_mask_of_a_point_does_not_see() {
     let effects = Effects::MASKS | Effects::DIRECTIONAL | Effects::SKY;
     let (mut all, mut unseen) = (0, Vec::new());
-    for fallback in [CutFallback::Walk, CutFallback::Split] {
-        let splits = if fallback == CutFallback::Walk { SplitCount::NONE } else { SplitCount::DEFAULT };
-        let mut rig = Rig::choosing(effects, fallback, options(), PICK_AND_ASK);
-        let (mut world, instances) = two_rooms();
-        for case in 0..8 {
-            let (has_sun, has_masks, has_sky) = (case & 1 != 0, case & 2 != 0, case & 4 != 0);
-            let sun = world.directionals().next();
-            match sun {
-                Some(sun) if !has_sun => world.remove_directional(sun).expect("it lives"),
-                None if has_sun => {
-                    let sun = DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::ONE };
-                    world.add_directional(sun).map(drop).expect("valid");
-                }
-                _ => {}
+    let mut rig = Rig::choosing(effects, options(), PICK_AND_ASK);
+    let (mut world, instances) = two_rooms();
+    for case in 0..8 {
+        let (has_sun, has_masks, has_sky) = (case & 1 != 0, case & 2 != 0, case & 4 != 0);
+        let sun = world.directionals().next();
+        match sun {
+            Some(sun) if !has_sun => world.remove_directional(sun).expect("it lives"),
+            None if has_sun => {
+                let sun = DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::ONE };
+                world.add_directional(sun).map(drop).expect("valid");
             }
-            world.set_enabled(instances[2], has_sky).expect("it lives");
-            for (key, mask) in instances.into_iter().zip([1, 2, 2]) {
-                world.set_mask(key, if has_masks { mask } else { u32::MAX }).expect("it lives");
+            _ => {}
+        }
+        world.set_enabled(instances[2], has_sky).expect("it lives");
+        for (key, mask) in instances.into_iter().zip([1, 2, 2]) {
+            world.set_mask(key, if has_masks { mask } else { u32::MAX }).expect("it lives");
+        }
+        rig.lights.upload(&world).expect("room enough");
+        let points = masked_inputs(&world, instances);
+        // A world that has changed has no cuts.
+        for is_marked in [false, true] {
+            let mut table = CutTable::new(options());
+            if is_marked {
+                mark(&world, &table, &points);
+                table.build(world.sampler());
+                assert!(table.report().built > 40, "{:?}", table.report());
             }
-            rig.lights.upload(&world).expect("room enough");
-            let points = masked_inputs(&world, instances);
-            // A world that has changed has no cuts.
-            for is_marked in [false, true] {
-                let mut table = CutTable::new(options());
-                if is_marked {
-                    mark(&world, &table, &points);
-                    table.build(world.sampler());
-                    assert!(table.report().built > 40, "{:?}", table.report());
-                }
-                let outputs = rig.run(if is_marked { &points } else { &[] }, &points);
-                let sampler = world.sampler().with_splits(splits).with_cuts(&table);
-                let others = others(&sampler, &points, &outputs);
-                assert!(others <= points.len() / 50, "{others} differ: {fallback:?} {case} {is_marked}");
-                for (input, output) in points.iter().zip(&outputs) {
-                    let slots = chosen(&sampler, input, output);
-                    all += slots.len();
-                    let mask = |slot: &u32| world.instance_at(*slot).and_then(|key| world.mask(key)).unwrap_or(0);
-                    if slots.iter().any(|slot| mask(slot) & input.mask == 0) {
-                        unseen.push((fallback, case, is_marked, input.mask, slots));
-                    }
+            let outputs = rig.run(if is_marked { &points } else { &[] }, &points);
+            let sampler = world.sampler().with_cuts(&table);
+            let others = others(&sampler, &points, &outputs);
+            assert!(others <= points.len() / 50, "{others} differ: {case} {is_marked}");
+            for (input, output) in points.iter().zip(&outputs) {
+                let slots = chosen(&sampler, input, output);
+                all += slots.len();
+                let mask = |slot: &u32| world.instance_at(*slot).and_then(|key| world.mask(key)).unwrap_or(0);
+                if slots.iter().any(|slot| mask(slot) & input.mask == 0) {
+                    unseen.push((case, is_marked, input.mask, slots));
                 }
             }
         }

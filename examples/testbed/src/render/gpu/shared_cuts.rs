@@ -3,7 +3,7 @@
 use super::pipeline::{LIGHT_GROUP, Needs, TARGET, TARGET_ARGUMENT, Work, pipeline};
 use super::scene::SceneError;
 use girandole::Effects;
-use girandole::gpu::{CutFallback, GpuLights, TargetHook};
+use girandole::gpu::{GpuLights, TargetHook};
 use girandole::wgpu;
 
 /// The storage buffers of the shader that renders: four of the scene, four of the lights, and the cuts.
@@ -38,8 +38,7 @@ impl SharedPipelines {
             return Err(SceneError(error));
         }
         let target = TargetHook::new(TARGET, TARGET_ARGUMENT).map_err(|e| SceneError(e.to_string()))?;
-        // Edges of pictures have cells with few marks.
-        let render = lights.cut_shader(LIGHT_GROUP, effects, CutFallback::Split).with_target(target);
+        let render = lights.cut_shader(LIGHT_GROUP, effects).with_target(target);
         let mark = lights.mark_shader(LIGHT_GROUP, effects);
         Ok(Self {
             mark: pipeline(device, layout, &mark, needs, Work::Mark),
