@@ -31,9 +31,6 @@ struct LightCut {
     // The sum of the importances of unresolved candidates; after the last split what each of them is
     // multiplied by.
     unresolved: f32,
-    // #if LEARNS
-    cell: LightCell,
-    // #endif
 }
 
 // The children that may be split next, the one with the greatest doubt first. They are not in the
@@ -164,25 +161,15 @@ fn light_shift_pending(cut: ptr<function, LightCut>) {
     );
 }
 
-// What the children of a node are weighed for.
-struct LightWeighing {
-    // The node's children become candidates; otherwise their importances are returned.
-    is_split: bool,
-    // The node is one of the cut.
-    in_cut: bool,
-    // A bit for each child that is left out.
-    skipped: u32,
-}
-
 // Weighs the children of a node. `local` is the shading point in the node's space.
 fn light_weigh(
     cut: ptr<function, LightCut>, place: LightPlace, shading_point: LightShadingPoint,
-    local: LightLocalShadingPoint, weighing: LightWeighing,
+    local: LightLocalShadingPoint, is_split: bool, skipped: u32,
 ) -> LightLanes {
     let in_top = place.instance == LIGHT_NO_INSTANCE;
     let at = place.index * light_params.node_stride;
     let view = light_node_view(light_quad(in_top, at), local);
-    var left_out = weighing.skipped;
+    var left_out = skipped;
     // #if MASKS
     left_out |= ~light_met_children(in_top, place.index, shading_point.mask);
     // #endif
@@ -206,7 +193,7 @@ fn light_weigh(
                 // #if MASKS
                 estimate.lux *= light_seen_share(in_top, packed.child_bits, shading_point.mask);
                 // #endif
-                light_take(cut, &lanes, place.instance, slot, packed, view, local, weighing, estimate);
+                light_take(cut, &lanes, slot, packed, local, is_split, estimate);
             }
         }
         return lanes;
@@ -228,7 +215,7 @@ fn light_weigh(
             }
             // #endif
             // #endif
-            light_take(cut, &lanes, place.instance, slot, packed, view, local, weighing, estimate);
+            light_take(cut, &lanes, slot, packed, local, is_split, estimate);
         }
     }
     return lanes;
@@ -236,17 +223,11 @@ fn light_weigh(
 
 // Takes the estimate of a child: makes it a candidate, or sets its lane.
 fn light_take(
-    cut: ptr<function, LightCut>, lanes: ptr<function, LightLanes>, instance: u32, slot: u32,
-    packed: LightPackedChild, view: LightNodeView, local: LightLocalShadingPoint, weighing: LightWeighing,
-    estimate: LightImportance,
+    cut: ptr<function, LightCut>, lanes: ptr<function, LightLanes>, slot: u32, packed: LightPackedChild,
+    local: LightLocalShadingPoint, is_split: bool, estimate: LightImportance,
 ) {
-    var lux = estimate.lux;
-    // #if LEARNS
-    if weighing.in_cut {
-        lux *= light_visible_share(packed, view, instance, local, (*cut).cell);
-    }
-    // #endif
-    if weighing.is_split {
+    let lux = estimate.lux;
+    if is_split {
         if lux != 0.0 {
             // What cannot be resolved is split first, but single lights cannot be split.
             let is_light = (packed.child_bits & local.light_bit) != 0u;
@@ -298,9 +279,6 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
     if light_params.slots == 0u {
         return;
     }
-    // #if LEARNS
-    (*cut).cell = light_cell(shading_point);
-    // #endif
     var local: LightLocalShadingPoint;
     var local_instance = LIGHT_NO_INSTANCE;
     var node = 0u;
@@ -312,7 +290,7 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
             local = light_local_to(place.instance, shading_point);
             local_instance = place.instance;
         }
-        let lanes = light_weigh(cut, place, shading_point, local, LightWeighing(is_split, true, skipped));
+        let lanes = light_weigh(cut, place, shading_point, local, is_split, skipped);
         if is_split {
             light_name_node(cut, node, place);
             // #if SKY

@@ -30,7 +30,7 @@ fn light_descend(
             local_instance = place.instance;
         }
         let in_top = place.instance == LIGHT_NO_INSTANCE;
-        var lanes = light_weigh(cut, place, shading_point, local, LightWeighing(false, is_first, skipped));
+        var lanes = light_weigh(cut, place, shading_point, local, false, skipped);
         if is_first {
             lanes = light_scale_unresolved(lanes, (*cut).unresolved);
         } else {
@@ -109,7 +109,7 @@ fn light_climb(
         if in_cut {
             skipped = light_split_children(cut, number);
         }
-        var lanes = light_weigh(cut, place, shading_point, local, LightWeighing(false, in_cut, skipped));
+        var lanes = light_weigh(cut, place, shading_point, local, false, skipped);
         var total = (*cut).total;
         if in_cut {
             lanes = light_scale_unresolved(lanes, (*cut).unresolved);

@@ -229,8 +229,6 @@ mod pages {
     #[doc = include_str!("../docs/cuts.md")]
     #[cfg(feature = "parallel")]
     struct Cuts;
-    #[doc = include_str!("../docs/visibility.md")]
-    struct Visibility;
     #[doc = include_str!("../docs/sky.md")]
     struct SkyPage;
     #[doc = include_str!("../docs/profiles.md")]

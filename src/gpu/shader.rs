@@ -81,7 +81,7 @@ use crate::plan::{ShaderParts, TargetHook};
 /// fn light_hash(bits: u32) -> u32
 /// ```
 ///
-/// [`GpuLights::visibility_shader`](super::GpuLights::visibility_shader) adds a function that records
+/// [`GpuLights::learning_cut_shader`](super::GpuLights::learning_cut_shader) adds a function that records
 /// which of the chosen lights are visible. [`LightShader::with_target`] adds `light_resample_by`,
 /// which weighs candidates by a function of the engine, and [`LightShader::with_heat_map`] adds
 /// `light_heat_map`, which shows how lights are chosen.

@@ -1,4 +1,4 @@
-//! Bind groups of shaders that use tables: shared cuts, learnt visibility, or both.
+//! Bind groups of shaders that use tables: shared cuts, and learnt visibility.
 
 use super::bindings::{READ, WRITE, layout_of};
 use crate::plan::{BufferId, ShaderBuffers};
@@ -9,7 +9,6 @@ pub(super) enum Tables {
     /// The cuts alone, which it marks; it chooses no lights.
     Marks,
     Cuts,
-    Visibility,
     CutsAndVisibility,
 }
 
@@ -44,10 +43,8 @@ impl Tables {
         }
         let types = [wgpu::BufferBindingType::Uniform, READ, READ, READ, READ];
         let mut all: Vec<_> = (0..).zip(lights).zip(types).map(|((i, buffer), ty)| (i, *buffer, ty)).collect();
-        if self != Self::Visibility {
-            all.push((5, *cuts, READ));
-        }
-        if self != Self::Cuts {
+        all.push((5, *cuts, READ));
+        if self == Self::CutsAndVisibility {
             all.extend([(6, *learnt, READ), (7, *records, WRITE)]);
         }
         all

@@ -69,8 +69,8 @@ pub struct ShaderParts {
     /// Where a cell has no cut, because it was marked too rarely or not at all or because the table has no room for
     /// it, a walk from the roots chooses by rough estimates. All probabilities are exact.
     pub cuts: bool,
-    /// Lights are chosen by learnt visibility too, with one more read-only storage buffer at binding 6 and one that
-    /// is written at 7: [`LightPlanner::visibility_table`](super::LightPlanner::visibility_table). The text has
+    /// Lights are chosen from shared cuts and by learnt visibility too, with one more read-only storage buffer at
+    /// binding 6 and one that is written at 7: [`LightPlanner::visibility_table`](super::LightPlanner::visibility_table). The text has
     ///
     /// ```wgsl
     /// // Records whether a light that light_sample chose for this shading point is visible: whether
@@ -80,9 +80,8 @@ pub struct ShaderParts {
     ///
     /// Call it for all samples, or for a random part of them. Samples with a pmf of 0 and
     /// directional lights may be passed and are not recorded. The cost is one node and one atomic
-    /// addition for each level above the light. All functions that choose lights and return
-    /// probabilities use the table, which does not change before it is folded: so all probabilities
-    /// of a frame are exact.
+    /// addition for each level above the light. Builds of cuts read the table, and `light_resample`
+    /// weighs candidates by it. It does not change before it is folded: so all probabilities of a frame are exact.
     pub learns: bool,
     /// The text has a function that shows how lights are chosen, for people who look for the cause of noise:
     ///
@@ -184,7 +183,7 @@ const MAX_STEPS: u32 = 1024;
 pub(crate) struct Extras {
     /// Counts the nodes that an invocation reads.
     pub counts: bool,
-    /// Reads and records learnt visibility. Where cells share cuts, those of single points do not.
+    /// Reads and records learnt visibility. Only with `cells`.
     pub learns: bool,
     /// Reads the buffers of the last frame.
     pub previous: bool,
@@ -198,7 +197,7 @@ pub(crate) struct Extras {
 
 impl Extras {
     fn of(parts: &ShaderParts) -> Self {
-        Self { learns: parts.learns, cells: parts.cuts, heat_map: parts.heat_map, ..Self::default() }
+        Self { learns: parts.learns, cells: parts.cuts || parts.learns, heat_map: parts.heat_map, ..Self::default() }
     }
 
     /// Whether the lines between `// #if NAME` and `// #endif` are kept; `None` for another name.
@@ -705,12 +704,12 @@ mod tests {
     const PORTAL_NAMES: &str = "light_portal_quad light_is_in_room light_portals_in_sight light_portal_share \
         light_share_between light_portal_side LIGHT_PORTAL_SLACK LIGHT_FILLED_WIDTH LIGHT_LEAST_SHARE LIGHT_IN_PLANE";
 
-    const LEARNING_NAMES: &str = "light_learnt light_visibility_records light_row_counts light_side light_cell light_bin \
+    const LEARNING_NAMES: &str = "light_learnt light_visibility_records light_row_counts light_cell light_bin \
         light_child_bin light_learnt_share light_visible_share light_place_share light_toward_sample light_row_or_claim \
         light_cell_key light_learnt_row light_row_to_record light_record_visibility LightCellKey LightCellKey.tag \
         LightCellKey.bucket LightCell LightCell.key LightCell.block LightCell.row LightCell.from_center \
-        LightCut.cell LIGHT_NO_ROW LIGHT_WAYS LIGHT_MIN_IDLE LIGHT_BINS LIGHT_BIN_SHIFT LIGHT_COORDINATE_BITS \
-        LIGHT_TAG_SEED LIGHT_BLOCK_BITS LIGHT_LEARNT_BIT LIGHT_USED_BIT LIGHT_TABLE_HEAD LIGHT_MAX_COORDINATE LIGHT_MAX_DIST LIGHT_ROUNDING \
+        LIGHT_NO_ROW LIGHT_WAYS LIGHT_MIN_IDLE LIGHT_BINS LIGHT_BIN_SHIFT LIGHT_COORDINATE_BITS \
+        LIGHT_BLOCK_BITS LIGHT_LEARNT_BIT LIGHT_USED_BIT LIGHT_TABLE_HEAD LIGHT_MAX_DIST LIGHT_ROUNDING \
         LIGHT_BLOCK_MIDDLE";
 
     #[test]
@@ -718,14 +717,15 @@ mod tests {
         let all = Effects::all() - Effects::MOVING;
         let sets = all.iter().flat_map(|effect| [effect, all - effect]).chain([all, Effects::empty()]);
         for effects in sets {
-            let text = wgsl_of_shader(2, effects, Extras { learns: true, ..Extras::default() }, None);
-            let (names, plain) = (module_names(&text), module_names(&wgsl(2, effects)));
+            let cells = Extras { cells: true, ..Extras::default() };
+            let text = wgsl_of_shader(2, effects, Extras { learns: true, ..cells }, None);
+            let (names, plain) = (module_names(&text), module_names(&wgsl_of_shader(2, effects, cells, None)));
             let added: HashSet<&str> = names.difference(&plain).map(String::as_str).collect();
             let sky = effects.contains(Effects::SKY).then_some("LIGHT_SKY_DIST");
             assert_eq!(added, LEARNING_NAMES.split_whitespace().chain(sky).collect(), "{effects:?}");
             assert!(plain.is_subset(&names));
             let bindings = module(&text).global_variables.iter().filter(|(_, v)| v.binding.is_some()).count();
-            assert_eq!(bindings, 7, "{effects:?}");
+            assert_eq!(bindings, 8, "{effects:?}");
         }
         let fold = module(&wgsl_of_visibility_fold());
         for entry in &fold.entry_points {
@@ -826,9 +826,10 @@ mod tests {
         let hook = TargetHook::new("brdf_target", "Material").expect("identifiers");
         for effects in text_variants() {
             for learns in [false, true] {
-                let plain = wgsl_of_shader(2, effects, Extras { learns, ..Extras::default() }, None);
+                let extras = Extras { learns, cells: learns, ..Extras::default() };
+                let plain = wgsl_of_shader(2, effects, extras, None);
                 assert!(learns || plain == wgsl(2, effects), "{effects:?}");
-                let text = wgsl_of_shader(2, effects, Extras { learns, ..Extras::default() }, Some(&hook)) + engine;
+                let text = wgsl_of_shader(2, effects, extras, Some(&hook)) + engine;
                 let own = ["brdf_target", "use_it", "Material", "Material.roughness"].map(String::from);
                 let names = module_names(&text);
                 let added: HashSet<_> = names.difference(&module_names(&plain)).cloned().collect();

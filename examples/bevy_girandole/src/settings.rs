@@ -33,7 +33,7 @@ pub struct GirandoleSettings {
     pub cuts: Option<CutOptions>,
     /// Whether shared cuts learn from shadow rays which lights reach which places: 31 MB of GPU memory by default. Where
     /// walls hide most lights, noise falls to half; where nearly all is seen, a sample takes a little longer. It needs
-    /// shared cuts and shadows. See `docs/visibility.md`.
+    /// shared cuts and shadows. See `docs/cuts.md`.
     pub visibility: Option<VisibilityOptions>,
 }
 

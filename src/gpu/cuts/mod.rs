@@ -80,22 +80,23 @@ impl GpuLights {
     }
 
     /// As [`GpuLights::cut_shader`], and the text has `light_record_visibility` ([`ShaderParts::learns`]). It takes
-    /// [`GpuLights::learning_cut_bind_group`], with seven storage buffers.
+    /// [`GpuLights::learning_cut_bind_group`], with seven storage buffers, of which the text writes one: fragment
+    /// shaders need `wgpu::DownlevelFlags::FRAGMENT_WRITABLE_STORAGE`.
     ///
     /// Both shaders read the same cells, which are built by the table of [`GpuLights::learn_visibility`].
-    /// `light_resample` weighs candidates by learnt shares in this shader
-    /// only.
+    /// `light_resample` weighs candidates by learnt shares in this shader only. The table does not change before
+    /// [`GpuLights::fold_visibility`].
     pub fn learning_cut_shader(&self, group: u32, effects: Effects) -> LightShader {
         LightShader::choosing(
             group,
             effects,
-            ShaderParts::default().with_cuts().with_learning(),
+            ShaderParts::default().with_learning(),
             self.table_group(Tables::CutsAndVisibility).layout.clone(),
         )
     }
 
     /// The bind group for a [`GpuLights::learning_cut_shader`]. Call this when you would call
-    /// [`GpuLights::cut_bind_group`] or [`GpuLights::visibility_bind_group`].
+    /// [`GpuLights::cut_bind_group`], and after [`GpuLights::learn_visibility`].
     pub fn learning_cut_bind_group(&self) -> &wgpu::BindGroup {
         &self.table_group(Tables::CutsAndVisibility).bind_group
     }

@@ -14,6 +14,7 @@ use crate::instance::placement::Placement;
 use crate::keys::LightId;
 use crate::plan::cuts::layout::{CutPlaces, HEAD, ROW_FROM, ROW_NODES, ROW_QUADS, ROW_SUMS, SLOT_WORDS, WORDS_AT};
 use crate::plan::text::{Extras, wgsl_of_shader};
+use crate::sampling::counts::CandidateCount;
 use crate::sampling::cuts::camera;
 use crate::sampling::cuts::shared::NodeId;
 use crate::sampling::cuts::table::CutTable;
@@ -81,6 +82,12 @@ const CHOOSE_AND_RECORD: &str = "
         let chosen = light_sample(at, vec4(inputs[id.x].u.xy, 0.25, 0.75));
         inputs[id.x].u = bitcast<vec4<f32>>(vec4(pick.instance, pick.light, bitcast<u32>(pick.pmf), 0u));
         light_record_visibility(at, chosen, (pick.instance + pick.light / 4u) % 3u == 0u);";
+
+/// What is kept of eight candidates, and its weight.
+const RESAMPLE: &str = "
+        let u = inputs[id.x].u;
+        let kept = light_resample(at, u, u.x, 8u);
+        inputs[id.x].u = bitcast<vec4<f32>>(vec4(kept.chosen.instance, kept.chosen.light, bitcast<u32>(kept.weight), 0u));";
 
 const COUNT: &str = "
         light_nodes_read = 0u;
@@ -271,6 +278,23 @@ fn others(sampler: &LightSampler<'_>, inputs: &[Input], outputs: &[Output]) -> u
     inputs.iter().zip(outputs).filter(is_other).count()
 }
 
+/// As [`others`] for one of eight candidates, where cells have cuts.
+fn other_reservoirs(sampler: &LightSampler<'_>, inputs: &[Input], outputs: &[Output]) -> usize {
+    let is_other = |(input, output): &(&Input, &Output)| {
+        let (at, [x, y, z, w]) = (point(input), input.u);
+        let Some(kept) = sampler.resample(&at, [x, y, z, w, x], CandidateCount::of::<8>()) else {
+            return output.pmf > 0.0;
+        };
+        let (instance, light) = match kept.chosen.light {
+            LightId::Local { instance, light } => (sampler.world.slot(instance).expect("it lives"), light),
+            LightId::Directional(_) => (u32::MAX, 0),
+        };
+        (output.instance, output.light) != (instance, light) || (output.pmf / kept.weight - 1.0).abs() > 1.0e-2
+    };
+    let has_cut = |(input, _): &(&Input, &Output)| sampler.shared_cut(&point(input), 0.0).is_some();
+    inputs.iter().zip(outputs).filter(has_cut).filter(is_other).count()
+}
+
 fn assert_exact(outputs: &[Output]) {
     let chosen = outputs.iter().filter(|output| output.pmf > 0.0);
     let far = chosen.clone().filter(|output| (output.pmf_of_light / output.pmf - 1.0).abs() > 1.0e-4);
@@ -398,8 +422,8 @@ fn cells_know_what_shadow_rays_have_taught_as_on_the_cpu() {
     let shader = rig.lights.learning_cut_shader(1, EFFECTS);
     let engine = ENGINE.replace("var<storage, read> inputs", "var<storage, read_write> inputs");
     let engine = engine.replace("@group(0) @binding(1) var<storage, read_write> outputs: array<vec4<u32>>;", "");
-    let text = shader.join(&engine.replace("WORK", CHOOSE_AND_RECORD));
-    let choose = compute_pipeline(text, "engine", [&own, &shader.layout]);
+    let [choose, resample] = [CHOOSE_AND_RECORD, RESAMPLE]
+        .map(|work| compute_pipeline(shader.join(&engine.replace("WORK", work)), "engine", [&own, &shader.layout]));
     let learning = VisibilityOptions::new(4.0, 1024).expect("valid");
     rig.lights.learn_visibility(Some(learning)).expect("memory enough");
     rig.lights.upload(&world).expect("room enough");
@@ -414,18 +438,21 @@ fn cells_know_what_shadow_rays_have_taught_as_on_the_cpu() {
         rig.lights.build_top(&mut encoder);
         rig.pass(&mut encoder, &rig.mark, rig.lights.mark_bind_group(), &at);
         rig.lights.build_cuts(&mut encoder);
-        let records = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: None,
-            contents: bytemuck::cast_slice(&at),
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
-        });
-        let group = bind(&device, "test", &own, &[records.as_entire_binding()]);
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        pass.set_pipeline(&choose);
-        pass.set_bind_group(0, &group, &[]);
-        pass.set_bind_group(1, rig.lights.learning_cut_bind_group(), &[]);
-        pass.dispatch_workgroups((at.len() as u32).div_ceil(64), 1, 1);
-        drop(pass);
+        let mut pass = |pipeline: &wgpu::ComputePipeline| {
+            let records = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                label: None,
+                contents: bytemuck::cast_slice(&at),
+                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+            });
+            let group = bind(&device, "test", &own, &[records.as_entire_binding()]);
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &group, &[]);
+            pass.set_bind_group(1, rig.lights.learning_cut_bind_group(), &[]);
+            pass.dispatch_workgroups((at.len() as u32).div_ceil(64), 1, 1);
+            records
+        };
+        let (kept_of_eight, records) = (pass(&resample), pass(&choose));
         rig.lights.fold_visibility(&mut encoder);
         queue.submit([encoder.finish()]);
         let chosen: Vec<Input> = read(&device, &queue, &records);
@@ -441,12 +468,18 @@ fn cells_know_what_shadow_rays_have_taught_as_on_the_cpu() {
         let count = others(&sampler, &at, &outputs);
         assert!(count <= at.len() / 40, "frame {frame}: {count} of {}", at.len());
         if frame == 9 {
-            let without = world.sampler();
+            let kept: Vec<Input> = read(&device, &queue, &kept_of_eight);
+            let kept: Vec<Output> = kept.iter().map(|input| bytemuck::cast(input.u)).collect();
+            // Eight draws and one choice are each as exact as a pick.
+            let count = other_reservoirs(&sampler, &at, &kept);
+            assert!(count <= at.len() / 10, "{count} of {}", at.len());
+            let count = other_reservoirs(&world.sampler().with_cuts(&table), &at, &kept);
+            assert!(count > at.len() / 5, "candidates are kept by what is learnt: {count}");
             let mut plain = CutTable::new(options());
             plain.set_view(EYE.as_dvec3(), 0.01);
             mark(&world, &plain, &at);
             plain.build(world.sampler());
-            let count = others(&without.with_cuts(&plain), &at, &outputs);
+            let count = others(&world.sampler().with_cuts(&plain), &at, &outputs);
             assert!(count > at.len() / 3, "what is learnt matters: {count}");
         }
         for (input, output) in at.iter().zip(&outputs).filter(|(_, output)| output.pmf > 0.0) {

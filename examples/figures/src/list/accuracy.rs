@@ -218,22 +218,8 @@ pub const LEARNT: Figure = table(
 
 const ROOMS_TEXT: &str = "The same view in the first, fourth and sixteenth frame with four samples per pixel, without and with what is \
      learnt, which has less noise from frame to frame";
-const STREET_TEXT: &str = "The same view in the first, fourth and sixteenth frame with four samples per pixel, without and with what is \
-     learnt, which changes little";
-
-pub const FILM_OF_ROOMS: Figure = picture(
-    "film-rooms",
-    "docs/visibility.md",
-    ("learnt/learning_ten_rooms.svg", "learning_ten_rooms.svg"),
-    ROOMS_TEXT,
-);
-
-pub const FILM_OF_STREET: Figure = picture(
-    "film-street",
-    "docs/visibility.md",
-    ("learnt/learning_glossy_street.svg", "learning_glossy_street.svg"),
-    STREET_TEXT,
-);
+pub const FILM_OF_ROOMS: Figure =
+    picture("film-rooms", "docs/cuts.md", ("learnt/learning_ten_rooms.svg", "learning_ten_rooms.svg"), ROOMS_TEXT);
 
 pub const LEFT_OUT: Figure = table(
     "left-out",

@@ -60,7 +60,6 @@ pub const FIGURES: &[Figure] = &[
     accuracy::RIVALS,
     accuracy::LEARNT,
     accuracy::FILM_OF_ROOMS,
-    accuracy::FILM_OF_STREET,
     accuracy::LEFT_OUT,
     paper::BISTRO,
     paper::COST,
