@@ -3,12 +3,13 @@
 
 const LIGHT_NO_CELL: u32 = 0xffffffffu;
 
-// The cell of a shading point. Twin of `CutGrid::cell`.
-fn light_cut_cell(shading_point: LightShadingPoint) -> LightCutCell {
+// The cell of a shading point, with an edge that is doubled `coarser` times more; LIGHT_NO_CELL above the largest.
+// Twin of `CutGrid::cell` and `CutGrid::coarse_cell`.
+fn light_cut_cell(shading_point: LightShadingPoint, coarser: u32) -> LightCutCell {
     let toward = light_cuts.grid.eye - shading_point.position;
     let exponent = bitcast<u32>(dot(toward, toward) * light_cuts.grid.edges_sq) >> 23u;
     let seen = min((max(exponent, 127u) - 127u) / 2u, LIGHT_CELL_LEVELS);
-    let level = select(LIGHT_STILL_LEVEL, seen, light_cuts.grid.has_eye != 0u);
+    let level = coarser + select(LIGHT_STILL_LEVEL, seen, light_cuts.grid.has_eye != 0u);
     let units = floor((shading_point.position + light_cuts.grid.offset) * light_cuts.grid.units_per_metre);
     let limited = clamp(units, vec3(-LIGHT_MAX_COORDINATE), vec3(LIGHT_MAX_COORDINATE));
     let place = bitcast<vec3<i32>>(bitcast<vec3<u32>>(vec3<i32>(limited)) + light_cuts.grid.first);
@@ -30,7 +31,10 @@ fn light_cut_cell(shading_point: LightShadingPoint) -> LightCutCell {
     // #if SEGMENTS
     cell.kind = select(cell.kind, LIGHT_NO_CELL, light_is_segment(shading_point));
     // #endif
+    let is_too_coarse = coarser != 0u && (light_cuts.grid.has_eye == 0u || level > LIGHT_CELL_LEVELS);
+    cell.kind = select(cell.kind, LIGHT_NO_CELL, is_too_coarse);
     cell.which = random % LIGHT_CELL_POINTS;
+    cell.marks_coarse = select(0u, 1u, (random / LIGHT_CELL_POINTS) % LIGHT_COARSE_MARKS == 0u);
     let content = (bits << (2u * LIGHT_SLOPE_BITS)) | normal.y;
     cell.word = max(light_scrambled((content << LIGHT_RANDOM_BITS) | (random >> (32u - LIGHT_RANDOM_BITS))), 1u);
     return cell;

@@ -410,7 +410,7 @@ fn cut_build(
         let age = light_cuts.quads[row + LIGHT_ROW_STATE].y;
         // Read again, so that no register holds it while nodes are split.
         let words = light_cuts.quads[slot_at + 1u];
-        let same_cell = LightCutCell(words.xyz, words.w, 0u, 0u, 0u);
+        let same_cell = LightCutCell(words.xyz, words.w, 0u, 0u, 0u, 0u);
         let toward = row_direction(row_toward(same_cell, row_center(same_cell)));
         light_cuts.quads[row + LIGHT_ROW_STATE] = vec4(name, age, toward, row_sky());
     }

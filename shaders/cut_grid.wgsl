@@ -33,4 +33,6 @@ struct LightCutCell {
     // Which of a cell's words the point may become, and its word. Twin of `Place`.
     which: u32,
     word: u32,
+    // 1 if the point marks its coarse cell as well.
+    marks_coarse: u32,
 }

@@ -8,7 +8,15 @@ struct LightCutTable { grid: LightCutGrid, words: array<atomic<u32>> }
 
 // Marks the cell of a shading point: it will have a cut from the next build on. Twin of `LightSampler::mark`.
 fn light_mark(shading_point: LightShadingPoint) {
-    let cell = light_cut_cell(shading_point);
+    var end = 1u;
+    for (var coarser = 0u; coarser < end; coarser += LIGHT_COARSER) {
+        let cell = light_cut_cell(shading_point, coarser);
+        light_mark_cell(cell);
+        end = select(end, LIGHT_COARSER + 1u, cell.marks_coarse != 0u && coarser == 0u);
+    }
+}
+
+fn light_mark_cell(cell: LightCutCell) {
     if cell.kind == LIGHT_NO_CELL {
         return;
     }

@@ -9,11 +9,21 @@ struct LightCutTable { grid: LightCutGrid, quads: array<vec4<u32>> }
 
 @group(LIGHT_GROUP) @binding(5) var<storage, read> light_cuts: LightCutTable;
 
-// The row of the cut of a shading point's cell, as its first quad; 0 if there is none.
+// The row of the cut of a shading point's cell or of its coarse cell, as its first quad; 0 if there is none.
 fn light_shared_cut(shading_point: LightShadingPoint) -> u32 {
-    let cell = light_cut_cell(shading_point);
     // Cuts are void after a change of the world.
-    if light_cuts.quads[0].x == 0u || cell.kind == LIGHT_NO_CELL {
+    if light_cuts.quads[0].x == 0u {
+        return 0u;
+    }
+    var row = 0u;
+    for (var coarser = 0u; coarser <= LIGHT_COARSER && row == 0u; coarser += LIGHT_COARSER) {
+        row = light_row_of_cell(light_cut_cell(shading_point, coarser));
+    }
+    return row;
+}
+
+fn light_row_of_cell(cell: LightCutCell) -> u32 {
+    if cell.kind == LIGHT_NO_CELL {
         return 0u;
     }
     let keys = light_cell_keys(cell);

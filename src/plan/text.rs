@@ -414,6 +414,8 @@ pub(crate) fn constants() -> String {
         ("STILL_LEVEL", cuts::LEVELS[0]),
         ("CELL_LEVELS", cuts::LEVELS[0] + cuts::LEVELS[1]),
         ("CELL_POINTS", cuts::POINTS as u32),
+        ("COARSER", cuts::COARSER),
+        ("COARSE_MARKS", cuts::COARSE_MARKS),
         ("PLACE_BITS", cuts::PLACE_BITS),
         ("SLOPE_BITS", cuts::SLOPE_BITS),
         ("RANDOM_BITS", cuts::RANDOM_BITS),
@@ -748,7 +750,7 @@ mod tests {
         }
     }
 
-    const CELL_NAMES: &str = "light_cuts light_cut_cell light_cell_normal light_cell_keys light_shared_cut \
+    const CELL_NAMES: &str = "light_cuts light_cut_cell light_row_of_cell light_cell_normal light_cell_keys light_shared_cut \
         light_row light_shared_total light_sums_passed light_sixteen_passed light_shared_sum light_units \
         light_choose_shared light_shared_pmf light_side light_scrambled light_rough light_walk_lux \
         light_rough_weights light_root_pmf";

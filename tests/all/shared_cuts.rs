@@ -281,6 +281,29 @@ fn lamps_close_to_a_floor_have_little_noise_in_the_cells_of_a_near_camera() {
 }
 
 #[test]
+fn a_coarser_cell_stands_in_where_a_cell_was_not_marked() {
+    let mut rng = Rng(182);
+    let world = rng.world(40, 30, 5, 20.0);
+    let mut floor = |edge: f32, count: usize| -> Vec<ShadingPoint> {
+        let at = |rng: &mut Rng| rng.position(edge) * Vec3::new(1.0, 0.0, 1.0);
+        (0..count).map(|_| ShadingPoint::surface(at(&mut rng), Vec3::Y)).collect()
+    };
+    // Cells have edges of 6 cm, and their stand-ins of 25 cm.
+    let around: Vec<_> = floor(2.0, 100_000).into_iter().filter(|at| at.position.length() > 0.1).collect();
+    let hole = floor(0.02, 50);
+    let mut cuts = CutTable::default();
+    cuts.set_view(3.0 * DVec3::Y, 0.00107);
+    build(&mut cuts, &world, &around);
+    let (with, own) = (world.sampler().with_cuts(&cuts), world.sampler());
+    let share = mean_sigma(&with, &hole) / mean_sigma(&own, &hole);
+    assert!(share < 0.8, "{share}");
+    assert_exact(&world, &cuts, &hole, &mut rng);
+    // Beyond all marked cells, points split for themselves.
+    let far = ShadingPoint::surface(5.0 * Vec3::X, Vec3::Y);
+    assert_eq!(with.pick(&far, [0.3, 0.7]), own.pick(&far, [0.3, 0.7]));
+}
+
+#[test]
 fn masked_lights_are_chosen_only_where_they_are_seen() {
     let mut rng = Rng(173);
     let mut world = rng.world(4, 20, 6, 20.0);
@@ -369,7 +392,7 @@ fn cells_keep_their_cuts_while_neither_the_world_nor_the_view_changes() {
     }
     assert_eq!(built_and_kept(&world, eyes[1], &both[1]), [0, 2], "nothing has changed for twelve builds");
     let more: Vec<_> = (0..20).map(|i| ShadingPoint::surface(Vec3::X * 0.01 * i as f32, Vec3::Y)).collect();
-    assert_eq!(built_and_kept(&world, eyes[1], &more), [1, 0], "more points are known");
+    assert_eq!(built_and_kept(&world, eyes[1], &more), [2, 0], "more points are known, and the coarse cell is marked");
     assert_eq!(built_and_kept(&world, eyes[1], &both[1]), [1, 1], "the glossy cell was not marked");
     let instance = world.instances().next().expect("an instance");
     world.move_instance(instance, Placement::at(DVec3::ONE)).expect("valid");

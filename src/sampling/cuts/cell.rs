@@ -40,6 +40,11 @@ pub(crate) const VIEW_COSINE: f32 = 0.98;
 /// How often the edge of a cell that follows a camera can be halved, and doubled.
 pub(crate) const LEVELS: [u32; 2] = [3, 5];
 
+/// With a camera, the cut of a cell whose edge was doubled so often more stands in where a cell has none.
+pub(crate) const COARSER: u32 = 2;
+/// One in so many places marks that cell too.
+pub(crate) const COARSE_MARKS: u32 = 16;
+
 /// The lowest bit of a kind that belongs to the gloss.
 pub(crate) const GLOSS_SHIFT: u32 = 10;
 
@@ -124,12 +129,24 @@ impl CutGrid {
     /// The cell of a shading point, and the bits to keep of the point; `None` for points that share no
     /// cells: segments, and glossy points that are not seen from the camera.
     pub fn cell(&self, shading_point: &ShadingPoint) -> Option<(CutCell, Place)> {
+        self.cell_with(shading_point, 0)
+    }
+
+    /// The cell that stands in for that of a shading point; `None` without a camera, and for the largest cells.
+    pub fn coarse_cell(&self, shading_point: &ShadingPoint) -> Option<(CutCell, Place)> {
+        let fits =
+            |eye: Vec3| self.level(shading_point.position.distance_squared(eye)) + COARSER <= LEVELS[0] + LEVELS[1];
+        self.eye.filter(|eye| fits(*eye)).and_then(|_| self.cell_with(shading_point, COARSER))
+    }
+
+    /// The edge is doubled `coarser` times more.
+    fn cell_with(&self, shading_point: &ShadingPoint, coarser: u32) -> Option<(CutCell, Place)> {
         if LocalSegment::of(shading_point).is_some() {
             return None;
         }
         let position = shading_point.position;
         let gloss = self.gloss_class(shading_point)?;
-        let level = self.eye.map_or(LEVELS[0], |eye| self.level(position.distance_squared(eye)));
+        let level = coarser + self.eye.map_or(LEVELS[0], |eye| self.level(position.distance_squared(eye)));
         let units = ((position + self.offset) * self.units_per_metre).floor();
         let limited = units.clamp(Vec3::splat(-MAX_COORDINATE), Vec3::splat(MAX_COORDINATE));
         let place = |k: usize| (limited[k] as i32 as u32).wrapping_add(self.first[k]) as i32;
@@ -145,7 +162,8 @@ impl CutGrid {
         let word = scrambled(content << RANDOM_BITS | random >> (32 - RANDOM_BITS)).max(1);
         let kind = level | normal_class << 4 | gloss << GLOSS_SHIFT;
         let cell = CutCell { corner, kind, mask: shading_point.mask };
-        Some((cell, Place { which: random as usize % POINTS, word }))
+        let marks_coarse = random / POINTS as u32 % COARSE_MARKS == 0;
+        Some((cell, Place { which: random as usize % POINTS, word, marks_coarse }))
     }
 
     /// The point that a word stands for, in a cell.
@@ -214,6 +232,8 @@ pub(crate) struct Place {
     /// The place in the cell, the slopes of the normal and random bits, [`scrambled`]. Not 0. The greatest word of all
     /// points is kept, so their order has no effect, and no place is preferred.
     pub word: u32,
+    /// Whether the point marks its coarse cell as well.
+    pub marks_coarse: bool,
 }
 
 /// A permutation of all words that leaves no order between neighbours.

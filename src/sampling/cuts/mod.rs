@@ -18,12 +18,12 @@ pub(crate) mod table;
 #[cfg(feature = "gpu-plan")]
 pub(crate) use build::{CENTER, CHILD_BITS, DEVIATION, EVEN, MIN_SHARED_DOUBT};
 #[cfg(feature = "gpu-plan")]
-pub(crate) use cell::{Camera, CutGrid};
-#[cfg(feature = "gpu-plan")]
 pub(crate) use cell::{
-    GLOSS_SHIFT, LEVELS, PLACE_BITS, POINTS, RANDOM_BITS, REFLECTANCES, ROUGHNESS_STEPS, SLOPE_BITS, SLOPE_CLASSES,
-    SLOPE_STEPS, SLOPE_ZERO, VIEW_COSINE, VOLUME,
+    COARSE_MARKS, COARSER, GLOSS_SHIFT, LEVELS, PLACE_BITS, POINTS, RANDOM_BITS, REFLECTANCES, ROUGHNESS_STEPS,
+    SLOPE_BITS, SLOPE_CLASSES, SLOPE_STEPS, SLOPE_ZERO, VIEW_COSINE, VOLUME,
 };
+#[cfg(feature = "gpu-plan")]
+pub(crate) use cell::{Camera, CutGrid};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use options::{CutOptions, PROBES, camera, slots};
 #[cfg(feature = "gpu-plan")]

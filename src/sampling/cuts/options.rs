@@ -34,7 +34,7 @@ impl CutOptions {
     /// Cells with edges of `edge` metres, of which `cells` have cuts at the same time.
     ///
     /// With a [view](crate::CutTable::set_view), edges are an eighth to 32 times of that, as pixels are large. The
-    /// default is 0.25 m and 16,384 cells, which take 1.6 kB each.
+    /// default is 0.25 m and 32,768 cells, which take 1.6 kB each.
     ///
     /// # Errors
     /// [`CutError`] for an edge outside 0.01 to 10,000 m, and for 0 or more than 65,536 cells.
@@ -74,7 +74,7 @@ impl CutOptions {
 
 impl Default for CutOptions {
     fn default() -> Self {
-        Self { edge: 0.25, cells: 1 << 14, min_marks: 8 }
+        Self { edge: 0.25, cells: 1 << 15, min_marks: 8 }
     }
 }
 

@@ -183,15 +183,19 @@ impl<'a> CutsInUse<'a> {
     /// Marks the cell of a shading point.
     pub fn mark(&self, shading_point: &ShadingPoint) {
         let CutTable { options, camera, .. } = self.table;
-        if let Some((cell, place)) = options.grid(*camera, self.origin).cell(shading_point) {
+        let grid = options.grid(*camera, self.origin);
+        let Some((cell, place)) = grid.cell(shading_point) else { return };
+        self.table.marks.add(&cell, place);
+        if let Some((cell, place)) = grid.coarse_cell(shading_point).filter(|_| place.marks_coarse) {
             self.table.marks.add(&cell, place);
         }
     }
 
-    /// The cut of a shading point's cell.
+    /// The cut of a shading point's cell, or of its coarse cell.
     pub fn cut(&self, shading_point: &ShadingPoint) -> Option<&'a SharedCut> {
         let (built, grid) = self.built.as_ref()?;
+        let cut_of = |cell: CutCell| built.cuts.get(*built.numbers.get(&cell)? as usize).filter(|cut| cut.count > 0);
         let (cell, _) = grid.cell(shading_point)?;
-        built.cuts.get(*built.numbers.get(&cell)? as usize).filter(|cut| cut.count > 0)
+        cut_of(cell).or_else(|| cut_of(grid.coarse_cell(shading_point)?.0))
     }
 }
