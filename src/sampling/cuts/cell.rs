@@ -162,7 +162,7 @@ impl CutGrid {
         let word = scrambled(content << RANDOM_BITS | random >> (32 - RANDOM_BITS)).max(1);
         let kind = level | normal_class << 4 | gloss << GLOSS_SHIFT;
         let cell = CutCell { corner, kind, mask: shading_point.mask };
-        let marks_coarse = random / POINTS as u32 % COARSE_MARKS == 0;
+        let marks_coarse = (random / POINTS as u32).is_multiple_of(COARSE_MARKS);
         Some((cell, Place { which: random as usize % POINTS, word, marks_coarse }))
     }
 
