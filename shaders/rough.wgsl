@@ -9,7 +9,8 @@ fn light_rough(packed: LightPackedChild, local: LightLocalShadingPoint, view: Li
     let inverse_sq = 1.0 / (dist_sq + child.variance);
     let spread = child.variance * inverse_sq;
 
-    let facing_up = max(child.along * inverse, LIGHT_ROUGH_COSINE) + LIGHT_ROUGH_RISE * spread;
+    let rounded = max(child.along * inverse, LIGHT_ROUGH_COSINE) + LIGHT_ROUGH_RISE * spread;
+    let facing_up = select(rounded, LIGHT_BELOW * rounded, child.highest <= 0.0);
     let cosine = select(1.0, facing_up, local.has_normal);
 
     var flux = child.flux * (1.0 / LIGHT_FOUR_PI);

@@ -483,6 +483,7 @@ pub(crate) fn constants() -> String {
         ("ROUGH_RISE", rough::ROUGH_RISE),
         ("ROUGH_SPILL", rough::ROUGH_SPILL),
         ("UNLIKELY", rough::UNLIKELY),
+        ("BELOW", rough::BELOW),
         ("MAX_IMPORTANCE", importance::MAX_IMPORTANCE),
         ("POSITION_MARGIN", importance::POSITION_MARGIN),
         ("RIGID_TOLERANCE", cluster::RIGID_TOLERANCE),

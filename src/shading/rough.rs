@@ -1,7 +1,6 @@
 //! The estimate that walks below the cut of a cell choose by: the light of a cluster at its mean position.
 //!
-//! Twin of `shaders/rough.wgsl`. It has no bounds, so it proves nothing to be dark, and no doubt: both have served
-//! when the cut was made, which decides nearly all of a choice (docs/decisions.md, 80).
+//! Twin of `shaders/rough.wgsl`. It proves nothing to be dark and has no doubt: both have served when the cut was made, which decides nearly all of a choice (docs/decisions.md, 80).
 
 use glam::Vec3;
 
@@ -10,13 +9,16 @@ use crate::shading::importance::{COSINE_MARGIN, Lobe, LocalShadingPoint, MAX_IMP
 use crate::tree::{Lanes, Node, Unpacked, WIDTH};
 
 /// The least cosine at the shading point.
-pub(crate) const ROUGH_COSINE: f32 = 0.02;
+pub(crate) const ROUGH_COSINE: f32 = 0.002;
 /// What the cosine at the shading point gains per unit of the cluster's angular size.
-pub(crate) const ROUGH_RISE: f32 = 0.5;
+pub(crate) const ROUGH_RISE: f32 = 0.25;
 /// How much farther than its cap a cluster shines, per unit of its angular size.
 pub(crate) const ROUGH_SPILL: f32 = 4.0;
 /// The weight of a cluster whose cap or range does not reach the shading point, over what it would have.
 pub(crate) const UNLIKELY: f32 = 0.1;
+
+/// The weight of a cluster whose box is below the horizon, over what it would have.
+pub(crate) const BELOW: f32 = 0.01;
 
 /// What a walk chooses one of a node's children by, in lux; 0 only for a child without flux. Not for segments.
 #[inline(always)]
@@ -50,8 +52,13 @@ fn weights(local: &LocalShadingPoint, gloss: Option<&LocalGloss>, child: impl Fn
         let inverse_sq = 1.0 / (dist_sq + child.variance);
         let spread = child.variance * inverse_sq;
 
-        let along = local.normal.x * x + local.normal.y * y + local.normal.z * z;
+        let (mut along, mut highest) = (0.0, 0.0);
+        for (k, normal) in local.normal.to_array().into_iter().enumerate() {
+            along += normal * child.toward[k];
+            highest += normal * child.center[k] + normal.abs() * child.half[k];
+        }
         let cosine = max(along * inverse, ROUGH_COSINE) + ROUGH_RISE * spread;
+        let cosine = if highest <= 0.0 { BELOW * cosine } else { cosine };
         let cosine = if local.has_normal { cosine } else { 1.0 };
 
         let facing = child.axis[0] * x + child.axis[1] * y + child.axis[2] * z;
