@@ -8,6 +8,7 @@ struct LightCutTable { grid: LightCutGrid, words: array<atomic<u32>> }
 
 // Marks the cell of a shading point: it will have a cut from the next build on. Twin of `LightSampler::mark`.
 fn light_mark(shading_point: LightShadingPoint) {
+    // A loop, so that the text has one copy of the code for both cells.
     var end = 1u;
     for (var coarser = 0u; coarser < end; coarser += LIGHT_COARSER) {
         let cell = light_cut_cell(shading_point, coarser);

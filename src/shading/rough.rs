@@ -1,6 +1,7 @@
 //! The estimate that walks below the cut of a cell choose by: the light of a cluster at its mean position.
 //!
-//! Twin of `shaders/rough.wgsl`. It proves nothing to be dark and has no doubt: both have served when the cut was made, which decides nearly all of a choice (docs/decisions.md, 80).
+//! Twin of `shaders/rough.wgsl`. It proves nothing to be dark and has no doubt: both have served when the cut was
+//! made, which decides nearly all of a choice (docs/decisions.md, 80).
 
 use glam::Vec3;
 
@@ -16,7 +17,6 @@ pub(crate) const ROUGH_RISE: f32 = 0.25;
 pub(crate) const ROUGH_SPILL: f32 = 4.0;
 /// The weight of a cluster whose cap or range does not reach the shading point, over what it would have.
 pub(crate) const UNLIKELY: f32 = 0.1;
-
 /// The weight of a cluster whose box is below the horizon, over what it would have.
 pub(crate) const BELOW: f32 = 0.01;
 
