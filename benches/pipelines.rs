@@ -10,7 +10,7 @@
 #![allow(clippy::print_stdout, reason = "a table is what this program is for")]
 
 use girandole::gpu::GpuLights;
-use girandole::{CutOptions, Effects, FrameBudget, LightWorld, wgpu};
+use girandole::{Effects, FrameBudget, LightWorld, wgpu};
 use std::time::SystemTime;
 use testbed::common::gpu;
 use testbed::common::stopwatch::process_time;
@@ -43,7 +43,9 @@ fn hit(i: u32) -> f32 {
     return s.radiance.x * s.pmf / s.pdf;
 }
 
-THEN
+fn weighed_then(i: u32) -> f32 {
+    return light_pmf_previous(place(i), bitcast<u32>(values[i + 2u].x), bitcast<u32>(values[i + 2u].y));
+}
 
 @compute @workgroup_size(1)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -54,18 +56,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 ";
 
-/// For shaders that know the last frame.
-const THEN: &str = "
-fn weighed_then(i: u32) -> f32 {
-    return light_pmf_previous(place(i), bitcast<u32>(values[i + 2u].x), bitcast<u32>(values[i + 2u].y));
-}
-";
-
-/// What a case has in its name if its samples come from the cuts of cells.
-const SHARED: &str = "shared cuts";
-
 /// The uses of each pipeline.
-const CASES: [(&str, &str); 12] = [
+const CASES: [(&str, &str); 9] = [
     ("a sample", "sum += sampled(at);"),
     ("two samples", "sum += sampled(at); sum += sampled(at + 3u);"),
     ("four samples", "sum += sampled(at); sum += sampled(at + 3u); sum += sampled(at + 6u); sum += sampled(at + 9u);"),
@@ -85,9 +77,6 @@ const CASES: [(&str, &str); 12] = [
         "sum += sampled(at); sum += resampled(at + 3u); sum += hit(at + 6u); sum += weighed(at + 9u); \
          sum += weighed(at + 12u); sum += weighed_then(at + 15u); sum += weighed_then(at + 18u);",
     ),
-    ("a sample from shared cuts", "sum += sampled(at);"),
-    ("a probability from shared cuts", "sum += weighed(at);"),
-    ("a sample of eight candidates from shared cuts", "sum += resampled(at);"),
 ];
 
 fn main() -> Result<(), String> {
@@ -95,12 +84,11 @@ fn main() -> Result<(), String> {
     let is_bench = arguments.iter().any(|argument| argument == "--bench");
     let name = arguments.iter().find(|argument| !argument.starts_with("--"));
     let adapter = gpu::find_adapter(name.map(String::as_str))?;
-    // Eight of the library for two frames, and one of the engine.
-    let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 9, ..wgpu::Limits::default() };
+    // Ten of the library for two frames, and one of the engine.
+    let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 11, ..wgpu::Limits::default() };
     let (device, queue) = gpu::open_device(&adapter, wgpu::Features::empty(), limits)?;
     let mut lights = GpuLights::new(&device, &queue).map_err(|error| error.to_string())?;
     lights.keep_previous(true);
-    lights.share_cuts(Some(CutOptions::default())).map_err(|error| error.to_string())?;
     let mut encoder = device.create_command_encoder(&Default::default());
     lights.sync(&mut LightWorld::new(), FrameBudget::NONE, &mut encoder).map_err(|error| error.to_string())?;
     queue.submit([encoder.finish()]);
@@ -115,7 +103,7 @@ fn main() -> Result<(), String> {
     for (uses, text) in &CASES[..if is_bench { CASES.len() } else { 1 }] {
         let mut line = format!("| {uses} |");
         for (_, effects) in &sets[..if is_bench { sets.len() } else { 1 }] {
-            let seconds = compile(&device, &queue, &lights, *effects, (text, uses.contains(SHARED)))?;
+            let seconds = compile(&device, &queue, &lights, *effects, text)?;
             line += &format!(" {seconds:.2} |");
         }
         println!("{line}");
@@ -123,24 +111,18 @@ fn main() -> Result<(), String> {
     Ok(())
 }
 
-/// Makes the pipeline and runs it once; returns the CPU time. `shares` tells whether samples come from shared
-/// cuts.
+/// Makes the pipeline and runs it once; returns the CPU time.
 fn compile(
     device: &wgpu::Device,
     queue: &wgpu::Queue,
     lights: &GpuLights,
     effects: Effects,
-    (uses, shares): (&str, bool),
+    uses: &str,
 ) -> Result<f64, String> {
-    let (shader, groups, then) = match shares {
-        true => (lights.cut_shader(1, effects), vec![lights.cut_bind_group()], ""),
-        false => {
-            (lights.shader(1, effects).with_previous(2), vec![lights.bind_group(), lights.previous_bind_group()], THEN)
-        }
-    };
+    let shader = lights.shader(1, effects).with_previous(2);
     let nanoseconds = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_err(|error| error.to_string())?;
     let number = format!("{}.0", nanoseconds.subsec_nanos());
-    let text = ENGINE.replace("THEN", then).replace("USES", uses).replace("NUMBER", &number);
+    let text = ENGINE.replace("USES", uses).replace("NUMBER", &number);
     let values = device.create_buffer(&wgpu::BufferDescriptor {
         label: None,
         size: 1024,
@@ -171,7 +153,7 @@ fn compile(
         source: wgpu::ShaderSource::Wgsl(shader.join(&text).into()),
     });
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        bind_group_layouts: &[Some(&own), Some(&shader.layout), Some(&shader.layout)][..=groups.len()],
+        bind_group_layouts: &[Some(&own), Some(&shader.layout), Some(lights.previous_bind_group_layout())],
         ..Default::default()
     });
     let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
@@ -186,9 +168,8 @@ fn compile(
     let mut pass = encoder.begin_compute_pass(&Default::default());
     pass.set_pipeline(&pipeline);
     pass.set_bind_group(0, &group, &[]);
-    for (number, group) in (1..).zip(groups) {
-        pass.set_bind_group(number, group, &[]);
-    }
+    pass.set_bind_group(1, lights.bind_group(), &[]);
+    pass.set_bind_group(2, lights.previous_bind_group(), &[]);
     pass.dispatch_workgroups(1, 1, 1);
     drop(pass);
     queue.submit([encoder.finish()]);

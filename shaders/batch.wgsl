@@ -10,7 +10,7 @@ fn batch(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) 
     if i >= arrayLength(&requests) {
         return;
     }
-    light_splits = requests[i].splits;
     let shading_point = light_surface_point(requests[i].position, requests[i].normal);
+    light_mark(shading_point);
     samples[i] = light_sample(shading_point, requests[i].u);
 }

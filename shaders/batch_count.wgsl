@@ -12,7 +12,6 @@ fn batch_count(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgr
     if i >= arrayLength(&requests) {
         return;
     }
-    light_splits = requests[i].splits;
     let shading_point = light_surface_point(requests[i].position, requests[i].normal);
     let kept = light_resample(shading_point, requests[i].u, requests[i].choice, candidates.x);
     counts[i] = light_nodes_read;

@@ -12,7 +12,7 @@ fn batch_resample(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_wor
     if i >= arrayLength(&requests) {
         return;
     }
-    light_splits = requests[i].splits;
     let shading_point = light_surface_point(requests[i].position, requests[i].normal);
+    light_mark(shading_point);
     samples[i] = light_resample(shading_point, requests[i].u, requests[i].choice, candidates.x);
 }

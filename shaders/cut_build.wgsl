@@ -1,6 +1,8 @@
 // Builds the cuts of listed cells: a workgroup for each cell, with an invocation for each of its points
 // and each child of a node. Twin of src/sampling/cuts/build.rs, which explains it.
 
+// As in cut_list.wgsl.
+const TO_BUILD: u32 = 5u;
 // The last point is the middle of the cell.
 const CENTER: u32 = LIGHT_CELL_POINTS;
 const STOP: u32 = 0xffffffffu;
@@ -142,31 +144,24 @@ fn cut_build(
 ) {
     let number = group.x + group.y * groups.x;
     if lane == 0u {
-        let word = light_cuts.grid.listed + number;
-        let is_listed = number < light_cuts.quads[1].y;
-        job = select(0u, (LIGHT_CUT_HEAD + LIGHT_SLOT_WORDS * light_cuts.quads[word / 4u][word % 4u]) / 4u, is_listed);
+        let slot = atomicLoad(&light_marks[light_cuts.grid.listed + number]);
+        job = select(0u, LIGHT_CUT_HEAD + LIGHT_SLOT_WORDS * slot, number < atomicLoad(&light_marks[TO_BUILD]));
     }
     let slot_at = workgroupUniformLoad(&job);
     if slot_at == 0u {
         return;
     }
-    let cell_words = light_cuts.quads[slot_at + 1u];
-    let mask_and_words = light_cuts.quads[slot_at + 2u];
-    let last_words = light_cuts.quads[slot_at + 3u];
-    var cell: LightCutCell;
-    cell.corner = cell_words.xyz;
-    cell.kind = cell_words.w;
-    cell.mask = mask_and_words.x;
+    let cell = row_cell(slot_at);
     let view = lane / LIGHT_WIDTH;
     let slot = lane % LIGHT_WIDTH;
     let first_of_view = view * LIGHT_WIDTH;
-    let has_points = vec4<u32>(last_words != vec4(0u)) + vec4(vec3<u32>(mask_and_words.yzw != vec3(0u)), 0u);
-    let point_count = (has_points.x + has_points.y) + (has_points.z + has_points.w);
+    var point_count = 0u;
+    for (var i = 0u; i < LIGHT_CELL_POINTS; i++) {
+        point_count += select(0u, 1u, atomicLoad(&light_marks[slot_at + 9u + i]) != 0u);
+    }
     var word = 0u;
-    if view < 3u {
-        word = mask_and_words[view + 1u];
-    } else if view < CENTER {
-        word = last_words[view - 3u];
+    if view < CENTER {
+        word = atomicLoad(&light_marks[slot_at + 9u + view]);
     }
     let is_center = view == CENTER;
     let is_view = is_center || word != 0u;
@@ -361,7 +356,7 @@ fn cut_build(
     for (var i = 0u; i < lane; i++) {
         before += keys[i];
     }
-    let row = light_row(light_cuts.quads[slot_at].z);
+    let row = row_quad(atomicLoad(&light_marks[slot_at + 2u]));
     let running = vec4(units.x, units.x + units.y, units.x + units.y + units.z, 0u);
     let sum_at_end = before + running.z + units.w;
     light_cuts.quads[row + LIGHT_ROW_SUMS + lane] = vec4(before + running.xyz, sum_at_end);
@@ -409,15 +404,19 @@ fn cut_build(
         }
         let age = light_cuts.quads[row + LIGHT_ROW_STATE].y;
         // Read again, so that no register holds it while nodes are split.
-        let words = light_cuts.quads[slot_at + 1u];
-        let same_cell = LightCutCell(words.xyz, words.w, 0u, 0u, 0u, 0u);
+        let same_cell = row_cell(slot_at);
         let toward = row_direction(row_toward(same_cell, row_center(same_cell)));
         light_cuts.quads[row + LIGHT_ROW_STATE] = vec4(name, age, toward, row_sky());
     }
     if lane == 63u {
         light_cuts.quads[row] = vec4(count, point_count, bitcast<u32>(shared_parts.w), sum_at_end);
-        light_cuts.quads[slot_at].w = select(0u, point_count, shared_parts.z > 0.0);
-        light_cuts.quads[slot_at + 2u] = vec4(cell.mask, 0u, 0u, 0u);
-        light_cuts.quads[slot_at + 3u] = vec4(0u);
+        if shared_parts.z > 0.0 {
+            atomicStore(&light_marks[slot_at + 3u], point_count);
+            let slot = (slot_at - LIGHT_CUT_HEAD) / LIGHT_SLOT_WORDS;
+            light_cuts.quads[1u + slot] = vec4(atomicLoad(&light_marks[slot_at]), row, 0u, 0u);
+        }
+        for (var i = 0u; i < LIGHT_CELL_POINTS; i++) {
+            atomicStore(&light_marks[slot_at + 9u + i], 0u);
+        }
     }
 }

@@ -1,4 +1,6 @@
-// The grid of cells and the sizes of the table, which lie ahead of its words. Twin of `GridRecord`.
+// The table of cells is two storage buffers: light_cuts, which shaders read, and light_marks, which they write.
+
+// The grid of cells and the places in both buffers. Twin of `GridRecord`.
 struct LightCutGrid {
     // The edge of the smallest place in a cell, in metres, and its inverse.
     unit: f32,
@@ -11,18 +13,26 @@ struct LightCutGrid {
     // The marks that a cell needs to get a cut.
     min_marks: u32,
     first: vec3<u32>,
-    // The slots of cells to look at: the word at which they begin.
-    looks: u32,
+    // What is learnt: the quad at which it begins. 0, where there are zeros, if nothing is.
+    learnt: u32,
     eye: vec3<f32>,
     // 1 if there is an eye.
     has_eye: u32,
     // The quad at which the first row begins.
     first_row: u32,
-    // The numbers of free rows and the slots of cells to build: the words at which they begin.
+    // The numbers of free rows and the slots of cells to build: the words of light_marks at which they begin. The slots of
+    // cells to look at follow, of as many.
     free_rows: u32,
     listed: u32,
-    padding: u32,
+    // The records of visibility: the word of light_marks at which they begin.
+    records: u32,
 }
+
+// Behind the grid, a quad with the state, one for each slot of a cell, and the rows, of which shared.wgsl has the
+// fields. The state: 0 while cuts are void, and then how many builds there were since, up to LIGHT_TURNS + 1; and
+// whether anything was learnt since the last build. A slot: the tag of its cell, and the first quad of its row; both
+// are 0 where there is no cut.
+struct LightCutTable { grid: LightCutGrid, quads: array<vec4<u32>> }
 
 // What tells cells apart. Twin of `CutCell`.
 struct LightCutCell {

@@ -1,15 +1,10 @@
 // Looks at the rows of listed cells: a workgroup for each, with an invocation for four children of a node. Lists those to
 // build that do not suit any more, and those whose turn it is. Twin of `SharedCut::is_kept`.
 
-// cut_list.wgsl has the head.
-struct LightCutTable { grid: LightCutGrid, words: array<atomic<u32>> }
-
-@group(0) @binding(5) var<storage, read_write> light_cuts: LightCutTable;
-
-const LISTED: u32 = 1u;
+// As in cut_list.wgsl.
+const LISTED: u32 = 0u;
+const TO_LOOK_AT: u32 = 7u;
 const KEPT: u32 = 10u;
-const TO_LOOK_AT: u32 = 18u;
-const TAUGHT: u32 = 19u;
 
 var<workgroup> job: u32;
 var<workgroup> state: u32;
@@ -21,12 +16,17 @@ var<workgroup> faults: atomic<u32>;
 var<workgroup> moves: atomic<u32>;
 
 fn keep_word(word: u32) -> u32 {
-    return atomicLoad(&light_cuts.words[word]);
+    return atomicLoad(&light_marks[word]);
+}
+
+// A word of a row, from one of its quads on.
+fn keep_row_word(quad: u32, word: u32) -> u32 {
+    return light_cuts.quads[quad + word / 4u][word % 4u];
 }
 
 // The child that a node was.
 fn keep_from(row: u32, node: u32) -> u32 {
-    return (keep_word(4u * (row + LIGHT_ROW_FROM) + node / 4u) >> (8u * (node % 4u))) & 0xffu;
+    return (keep_row_word(row + LIGHT_ROW_FROM, node / 4u) >> (8u * (node % 4u))) & 0xffu;
 }
 
 // Where the node is that was a child; is_node is false if there is none.
@@ -55,7 +55,7 @@ fn cut_keep(
 ) {
     let number = group.x + group.y * groups.x;
     if lane == 0u {
-        let slot = keep_word(light_cuts.grid.looks + number);
+        let slot = keep_word(2u * light_cuts.grid.listed - light_cuts.grid.free_rows + number);
         job = select(0u, LIGHT_CUT_HEAD + LIGHT_SLOT_WORDS * slot, number < keep_word(TO_LOOK_AT));
         atomicStore(&faults, 0u);
         atomicStore(&moves, 0u);
@@ -64,16 +64,14 @@ fn cut_keep(
     if at == 0u {
         return;
     }
-    var cell: LightCutCell;
-    cell.corner = vec3(keep_word(at + 4u), keep_word(at + 5u), keep_word(at + 6u));
-    cell.kind = keep_word(at + 7u);
-    cell.mask = keep_word(at + 8u);
-    let row = light_cuts.grid.first_row + (keep_word(at + 2u) - 1u) * LIGHT_ROW_QUADS;
-    let count = keep_word(4u * row);
-    let state_at = 4u * (row + LIGHT_ROW_STATE);
-    if lane < LIGHT_SHARED_NODES {
-        let node = 4u * (row + LIGHT_ROW_NODES) + 2u * lane;
-        nodes[lane] = LightPlace(keep_word(node), keep_word(node + 1u));
+    let cell = row_cell(at);
+    let row = row_quad(keep_word(at + 2u));
+    let count = light_cuts.quads[row].x;
+    let state_at = row + LIGHT_ROW_STATE;
+    if lane < LIGHT_SHARED_NODES / 2u {
+        let pair = light_cuts.quads[row + LIGHT_ROW_NODES + lane];
+        nodes[2u * lane] = LightPlace(pair.x, pair.y);
+        nodes[2u * lane + 1u] = LightPlace(pair.z, pair.w);
     }
     if lane < LIGHT_SHARED_NODES / 4u {
         atomicStore(&opened[lane], 0u);
@@ -85,11 +83,11 @@ fn cut_keep(
     let has_sky = count > 1u && keep_from(row, 1u) == LIGHT_SKY_ROOT;
     let has_sun = light_params.directional_count != 0u;
     if lane == 0u {
-        let known = keep_word(state_at + 3u);
+        let known = light_cuts.quads[state_at].w;
         let sky = row_sky();
         let is_other_sky = has_sky && (u32(abs(row_steps(sky, known))) >= LIGHT_FLUX_JUMP
             || row_sky_cosine(sky, known) < LIGHT_KEPT_VIEW_COSINE);
-        let is_other_sun = has_sun != (bitcast<f32>(keep_word(4u * row + 2u)) > 0.0);
+        let is_other_sun = has_sun != (bitcast<f32>(light_cuts.quads[row].z) > 0.0);
         if sees_sky != has_sky || is_other_sky || is_other_sun {
             atomicStore(&faults, 1u);
         }
@@ -129,10 +127,11 @@ fn cut_keep(
         }
         round++;
     }
-    if lane < count && round > 0u {
-        let node = 4u * (row + LIGHT_ROW_NODES) + 2u * lane;
-        atomicStore(&light_cuts.words[node], nodes[lane].instance);
-        atomicStore(&light_cuts.words[node + 1u], nodes[lane].index);
+    if lane < LIGHT_SHARED_NODES / 2u && round > 0u {
+        let first = nodes[2u * lane];
+        let second = nodes[2u * lane + 1u];
+        light_cuts.quads[row + LIGHT_ROW_NODES + lane] =
+            vec4(first.instance, first.index, second.instance, second.index);
     }
 
     // Compare names and fluxes.
@@ -142,15 +141,15 @@ fn cut_keep(
     if node < count {
         let found = row_children(nodes[node], first_slot, cell.mask);
         names[lane] = found.name;
-        let known = keep_word(4u * (row + LIGHT_ROW_FLUX) + lane);
-        let sums = 4u * (row + LIGHT_ROW_SUMS) + 4u * lane;
-        let least = LIGHT_JUMP_SHARE * f32(keep_word(4u * row + 3u));
+        let known = keep_row_word(row + LIGHT_ROW_FLUX, lane);
+        let sums = light_cuts.quads[row + LIGHT_ROW_SUMS + lane];
+        let least = LIGHT_JUMP_SHARE * f32(light_cuts.quads[row].w);
         var before = 0u;
         if lane > 0u {
-            before = keep_word(sums - 1u);
+            before = light_cuts.quads[row + LIGHT_ROW_SUMS + lane - 1u].w;
         }
         for (var i = 0u; i < 4u; i++) {
-            let sum = keep_word(sums + i);
+            let sum = sums[i];
             let units = sum - before;
             before = sum;
             let is_lit = ((found.lit >> i) & 1u) != 0u;
@@ -176,22 +175,25 @@ fn cut_keep(
         for (var i = 0u; i < 64u; i++) {
             name += names[i];
         }
-        let age = keep_word(state_at + 1u) + 1u;
-        atomicStore(&light_cuts.words[state_at + 1u], age);
+        let known = light_cuts.quads[state_at];
+        let age = known.y + 1u;
+        light_cuts.quads[state_at].y = age;
         let is_young = age <= LIGHT_YOUNG && countOneBits(age) == 1u;
-        let is_due = (age + keep_word(at)) % LIGHT_TURNS == 0u || (is_young && keep_word(TAUGHT) != 0u);
+        let is_due = (age + keep_word(at)) % LIGHT_TURNS == 0u || (is_young && light_cuts.quads[0].y != 0u);
         let toward = row_toward(cell, row_center(cell));
         let has_view = all(toward == vec3(0.0))
-            || dot(toward, row_direction_of(keep_word(state_at + 2u))) >= LIGHT_KEPT_VIEW_COSINE;
-        if is_due || !has_view || name != keep_word(state_at) || atomicLoad(&faults) != 0u {
+            || dot(toward, row_direction_of(known.z)) >= LIGHT_KEPT_VIEW_COSINE;
+        if is_due || !has_view || name != known.x || atomicLoad(&faults) != 0u {
             // It has no cut until it is built.
-            atomicStore(&light_cuts.words[at + 3u], 0u);
-            let listed = atomicAdd(&light_cuts.words[LISTED], 1u);
-            atomicStore(&light_cuts.words[light_cuts.grid.listed + listed], (at - LIGHT_CUT_HEAD) / LIGHT_SLOT_WORDS);
+            let slot = (at - LIGHT_CUT_HEAD) / LIGHT_SLOT_WORDS;
+            light_cuts.quads[1u + slot] = vec4(0u);
+            atomicStore(&light_marks[at + 3u], 0u);
+            let listed = atomicAdd(&light_marks[LISTED], 1u);
+            atomicStore(&light_marks[light_cuts.grid.listed + listed], slot);
         } else {
-            atomicAdd(&light_cuts.words[KEPT], 1u);
+            atomicAdd(&light_marks[KEPT], 1u);
             for (var i = 0u; i < LIGHT_CELL_POINTS; i++) {
-                atomicStore(&light_cuts.words[at + 9u + i], 0u);
+                atomicStore(&light_marks[at + 9u + i], 0u);
             }
         }
     }

@@ -1,40 +1,38 @@
 // Lists the cells to look at and to build, and gives rows to them and back. One invocation for each slot of the table.
 // Twin of `CutTable::builds`.
 //
-// The head of the table: 0 while cuts are void, and then how many builds there were since, up to LIGHT_TURNS + 1;
-// the number of listed cells to build; the first and the end of the free rows in their ring, and where those end that
-// were free before this frame; the number of cells to build; how many builds there were since the eye moved; counters,
-// of which LIGHT_LOST_MARKS is the last; the eye of the last build; the number of listed cells to look at; the number of
-// cells to look at; and whether anything was learnt since the last build.
-
-struct LightCutTable { grid: LightCutGrid, words: array<atomic<u32>> }
+// The head of the marks: the number of listed cells to build, and of those to look at; the first and the end of the
+// free rows in their ring, and where those end that were free before this frame; the number of cells to build; how
+// many builds there were since the eye moved; the number of cells to look at; counters, of which LIGHT_LOST_MARKS is
+// the last; and the eye of the last build.
 
 @group(0) @binding(1) var<storage, read_write> light_cuts: LightCutTable;
+// As in mark.wgsl.
+@group(0) @binding(2) var<storage, read_write> light_marks: array<atomic<u32>>;
 // What the build is dispatched with, and counters of the last build in words 4 to 9.
-@group(0) @binding(2) var<storage, read_write> report: array<u32>;
+@group(0) @binding(3) var<storage, read_write> report: array<u32>;
 
-const LISTED: u32 = 1u;
+const LISTED: u32 = 0u;
+const LISTED_LOOKS: u32 = 1u;
 const FIRST_FREE: u32 = 2u;
 const END_OF_FREE: u32 = 3u;
 const USABLE: u32 = 4u;
 const TO_BUILD: u32 = 5u;
 const EYE_REST: u32 = 6u;
+const TO_LOOK_AT: u32 = 7u;
 const MARKED: u32 = 8u;
 const BUILT: u32 = 9u;
 const KEPT: u32 = 10u;
 const RARE: u32 = 11u;
 const REFUSED: u32 = 12u;
 const BUILT_EYE: u32 = 14u;
-const LISTED_LOOKS: u32 = 17u;
-const TO_LOOK_AT: u32 = 18u;
-const TAUGHT: u32 = 19u;
 
 // Whether the eye is elsewhere than in the last build.
 fn has_eye_moved() -> bool {
     let eye = bitcast<vec3<u32>>(light_cuts.grid.eye);
     let built_eye = vec3(
-        atomicLoad(&light_cuts.words[BUILT_EYE]), atomicLoad(&light_cuts.words[BUILT_EYE + 1u]),
-        atomicLoad(&light_cuts.words[BUILT_EYE + 2u]),
+        atomicLoad(&light_marks[BUILT_EYE]), atomicLoad(&light_marks[BUILT_EYE + 1u]),
+        atomicLoad(&light_marks[BUILT_EYE + 2u]),
     );
     return any(eye != built_eye);
 }
@@ -44,26 +42,28 @@ fn last_row() -> u32 {
 }
 
 // Takes the cut of a slot away.
-fn give_back(at: u32) {
-    atomicStore(&light_cuts.words[at + 3u], 0u);
-    let row = atomicExchange(&light_cuts.words[at + 2u], 0u);
+fn give_back(slot: u32) {
+    let at = LIGHT_CUT_HEAD + LIGHT_SLOT_WORDS * slot;
+    light_cuts.quads[1u + slot] = vec4(0u);
+    atomicStore(&light_marks[at + 3u], 0u);
+    let row = atomicExchange(&light_marks[at + 2u], 0u);
     if row != 0u {
-        let end = atomicAdd(&light_cuts.words[END_OF_FREE], 1u);
-        atomicStore(&light_cuts.words[light_cuts.grid.free_rows + (end & last_row())], row);
+        let end = atomicAdd(&light_marks[END_OF_FREE], 1u);
+        atomicStore(&light_marks[light_cuts.grid.free_rows + (end & last_row())], row);
     }
 }
 
 // Returns the number of points, and forgets them.
 fn forget_points(at: u32) {
     for (var i = 0u; i < LIGHT_CELL_POINTS; i++) {
-        atomicStore(&light_cuts.words[at + 9u + i], 0u);
+        atomicStore(&light_marks[at + 9u + i], 0u);
     }
 }
 
 fn points(at: u32) -> u32 {
     var count = 0u;
     for (var i = 0u; i < LIGHT_CELL_POINTS; i++) {
-        count += select(0u, 1u, atomicLoad(&light_cuts.words[at + 9u + i]) != 0u);
+        count += select(0u, 1u, atomicLoad(&light_marks[at + 9u + i]) != 0u);
     }
     return count;
 }
@@ -75,52 +75,52 @@ fn cut_list(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroup
         return;
     }
     let at = LIGHT_CUT_HEAD + LIGHT_SLOT_WORDS * slot;
-    if atomicLoad(&light_cuts.words[at]) == 0u {
+    if atomicLoad(&light_marks[at]) == 0u {
         return;
     }
-    let count = atomicExchange(&light_cuts.words[at + 1u], 0u);
+    let count = atomicExchange(&light_marks[at + 1u], 0u);
     if count == 0u {
-        give_back(at);
-        atomicStore(&light_cuts.words[at], 0u);
+        give_back(slot);
+        atomicStore(&light_marks[at], 0u);
         return;
     }
-    atomicAdd(&light_cuts.words[MARKED], 1u);
+    atomicAdd(&light_marks[MARKED], 1u);
     if count < light_cuts.grid.min_marks {
-        atomicAdd(&light_cuts.words[RARE], 1u);
-        give_back(at);
+        atomicAdd(&light_marks[RARE], 1u);
+        give_back(slot);
         forget_points(at);
         return;
     }
-    let is_glossy = (atomicLoad(&light_cuts.words[at + 7u]) >> LIGHT_GLOSS_SHIFT) != 0u;
-    let is_calm = atomicLoad(&light_cuts.words[0]) > LIGHT_TURNS
-        && !(is_glossy && (has_eye_moved() || atomicLoad(&light_cuts.words[EYE_REST]) < LIGHT_TURNS));
-    let built_points = atomicLoad(&light_cuts.words[at + 3u]);
+    let is_glossy = (atomicLoad(&light_marks[at + 7u]) >> LIGHT_GLOSS_SHIFT) != 0u;
+    let is_calm = light_cuts.quads[0].x > LIGHT_TURNS
+        && !(is_glossy && (has_eye_moved() || atomicLoad(&light_marks[EYE_REST]) < LIGHT_TURNS));
+    let built_points = atomicLoad(&light_marks[at + 3u]);
     if built_points != 0u && points(at) <= built_points {
         if is_calm {
-            atomicAdd(&light_cuts.words[KEPT], 1u);
+            atomicAdd(&light_marks[KEPT], 1u);
             forget_points(at);
         } else {
-            let number = atomicAdd(&light_cuts.words[LISTED_LOOKS], 1u);
-            atomicStore(&light_cuts.words[light_cuts.grid.looks + number], slot);
+            let number = atomicAdd(&light_marks[LISTED_LOOKS], 1u);
+            atomicStore(&light_marks[2u * light_cuts.grid.listed - light_cuts.grid.free_rows + number], slot);
         }
         return;
     }
     // It has no cut until it is built.
-    atomicStore(&light_cuts.words[at + 3u], 0u);
-    if atomicLoad(&light_cuts.words[at + 2u]) == 0u {
-        let first = atomicAdd(&light_cuts.words[FIRST_FREE], 1u);
-        if bitcast<i32>(first - atomicLoad(&light_cuts.words[USABLE])) >= 0 {
-            atomicAdd(&light_cuts.words[REFUSED], 1u);
+    light_cuts.quads[1u + slot] = vec4(0u);
+    atomicStore(&light_marks[at + 3u], 0u);
+    if atomicLoad(&light_marks[at + 2u]) == 0u {
+        let first = atomicAdd(&light_marks[FIRST_FREE], 1u);
+        if bitcast<i32>(first - atomicLoad(&light_marks[USABLE])) >= 0 {
+            atomicAdd(&light_marks[REFUSED], 1u);
             forget_points(at);
             return;
         }
-        let row = atomicLoad(&light_cuts.words[light_cuts.grid.free_rows + (first & last_row())]);
-        atomicStore(&light_cuts.words[at + 2u], row);
-        let quad = light_cuts.grid.first_row + (row - 1u) * LIGHT_ROW_QUADS + LIGHT_ROW_STATE;
-        atomicStore(&light_cuts.words[4u * quad + 1u], 0u);
+        let row = atomicLoad(&light_marks[light_cuts.grid.free_rows + (first & last_row())]);
+        atomicStore(&light_marks[at + 2u], row);
+        light_cuts.quads[light_cuts.grid.first_row + (row - 1u) * LIGHT_ROW_QUADS + LIGHT_ROW_STATE].y = 0u;
     }
-    let number = atomicAdd(&light_cuts.words[LISTED], 1u);
-    atomicStore(&light_cuts.words[light_cuts.grid.listed + number], slot);
+    let number = atomicAdd(&light_marks[LISTED], 1u);
+    atomicStore(&light_marks[light_cuts.grid.listed + number], slot);
 }
 
 fn dispatch_of(groups: u32) {
@@ -133,35 +133,33 @@ fn dispatch_of(groups: u32) {
 // Ends the list of cells to look at: one invocation.
 @compute @workgroup_size(1)
 fn cut_looks() {
-    let listed = atomicExchange(&light_cuts.words[LISTED_LOOKS], 0u);
+    let listed = atomicExchange(&light_marks[LISTED_LOOKS], 0u);
     dispatch_of(listed);
-    atomicStore(&light_cuts.words[TO_LOOK_AT], listed);
+    atomicStore(&light_marks[TO_LOOK_AT], listed);
 }
 
 // Ends the list of cells to build: one invocation.
 @compute @workgroup_size(1)
 fn cut_dispatch() {
-    let listed = atomicExchange(&light_cuts.words[LISTED], 0u);
+    let listed = atomicExchange(&light_marks[LISTED], 0u);
     dispatch_of(listed);
-    atomicStore(&light_cuts.words[TO_BUILD], listed);
-    atomicStore(&light_cuts.words[BUILT], listed);
+    atomicStore(&light_marks[TO_BUILD], listed);
+    atomicStore(&light_marks[BUILT], listed);
     for (var i = 0u; i < 6u; i++) {
-        report[4u + i] = atomicExchange(&light_cuts.words[MARKED + i], 0u);
+        report[4u + i] = atomicExchange(&light_marks[MARKED + i], 0u);
     }
     // Requests that found no row have passed the end.
-    let usable = atomicLoad(&light_cuts.words[USABLE]);
-    if bitcast<i32>(atomicLoad(&light_cuts.words[FIRST_FREE]) - usable) > 0 {
-        atomicStore(&light_cuts.words[FIRST_FREE], usable);
+    let usable = atomicLoad(&light_marks[USABLE]);
+    if bitcast<i32>(atomicLoad(&light_marks[FIRST_FREE]) - usable) > 0 {
+        atomicStore(&light_marks[FIRST_FREE], usable);
     }
-    atomicStore(&light_cuts.words[USABLE], atomicLoad(&light_cuts.words[END_OF_FREE]));
-    let rest = atomicLoad(&light_cuts.words[EYE_REST]);
-    atomicStore(&light_cuts.words[EYE_REST], select(min(rest, LIGHT_TURNS) + 1u, 0u, has_eye_moved()));
+    atomicStore(&light_marks[USABLE], atomicLoad(&light_marks[END_OF_FREE]));
+    let rest = atomicLoad(&light_marks[EYE_REST]);
+    atomicStore(&light_marks[EYE_REST], select(min(rest, LIGHT_TURNS) + 1u, 0u, has_eye_moved()));
     let eye = bitcast<vec3<u32>>(light_cuts.grid.eye);
     for (var i = 0u; i < 3u; i++) {
-        atomicStore(&light_cuts.words[BUILT_EYE + i], eye[i]);
+        atomicStore(&light_marks[BUILT_EYE + i], eye[i]);
     }
-    atomicStore(&light_cuts.words[TAUGHT], 0u);
     // From here on shaders may use the cuts.
-    let calm = atomicLoad(&light_cuts.words[0]);
-    atomicStore(&light_cuts.words[0], min(calm, LIGHT_TURNS) + 1u);
+    light_cuts.quads[0] = vec4(min(light_cuts.quads[0].x, LIGHT_TURNS) + 1u, 0u, 0u, 0u);
 }

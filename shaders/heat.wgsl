@@ -16,7 +16,7 @@ fn light_number_color(number: u32) -> vec3<f32> {
     return 0.1 + 0.9 * vec3<f32>(vec3(bits, bits >> 10u, bits >> 20u) & vec3(1023u)) / 1023.0;
 }
 
-// The cut that the point chooses from: the one of its cell, or how far its own is split.
+// The cut of its cell that the point chooses from.
 fn light_heat_of_cut(shading_point: LightShadingPoint) -> vec3<f32> {
     var directional_lux = 0.0;
     // #if DIRECTIONAL
@@ -24,12 +24,7 @@ fn light_heat_of_cut(shading_point: LightShadingPoint) -> vec3<f32> {
     // #endif
     var cut: LightCut;
     light_new_cut(&cut, directional_lux, shading_point);
-    // #if CELLS
     return select(vec3(0.0), light_number_color(cut.row), cut.row != 0u);
-    // #endif
-    // #if SPLITS
-    return light_heat_color(f32(cut.node_count) / f32(LIGHT_CUT_NODES));
-    // #endif
 }
 
 // See `HeatMap`.

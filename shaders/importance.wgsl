@@ -56,6 +56,7 @@ fn light_weights(importances: LightLanes) -> LightLanes {
     return importances;
 }
 
+// #if BUILDS
 // The importance of a child. Twin of `child_importances`.
 fn light_importance(packed: LightPackedChild, local: LightLocalShadingPoint, view: LightNodeView) -> LightImportance {
     let is_light = (packed.child_bits & local.light_bit) != 0u;
@@ -131,6 +132,7 @@ fn light_is_provably_dark(child: LightChild, local: LightLocalShadingPoint, marg
     // #endif
     return is_dark;
 }
+// #endif
 
 // #if RANGES
 fn light_is_out_of_range(child: LightChild) -> bool {
@@ -140,6 +142,7 @@ fn light_is_out_of_range(child: LightChild) -> bool {
 }
 // #endif
 
+// #if BUILDS
 // #if CONES
 fn light_is_turned_away(child: LightChild, margin: f32) -> bool {
     let dist_sq = child.center_sq;
@@ -153,4 +156,5 @@ fn light_is_turned_away(child: LightChild, margin: f32) -> bool {
     let is_behind = (beyond > 0.0) & (along * cos + across * sin < -slack) & (dist_sq > radius * radius);
     return (cos > -1.0) & ((beyond > radius) | is_behind) & (dist_sq <= LIGHT_MAX_DIST_SQ);
 }
+// #endif
 // #endif

@@ -1,10 +1,8 @@
 // Marks the cells that shading points need, and keeps a few points of each. Twin of src/sampling/cuts/marks.rs.
 
-// The grid, the head, the slots of the table, free rows, the slots of cells to build, and the rows.
-// shared.wgsl has the fields of rows, and cut_list.wgsl those of the head.
-struct LightCutTable { grid: LightCutGrid, words: array<atomic<u32>> }
-
-@group(LIGHT_GROUP) @binding(5) var<storage, read_write> light_cuts: LightCutTable;
+// The head, the slots of cells, free rows, and the slots of cells to look at and to build. cut_list.wgsl has the
+// words of the head. A slot: tag, marks, row, points that its cut was made for, corner, kind, mask, points.
+@group(LIGHT_GROUP) @binding(6) var<storage, read_write> light_marks: array<atomic<u32>>;
 
 // Marks the cell of a shading point: it will have a cut from the next build on. Twin of `LightSampler::mark`.
 fn light_mark(shading_point: LightShadingPoint) {
@@ -24,25 +22,25 @@ fn light_mark_cell(cell: LightCutCell) {
     let keys = light_cell_keys(cell);
     for (var step = 0u; step < LIGHT_PROBES; step++) {
         let at = LIGHT_CUT_HEAD + LIGHT_SLOT_WORDS * ((keys.x + step) & light_cuts.grid.last_slot);
-        var found = atomicLoad(&light_cuts.words[at]);
+        var found = atomicLoad(&light_marks[at]);
         // An exchange may fail for no reason.
         while found == 0u {
-            let exchange = atomicCompareExchangeWeak(&light_cuts.words[at], 0u, keys.y);
+            let exchange = atomicCompareExchangeWeak(&light_marks[at], 0u, keys.y);
             found = exchange.old_value;
             if exchange.exchanged {
-                atomicStore(&light_cuts.words[at + 4u], cell.corner.x);
-                atomicStore(&light_cuts.words[at + 5u], cell.corner.y);
-                atomicStore(&light_cuts.words[at + 6u], cell.corner.z);
-                atomicStore(&light_cuts.words[at + 7u], cell.kind);
-                atomicStore(&light_cuts.words[at + 8u], cell.mask);
+                atomicStore(&light_marks[at + 4u], cell.corner.x);
+                atomicStore(&light_marks[at + 5u], cell.corner.y);
+                atomicStore(&light_marks[at + 6u], cell.corner.z);
+                atomicStore(&light_marks[at + 7u], cell.kind);
+                atomicStore(&light_marks[at + 8u], cell.mask);
                 found = keys.y;
             }
         }
         if found == keys.y {
-            atomicAdd(&light_cuts.words[at + 1u], 1u);
-            atomicMax(&light_cuts.words[at + 9u + cell.which], cell.word);
+            atomicAdd(&light_marks[at + 1u], 1u);
+            atomicMax(&light_marks[at + 9u + cell.which], cell.word);
             return;
         }
     }
-    atomicAdd(&light_cuts.words[LIGHT_LOST_MARKS], 1u);
+    atomicAdd(&light_marks[LIGHT_LOST_MARKS], 1u);
 }

@@ -7,8 +7,7 @@ struct Request {
     choice: f32,
     // Unit normal, or zero for a point in a volume.
     normal: vec3<f32>,
-    // The largest number of clusters that are split.
-    splits: u32,
+    padding: u32,
     // In [0, 1).
     u: vec4<f32>,
 }

@@ -20,7 +20,8 @@ fn light_rough(packed: LightPackedChild, local: LightLocalShadingPoint, view: Li
     var is_unlikely = false;
     // #if CONES
     let lobe = light_lobe(child, spread, dist_sq, dist);
-    flux *= lobe.value * inverse / lobe.width_sq;
+    // 1 for lights that shine to all sides alike, so that all variants give them the same bits.
+    flux *= lobe.value / (dist * lobe.width_sq);
     let toward = LIGHT_ROUGH_SPILL * spread + LIGHT_COSINE_MARGIN - child.facing * inverse;
     is_unlikely = toward < child.cos_half_angle;
     // #endif

@@ -3,6 +3,21 @@
 // the names of all nodes, how many builds the cell has had a row for, the direction from a glossy cell to the
 // eye, and the state of the sky; for each child a byte with its flux in half octaves. Twin of src/sampling/cuts/keep.rs.
 
+// The first quad of a row; rows are counted from 1.
+fn row_quad(number: u32) -> u32 {
+    return light_cuts.grid.first_row + (number - 1u) * LIGHT_ROW_QUADS;
+}
+
+// The cell that a slot of light_marks holds.
+fn row_cell(at: u32) -> LightCutCell {
+    var cell: LightCutCell;
+    cell.corner =
+        vec3(atomicLoad(&light_marks[at + 4u]), atomicLoad(&light_marks[at + 5u]), atomicLoad(&light_marks[at + 6u]));
+    cell.kind = atomicLoad(&light_marks[at + 7u]);
+    cell.mask = atomicLoad(&light_marks[at + 8u]);
+    return cell;
+}
+
 // Four neighbouring children of a node.
 struct RowChildren {
     // A byte for each: see flux_step in src/sampling/cuts/keep.rs.

@@ -1,5 +1,5 @@
 // Chooses lights by the cut of a cell and by rough estimates below it; from the roots where the cell has no cut.
-// Twin of src/sampling/walk.rs with src/sampling/cuts/placed.rs. Reads the buffers that sample.wgsl binds.
+// Twin of src/sampling/walk.rs with src/sampling/cuts/placed.rs and src/sampling/roots.rs. Reads the buffers that sample.wgsl binds.
 
 // What a point chooses from.
 struct LightCut {
@@ -12,7 +12,9 @@ struct LightCut {
 }
 
 const LIGHT_ROOT_OF_TOP: u32 = 1u;
+// #if SKY
 const LIGHT_ROOT_OF_SKY: u32 = 2u;
+// #endif
 
 // What a walk chooses a child by, unless masks or portals hide a part of it.
 fn light_walk_lux(packed: LightPackedChild, local: LightLocalShadingPoint, view: LightNodeView) -> f32 {
@@ -76,11 +78,13 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
     if light_params.slots == 0u {
         return;
     }
+    // #if ROWS
     (*cut).row = light_shared_cut(shading_point);
     if (*cut).row != 0u {
         (*cut).total = light_shared_total((*cut).row, directional_lux);
         return;
     }
+    // #endif
     for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
         let is_lit = light_has_flux(light_packed_child(true, 0u, slot));
         (*cut).roots |= select(0u, LIGHT_ROOT_OF_TOP, is_lit);
@@ -171,7 +175,17 @@ fn light_climb(
     var place = LightPlace(slot_of_instance, 0u);
     var local = light_local_to_tree(slot_of_instance, shading_point);
     var pmf = 1.0;
+    // #if PREVIOUS
+    // Birth numbers repeat in the end, and then the walk may lead anywhere.
+    var steps = 0u;
+    // #endif
     loop {
+        // #if PREVIOUS
+        steps++;
+        if steps > LIGHT_MAX_STEPS {
+            return 0.0;
+        }
+        // #endif
         if place.instance != LIGHT_NO_INSTANCE && light_leaves_tree(up) {
             // #if SKY
             if (*cut).row == 0u && place.instance == light_params.sky {
@@ -193,12 +207,14 @@ fn light_climb(
             place.index += light_node_base(place.instance);
         }
         let slot = up % LIGHT_WIDTH;
+        // #if ROWS
         if (*cut).row != 0u {
             let shared_pmf = light_shared_pmf((*cut).row, place, slot);
             if shared_pmf >= 0.0 {
                 return light_joint_pmf(pmf, shared_pmf);
             }
         }
+        // #endif
         let lanes = light_rough_weights(place, shading_point, local);
         let four = select(lanes.first, lanes.last, slot >= 4u);
         pmf = light_joint_pmf(pmf, light_choice_pmf(four[slot % 4u], light_sum(lanes)));

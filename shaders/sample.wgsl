@@ -8,9 +8,6 @@
 @group(LIGHT_GROUP) @binding(3) var<storage, read> light_instances: array<vec4<u32>>;
 @group(LIGHT_GROUP) @binding(4) var<storage, read> light_records: array<vec4<u32>>;
 
-// How many clusters an invocation splits at most before it chooses a light.
-var<private> light_splits: u32 = LIGHT_DEFAULT_SPLITS;
-
 // A light and a point on it that light_sample chose. brdf * cosine * radiance / (pmf * pdf)
 // estimates the light that arrives from all lights, if the point is not in shadow.
 struct LightSample {

@@ -7,10 +7,8 @@ struct LightShadingPoint {
     normal: vec3<f32>,
     // #if GLOSSY
     gloss: LightGloss,
-    // #if CELLS
     // What the key of its cell holds of the gloss; LIGHT_NO_CELL for a point that shares no cell.
     cell_gloss: u32,
-    // #endif
     // #endif
     // #if SEGMENTS
     // From the start of a segment to its end, in metres; the position is its middle. Zero for a
@@ -63,9 +61,7 @@ fn light_glossy_point(
     shading_point.gloss = light_gloss(
         light_normalize_or_zero(shading_point.normal), light_limited(view), roughness, specular, diffuse,
     );
-    // #if CELLS
     shading_point.cell_gloss = light_cell_gloss(shading_point, light_limited(view), roughness, specular, diffuse);
-    // #endif
     // #endif
     return shading_point;
 }
@@ -106,7 +102,6 @@ fn light_is_segment(shading_point: LightShadingPoint) -> bool {
 }
 // #endif
 
-// #if LEARNS | CELLS
 // The side of a cube that a normal points through; 6 for a point in a volume. Twin of `side`.
 fn light_side(normal: vec3<f32>) -> u32 {
     let size = abs(normal);
@@ -118,4 +113,3 @@ fn light_side(normal: vec3<f32>) -> u32 {
     }
     return select(2u * axis + select(0u, 1u, normal[axis] < 0.0), 6u, all(normal == vec3(0.0)));
 }
-// #endif

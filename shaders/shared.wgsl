@@ -4,9 +4,6 @@
 // bring over what trees do, and the sum of all units; the running sum at the end of each sixteenth
 // child; the nodes as instance and index; the running sums of all children; and what cut_keep.wgsl reads.
 
-// mark.wgsl has the order.
-struct LightCutTable { grid: LightCutGrid, quads: array<vec4<u32>> }
-
 @group(LIGHT_GROUP) @binding(5) var<storage, read> light_cuts: LightCutTable;
 
 // The row of the cut of a shading point's cell or of its coarse cell, as its first quad; 0 if there is none.
@@ -28,18 +25,12 @@ fn light_row_of_cell(cell: LightCutCell) -> u32 {
     }
     let keys = light_cell_keys(cell);
     for (var step = 0u; step < LIGHT_PROBES; step++) {
-        let slot = (keys.x + step) & light_cuts.grid.last_slot;
-        let words = light_cuts.quads[(LIGHT_CUT_HEAD + LIGHT_SLOT_WORDS * slot) / 4u];
-        if words.x == keys.y {
-            return select(0u, light_row(words.z), words.w != 0u);
+        let slot = light_cuts.quads[1u + ((keys.x + step) & light_cuts.grid.last_slot)];
+        if slot.x == keys.y {
+            return slot.y;
         }
     }
     return 0u;
-}
-
-// The first quad of a row; rows are counted from 1.
-fn light_row(number: u32) -> u32 {
-    return light_cuts.grid.first_row + (number - 1u) * LIGHT_ROW_QUADS;
 }
 
 // Twin of `PlacedCut::total`.

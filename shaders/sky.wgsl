@@ -5,8 +5,6 @@
 // #if SKY
 // What marks the sky in shading points: see LightLocalShadingPoint.
 const LIGHT_SKY_BITS: u32 = LIGHT_LEAF | LIGHT_SINGLE;
-// The link of the sky's root, which no child of a node of the cut has.
-const LIGHT_SKY_LINK: u32 = 63u;
 
 // Whether the world has a sky that a shading point sees. Twin of `LightSampler::sky_view`.
 fn light_sees_sky(shading_point: LightShadingPoint) -> bool {

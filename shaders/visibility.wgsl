@@ -1,13 +1,14 @@
 // Learnt visibility: which groups of lights reach the cell of a shading point. Twin of
-// src/visibility/cell.rs and src/sampling/learn.rs, which explain it. src/plan/visibility owns the
-// buffers.
+// src/visibility/cell.rs and src/sampling/learn.rs, which explain it. src/plan/cuts owns the buffers.
+//
+// Behind the rows of light_cuts: four quads of parameters; the tags and the idle frames of all rows, four rows in a
+// quad; the shares of all rows, four in a word. Rows of cells come first, then those of blocks.
+// At the end of light_marks, the records: for each row the tag that claims it; for each row whether it has counts, as
+// one more than the row of its block; for each row and group the hidden and the visible samples.
 
-// Four quads of parameters; the tags and the idle frames of all rows, four rows in a quad; the
-// shares of all rows, four in a word. Rows of cells come first, then those of blocks.
-@group(LIGHT_GROUP) @binding(6) var<storage, read> light_learnt: array<vec4<u32>>;
-// For each row the tag that claims it; for each row whether it has counts, as one more than the row of its
-// block; for each row and group the hidden and the visible samples.
-@group(LIGHT_GROUP) @binding(7) var<storage, read_write> light_visibility_records: array<atomic<u32>>;
+fn light_learnt(quad: u32) -> vec4<u32> {
+    return light_cuts.quads[light_cuts.grid.learnt + quad];
+}
 
 // Finds the row of a cell or block. Twin of `CellKey`.
 struct LightCellKey {
@@ -30,7 +31,7 @@ const LIGHT_NO_ROW: u32 = 0xffffffffu;
 
 // The numbers of rows of cells and of blocks; 0 while nothing is learnt.
 fn light_row_counts() -> vec2<u32> {
-    return vec2(light_learnt[0].z, light_learnt[1].w);
+    return vec2(light_learnt(0).z, light_learnt(1).w);
 }
 
 // Twin of `CellKey::new`, in a bucket of some rows.
@@ -42,7 +43,7 @@ fn light_cell_key(c: vec3<u32>, side: u32, first_row: u32, rows: u32) -> LightCe
 
 // The row of a cell or block, or LIGHT_NO_ROW. With LIGHT_LEARNT_BIT as `ignored`, also one that is not read yet.
 fn light_learnt_row(key: LightCellKey, ignored: u32) -> u32 {
-    let tags = light_learnt[LIGHT_TABLE_HEAD + key.bucket] | vec4(ignored);
+    let tags = light_learnt(LIGHT_TABLE_HEAD + key.bucket) | vec4(ignored);
     var row = LIGHT_NO_ROW;
     for (var i = 0u; i < LIGHT_WAYS; i++) {
         if tags[i] == key.tag && row == LIGHT_NO_ROW {
@@ -59,11 +60,11 @@ fn light_cell(shading_point: LightShadingPoint) -> LightCell {
     if rows.x == 0u {
         return cell;
     }
-    let grid = bitcast<vec4<f32>>(light_learnt[0]);
-    let place = shading_point.position + bitcast<vec3<f32>>(light_learnt[1].xyz);
+    let grid = bitcast<vec4<f32>>(light_learnt(0));
+    let place = shading_point.position + bitcast<vec3<f32>>(light_learnt(1).xyz);
     let cube = floor(place * grid.y);
     let limited = clamp(cube, vec3(-LIGHT_MAX_COORDINATE), vec3(LIGHT_MAX_COORDINATE));
-    let at = bitcast<vec3<u32>>(vec3<i32>(limited)) + light_learnt[2].xyz;
+    let at = bitcast<vec3<u32>>(vec3<i32>(limited)) + light_learnt(2).xyz;
     let side = light_side(shading_point.normal);
     let block = bitcast<vec3<u32>>(bitcast<vec3<i32>>(at) >> vec3(LIGHT_BLOCK_BITS));
     let in_block = vec3<f32>(at & vec3((1u << LIGHT_BLOCK_BITS) - 1u));
@@ -80,7 +81,7 @@ fn light_cell(shading_point: LightShadingPoint) -> LightCell {
 // The group of a cluster. `toward` is the vector from the middle of the block to the mean position
 // of the cluster, in metres. Twin of `bins`.
 fn light_bin(toward: vec3<f32>) -> u32 {
-    let edge = bitcast<f32>(light_learnt[0].x);
+    let edge = bitcast<f32>(light_learnt(0).x);
     let size = abs(toward);
     let dist = min(max(max(size.x, size.y), max(size.z, edge)), LIGHT_MAX_DIST);
     let exponent = bitcast<u32>(dist) >> 23u;
@@ -115,7 +116,7 @@ fn light_child_bin(
 fn light_learnt_share(row: u32, bin: u32) -> f32 {
     let byte = row * LIGHT_BINS + bin;
     let rows = light_row_counts();
-    let quad = light_learnt[LIGHT_TABLE_HEAD + (rows.x + rows.y) / 2u + byte / 16u];
+    let quad = light_learnt(LIGHT_TABLE_HEAD + (rows.x + rows.y) / 2u + byte / 16u);
     return (f32((quad[(byte / 4u) % 4u] >> (8u * (byte % 4u))) & 0xffu) + 1.0) * (1.0 / 256.0);
 }
 
@@ -160,8 +161,8 @@ fn light_row_or_claim(key: LightCellKey) -> u32 {
         return found;
     }
     let rows = light_row_counts();
-    let tags = light_learnt[LIGHT_TABLE_HEAD + key.bucket];
-    let idle = light_learnt[LIGHT_TABLE_HEAD + (rows.x + rows.y) / LIGHT_WAYS + key.bucket];
+    let tags = light_learnt(LIGHT_TABLE_HEAD + key.bucket);
+    let idle = light_learnt(LIGHT_TABLE_HEAD + (rows.x + rows.y) / LIGHT_WAYS + key.bucket);
     var chosen = LIGHT_WAYS;
     var longest = LIGHT_MIN_IDLE - 1u;
     for (var i = 0u; i < LIGHT_WAYS; i++) {
@@ -178,7 +179,7 @@ fn light_row_or_claim(key: LightCellKey) -> u32 {
         }
     }
     if chosen < LIGHT_WAYS {
-        atomicMax(&light_visibility_records[key.bucket * LIGHT_WAYS + chosen], key.tag);
+        atomicMax(&light_marks[light_cuts.grid.records + key.bucket * LIGHT_WAYS + chosen], key.tag);
     }
     return LIGHT_NO_ROW;
 }
@@ -195,7 +196,7 @@ fn light_row_to_record(cell: LightCell) -> u32 {
         let rows = light_row_counts();
         // One more than LIGHT_NO_ROW would be 0.
         let link = select(block + 1u, LIGHT_NO_ROW, block == LIGHT_NO_ROW);
-        atomicStore(&light_visibility_records[rows.x + rows.y + row], link);
+        atomicStore(&light_marks[light_cuts.grid.records + rows.x + rows.y + row], link);
     }
     return row;
 }
@@ -225,7 +226,7 @@ fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample
         return;
     }
     var last = light_bin(light_toward_sample(shading_point, chosen) + cell.from_center);
-    atomicAdd(&light_visibility_records[counts + 2u * last], 1u);
+    atomicAdd(&light_marks[light_cuts.grid.records + counts + 2u * last], 1u);
     loop {
         if instance != LIGHT_NO_INSTANCE && light_leaves_tree(place) {
             place = light_place_above(instance, place);
@@ -244,7 +245,7 @@ fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample
             light_packed_child(in_top, at, place % LIGHT_WIDTH), view, instance, local, cell.from_center,
         );
         if bin != last {
-            atomicAdd(&light_visibility_records[counts + 2u * bin], 1u);
+            atomicAdd(&light_marks[light_cuts.grid.records + counts + 2u * bin], 1u);
         }
         last = bin;
         place = light_parent(in_top, index);

@@ -3,29 +3,37 @@
 // `VisibilityTable::end_frame`, with the same bits: all of it is integers. One workgroup for each row, one
 // invocation for each word of shares.
 
-// As in visibility.wgsl.
-@group(0) @binding(1) var<storage, read_write> learnt: array<u32>;
-@group(0) @binding(2) var<storage, read_write> records: array<atomic<u32>>;
+// cut_grid.wgsl has what comes first; visibility.wgsl has what is learnt, and the records.
+struct Cells { grid: LightCutGrid, words: array<u32> }
+
+@group(0) @binding(1) var<storage, read_write> cells: Cells;
+@group(0) @binding(2) var<storage, read_write> marks: array<atomic<u32>>;
 // For each row and group, in the lower half of a word the visible records and in the upper half
 // all.
 @group(0) @binding(3) var<storage, read_write> known: array<u32>;
 
 // Stands in place of the row of a block if a cell has none, as LIGHT_NO_ROW in visibility.wgsl does.
 const NO_BLOCK: u32 = 0xffffffffu;
-// Set if something was recorded since cuts were last made void.
-const HAS_LEARNT: u32 = 3u;
-
 // The claim of the row, and whether it has counts.
 var<workgroup> fate: vec2<u32>;
 // The visible records and all, over the groups of the row.
 var<workgroup> sums: array<atomic<u32>, 2>;
 
+// The places of a word of what is learnt and of one of the records.
+fn learnt(word: u32) -> u32 {
+    return 4u * cells.grid.learnt + word;
+}
+
+fn recorded(word: u32) -> u32 {
+    return cells.grid.records + word;
+}
+
 fn rows_of_cells() -> u32 {
-    return learnt[2];
+    return cells.words[learnt(2u)];
 }
 
 fn rows_of_all() -> u32 {
-    return learnt[2] + learnt[7];
+    return rows_of_cells() + cells.words[learnt(7u)];
 }
 
 // The word of the hidden samples of a group. That of the visible ones comes next.
@@ -73,21 +81,21 @@ fn visibility_gather(
     @builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) group: vec3<u32>,
 ) {
     let row = group.x;
-    let touched = atomicLoad(&records[rows_of_all() + row]);
+    let touched = atomicLoad(&marks[recorded(rows_of_all() + row)]);
     if touched == 0u || touched == NO_BLOCK {
         return;
     }
     let block = touched - 1u;
     if lane == 0u {
-        atomicStore(&records[rows_of_all() + block], touched);
+        atomicStore(&marks[recorded(rows_of_all() + block)], touched);
     }
     for (var i = 0u; i < 4u; i++) {
         let from_cell = counts_at(row, 4u * lane + i);
         let to_block = counts_at(block, 4u * lane + i);
         for (var k = 0u; k < 2u; k++) {
-            let count = atomicLoad(&records[from_cell + k]);
+            let count = atomicLoad(&marks[recorded(from_cell + k)]);
             if count != 0u {
-                atomicAdd(&records[to_block + k], count);
+                atomicAdd(&marks[recorded(to_block + k)], count);
             }
         }
     }
@@ -96,7 +104,7 @@ fn visibility_gather(
 // Folds a row.
 fn fold_row(row: u32, lane: u32) {
     if lane == 0u {
-        fate = vec2(atomicLoad(&records[row]), atomicLoad(&records[rows_of_all() + row]));
+        fate = vec2(atomicLoad(&marks[recorded(row)]), atomicLoad(&marks[recorded(rows_of_all() + row)]));
         // Players need not zero this memory.
         atomicStore(&sums[0], 0u);
         atomicStore(&sums[1], 0u);
@@ -109,12 +117,12 @@ fn fold_row(row: u32, lane: u32) {
         for (var i = 0u; i < 4u; i++) {
             let bin = row * LIGHT_BINS + 4u * lane + i;
             let counts = counts_at(row, 4u * lane + i);
-            let hidden = atomicLoad(&records[counts]);
-            let visible = atomicLoad(&records[counts + 1u]);
+            let hidden = atomicLoad(&marks[recorded(counts)]);
+            let visible = atomicLoad(&marks[recorded(counts + 1u)]);
             if (hidden | visible) != 0u {
                 known[bin] = fold(known[bin], hidden, visible);
-                atomicStore(&records[counts], 0u);
-                atomicStore(&records[counts + 1u], 0u);
+                atomicStore(&marks[recorded(counts)], 0u);
+                atomicStore(&marks[recorded(counts + 1u)], 0u);
             }
             atomicAdd(&sums[0], known[bin] & 0xffffu);
             atomicAdd(&sums[1], known[bin] >> 16u);
@@ -122,7 +130,7 @@ fn fold_row(row: u32, lane: u32) {
         workgroupBarrier();
         var larger = 0x01010101u * code_of(atomicLoad(&sums[0]), atomicLoad(&sums[1]), LIGHT_FIRST, LIGHT_FULL_SHARE);
         if row < rows_of_cells() && touched != NO_BLOCK {
-            larger = learnt[shares_at(touched - 1u, lane)];
+            larger = cells.words[learnt(shares_at(touched - 1u, lane))];
         }
         var shares = 0u;
         for (var i = 0u; i < 4u; i++) {
@@ -130,28 +138,30 @@ fn fold_row(row: u32, lane: u32) {
             let code = code_of(seen & 0xffffu, seen >> 16u, LIGHT_PRIOR, (larger >> (8u * i)) & 0xffu);
             shares |= max(code, LIGHT_MIN_SHARE) << (8u * i);
         }
-        learnt[share_word] = shares;
+        cells.words[learnt(share_word)] = shares;
     } else if claim != 0u {
         for (var i = 0u; i < 4u; i++) {
             known[row * LIGHT_BINS + 4u * lane + i] = 0u;
         }
-        learnt[share_word] = 0xffffffffu;
+        cells.words[learnt(share_word)] = 0xffffffffu;
     }
     if lane == 0u {
         let tag = 4u * LIGHT_TABLE_HEAD + row;
         let idle = tag + rows_of_all();
         if touched != 0u {
-            learnt[tag] |= LIGHT_LEARNT_BIT;
-            learnt[idle] = 0u;
-            learnt[HAS_LEARNT] = 1u;
+            cells.words[learnt(tag)] |= LIGHT_LEARNT_BIT;
+            cells.words[learnt(idle)] = 0u;
+            // Cuts that know less are void.
+            cells.words[0] = 0u;
+            cells.words[1] = 1u;
         } else if claim != 0u {
-            learnt[tag] = claim & ~LIGHT_LEARNT_BIT;
-            learnt[idle] = 0u;
+            cells.words[learnt(tag)] = claim & ~LIGHT_LEARNT_BIT;
+            cells.words[learnt(idle)] = 0u;
         } else {
-            learnt[idle] = max(learnt[idle], learnt[idle] + 1u);
+            cells.words[learnt(idle)] = max(cells.words[learnt(idle)], cells.words[learnt(idle)] + 1u);
         }
-        atomicStore(&records[row], 0u);
-        atomicStore(&records[rows_of_all() + row], 0u);
+        atomicStore(&marks[recorded(row)], 0u);
+        atomicStore(&marks[recorded(rows_of_all() + row)], 0u);
     }
 }
 

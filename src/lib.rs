@@ -43,8 +43,8 @@
 //!
 //! # On the GPU
 //!
-//! The engine joins the text of a `gpu::LightShader` to its own shader, and calls `light_sample`
-//! there. Everything is recorded into the engine's own command encoder; nothing waits for the GPU.
+//! The engine joins the text of a `gpu::LightShader` to its own shader, and calls `light_mark` and
+//! `light_sample` there. Everything is recorded into the engine's own command encoder; nothing waits for the GPU.
 //!
 //! ```
 //! # #[cfg(feature = "gpu")] mod engine {
@@ -56,6 +56,7 @@
 //!     @compute @workgroup_size(64)
 //!     fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 //!         let ground = light_surface_point(vec3(f32(id.x), 0.0, 0.0), vec3(0.0, 1.0, 0.0));
+//!         light_mark(ground);
 //!         let s = light_sample(ground, vec4(0.1, 0.2, 0.3, 0.4));
 //!         lux[id.x] = select(0.0, s.radiance.y * s.direction.y / (s.pmf * s.pdf), s.pmf > 0.0);
 //!     }";
@@ -75,7 +76,7 @@
 //!     world: &mut LightWorld,
 //!     encoder: &mut wgpu::CommandEncoder,
 //! ) -> Result<(), GpuError> {
-//!     // Refits edited trees, sends what changed and nothing else, and builds the top level.
+//!     // Refits edited trees, sends what changed and nothing else, and builds the top level and the cuts of cells.
 //!     lights.sync(world, FrameBudget::NONE, encoder)?;
 //!     // Then the engine's own passes, with `lights.bind_group()` at group 1.
 //!     Ok(())

@@ -4,38 +4,27 @@
 /// The stages that may read the lights.
 const VISIBILITY: wgpu::ShaderStages = wgpu::ShaderStages::COMPUTE.union(wgpu::ShaderStages::FRAGMENT);
 
-/// The layout of the group that shaders bind: one uniform buffer and four read-only storage
-/// buffers.
-pub(super) fn light_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("girandole lights"),
-        entries: &light_entries(),
-    })
+/// The buffers of lights that shaders bind.
+pub(super) const LIGHTS: usize = 5;
+/// The same with the cuts and the marks of cells.
+pub(super) const ALL: usize = 7;
+
+/// The layout of the first `count` buffers that shaders bind. `fragments_write` is as in
+/// [`GpuOptions`](super::GpuOptions).
+pub(super) fn light_layout(device: &wgpu::Device, count: usize, fragments_write: bool) -> wgpu::BindGroupLayout {
+    let written = if fragments_write { VISIBILITY } else { wgpu::ShaderStages::COMPUTE };
+    let mut entries = vec![uniform_entry(0)];
+    entries.extend((1..count as u32).map(|binding| storage_entry(binding, true)));
+    if let Some(marks) = entries.get_mut(ALL - 1) {
+        *marks = entry(marks.binding, written, wgpu::BufferBindingType::Storage { read_only: false });
+    }
+    let label = Some("girandole lights");
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries })
 }
-
-/// A storage buffer that is only read.
-pub(super) const READ: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: true };
-
-/// A storage buffer that is written.
-pub(super) const WRITE: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: false };
 
 /// The name of a thing of the library in graphics debuggers, among those of the engine.
 pub(super) fn label_of(what: &str) -> String {
     format!("girandole {what}")
-}
-
-/// A layout of buffers at these bindings, for the stages that may read the lights.
-pub(super) fn layout_of(
-    device: &wgpu::Device,
-    label: &str,
-    entries: impl Iterator<Item = (u32, wgpu::BufferBindingType)>,
-) -> wgpu::BindGroupLayout {
-    let entries: Vec<_> = entries.map(|(binding, ty)| entry(binding, VISIBILITY, ty)).collect();
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
-}
-
-fn light_entries() -> [wgpu::BindGroupLayoutEntry; 5] {
-    [uniform_entry(0), storage_entry(1, true), storage_entry(2, true), storage_entry(3, true), storage_entry(4, true)]
 }
 
 /// A uniform buffer for any stage.

@@ -9,10 +9,11 @@
 //! A frame has two steps:
 //!
 //! 1. [`GpuLights::sync`] updates the world ([`LightWorld::update`](crate::LightWorld::update)),
-//!    sends what changed ([`GpuLights::upload`]) and records the build of the top level
-//!    ([`GpuLights::build_top`]). An engine may make these calls by itself.
-//! 2. The engine's shaders bind [`GpuLights::bind_group`] and call the functions of
-//!    [`LightShader`]. An engine without such a shader calls [`GpuLights::sample`] or
+//!    sends what changed ([`GpuLights::upload`]), and records the build of the top level
+//!    ([`GpuLights::build_top`]) and of the cuts of cells that were marked ([`GpuLights::build_cuts`]). An engine may
+//!    make these calls by itself.
+//! 2. The engine's shaders bind [`GpuLights::bind_group`], mark the cells of their shading points by `light_mark`, and
+//!    call the functions of [`LightShader`]. An engine without such a shader calls [`GpuLights::sample`] or
 //!    [`GpuLights::resample`] instead.
 //!
 //! # Browsers
@@ -35,6 +36,7 @@ mod limits;
 #[doc(hidden)]
 pub mod measure;
 mod memory;
+mod options;
 mod player;
 #[cfg(test)]
 mod poison;
@@ -48,8 +50,6 @@ mod shader;
 mod source_link;
 mod sources;
 mod sync;
-mod table_groups;
-mod tables;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
@@ -58,28 +58,26 @@ mod top_status;
 mod upload;
 #[cfg(test)]
 mod variants;
-mod visibility;
 
 use std::fmt;
-use std::sync::OnceLock;
 
-use bindings::{bind_lights, light_layout};
+use bindings::{ALL, LIGHTS, bind_lights, light_layout};
 use candidates::CandidateTable;
 pub use error::GpuError;
 use error::{check_limits, largest_storage_buffer};
 use kernel::RequestKernel;
+pub use options::GpuOptions;
 use player::Player;
 use recorder::Recorder;
 pub use records::{ReservoirRecord, SampleRecord, SampleRequest};
 pub use shader::LightShader;
 use source_link::SourceLink;
 pub use sync::SyncReport;
-use table_groups::TableGroup;
 use top_status::TopStatus;
 
 use crate::effects::Effects;
 use crate::plan::pool::Growth;
-use crate::plan::{Commands, KERNELS, Kernel, LightPlanner, PlanLimits, ShaderBuffers};
+use crate::plan::{BufferId, Commands, KERNELS, Kernel, LightPlanner, PlanLimits, ShaderBuffers};
 pub use crate::plan::{GpuMemory, HeatMap, ShaderNameError, ShaderParts, TargetHook, UploadReport, wgsl, with_prefix};
 use crate::world::{LightWorld, Revision};
 
@@ -126,26 +124,47 @@ pub struct GpuLights {
     sampling: RequestKernel,
     resampling: RequestKernel,
     candidates: CandidateTable,
-    /// Bind groups with tables, in the order of [`Tables`](table_groups::Tables). Made at first use.
-    tables: [OnceLock<TableGroup>; 4],
+    /// The engine has built cuts since the last [`GpuLights::sync`].
+    has_built_cuts: bool,
+    learns: bool,
     /// An upload was refused memory, so the buffers are incomplete: `dark` is bound in their place.
     is_dark: bool,
     dark: DarkBuffers,
+    /// What shaders bind.
+    group: LightGroup,
+    /// The buffers that it was made for; `None` for zeros.
+    bound: [Option<BufferId>; ALL],
+    sources: SourceLink,
+    /// What shaders bind of the last frame, and its buffers; without them `dark` is bound.
+    previous: (Option<ShaderBuffers>, LightGroup),
+}
+
+/// A bind group with its layout.
+#[derive(Clone)]
+struct LightGroup {
     layout: wgpu::BindGroupLayout,
     bind_group: wgpu::BindGroup,
-    /// The buffers that the bind group was made for; `None` for `dark`.
-    bound: Option<ShaderBuffers>,
-    sources: SourceLink,
-    /// The bind group of the last frame, and its buffers; without them `dark` is bound.
-    previous: (Option<ShaderBuffers>, wgpu::BindGroup),
+}
+
+impl LightGroup {
+    /// The first of these buffers, as many as are bound.
+    fn new(device: &wgpu::Device, count: usize, fragments_write: bool, buffers: &[&wgpu::Buffer]) -> Self {
+        let layout = light_layout(device, count, fragments_write);
+        let bind_group = bind_lights(device, &layout, &buffers[..count]);
+        Self { layout, bind_group }
+    }
+
+    fn rebind(&mut self, device: &wgpu::Device, count: usize, buffers: &[&wgpu::Buffer]) {
+        self.bind_group = bind_lights(device, &self.layout, &buffers[..count]);
+    }
 }
 
 /// Zeros in place of all buffers that shaders bind: a world without lights.
 struct DarkBuffers {
     params: wgpu::Buffer,
     storage: wgpu::Buffer,
-    /// Bound as the records of shaders that learn and as cuts that are shared, while there is no table.
-    records: wgpu::Buffer,
+    /// Shaders may write it.
+    marks: wgpu::Buffer,
 }
 
 impl DarkBuffers {
@@ -153,54 +172,69 @@ impl DarkBuffers {
         // The root node and more: shaders never read past the end of a buffer.
         let zeros = |what, usage| memory::create_buffer(device, what, 256, usage);
         let storage = zeros("no lights", wgpu::BufferUsages::STORAGE)?;
-        let records = zeros("no records of visibility", wgpu::BufferUsages::STORAGE)?;
+        let marks = zeros("no marks", wgpu::BufferUsages::STORAGE)?;
         let params = zeros("no parameters", wgpu::BufferUsages::UNIFORM)?;
-        Ok(Self { params, storage, records })
+        Ok(Self { params, storage, marks })
+    }
+
+    /// In the order of the bindings.
+    fn buffers(&self) -> [&wgpu::Buffer; ALL] {
+        let Self { params, storage, marks } = self;
+        [params, storage, storage, storage, storage, storage, marks]
     }
 }
 
 impl GpuLights {
-    /// Makes pipelines and small buffers on the engine's device. Clones both handles, and submits
-    /// nothing.
+    /// Makes pipelines and buffers on the engine's device, with the default [`GpuOptions`]. Clones both handles, and
+    /// submits nothing.
     ///
     /// # Errors
     /// - [`GpuError::Limit`] names the first limit of the device that is not sufficient. WebGPU's
     ///   default limits are.
     /// - [`GpuError::DeviceLost`] and [`GpuError::OutOfMemory`].
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self, GpuError> {
+        Self::with_options(device, queue, GpuOptions::default())
+    }
+
+    /// As [`GpuLights::new`], with other options.
+    ///
+    /// # Errors
+    /// As [`GpuLights::new`].
+    pub fn with_options(device: &wgpu::Device, queue: &wgpu::Queue, options: GpuOptions) -> Result<Self, GpuError> {
         check_limits(&device.limits())?;
         probe::check(device)?;
-        let (result, is_refused) = memory::watch(device, || Self::make(device, queue));
+        let (result, is_refused) = memory::watch(device, || Self::make(device, queue, &options));
         if is_refused { Err(GpuError::OutOfMemory { what: "pipelines", bytes: 0 }) } else { result }
     }
 
-    fn make(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self, GpuError> {
+    fn make(device: &wgpu::Device, queue: &wgpu::Queue, options: &GpuOptions) -> Result<Self, GpuError> {
         let candidates = CandidateTable::new(device, queue)?;
         let dark = DarkBuffers::new(device)?;
-        let layout = light_layout(device);
-        let storage = &dark.storage;
-        let bind_group = bind_lights(device, &layout, &[&dark.params, storage, storage, storage, storage]);
+        let group = |count| LightGroup::new(device, count, options.fragments_write, &dark.buffers());
+        let previous = (None, group(LIGHTS));
+        let group = group(ALL);
         let mut lights = Self {
             device: device.clone(),
             planner: LightPlanner::new(PlanLimits::new(largest_storage_buffer(device))),
             player: Player::new(device, queue),
             top: Commands::default(),
             top_status: TopStatus::new(),
-            sampling: RequestKernel::sampling(device, &layout),
-            resampling: RequestKernel::resampling(device, &layout),
+            sampling: RequestKernel::sampling(device, &group.layout),
+            resampling: RequestKernel::resampling(device, &group.layout),
             candidates,
-            tables: Default::default(),
+            has_built_cuts: false,
+            learns: options.learning.is_some(),
             is_dark: true,
             dark,
-            layout,
-            previous: (None, bind_group.clone()),
-            bind_group,
-            bound: None,
+            group,
+            previous,
+            bound: [None; ALL],
             sources: SourceLink::new(device),
         };
         // Conversions and refits are rare, so their kernels are compiled when they are needed.
         let is_rare = |kernel: &&Kernel| matches!(kernel.stage(), "relayout" | "refit");
         KERNELS.iter().filter(|kernel| !is_rare(kernel)).for_each(|kernel| lights.player.compile(*kernel));
+        lights.make_cells(options)?;
         lights.start()?;
         Ok(lights)
     }
@@ -248,10 +282,10 @@ impl GpuLights {
         self.planner.top_changed();
     }
 
-    /// The layout of [`GpuLights::bind_group`], for the pipeline layouts of the engine's shaders:
-    /// one uniform buffer and four read-only storage buffers, for compute and fragment stages.
+    /// The layout of [`GpuLights::bind_group`], for the pipeline layouts of the engine's shaders: one uniform buffer, five
+    /// read-only storage buffers and one that is written, for compute and fragment stages.
     pub fn bind_group_layout(&self) -> &wgpu::BindGroupLayout {
-        &self.layout
+        &self.group.layout
     }
 
     /// The bind group with the lights, to be set at the group number of the engine's
@@ -262,7 +296,7 @@ impl GpuLights {
     /// that use it before the next upload. A bind group that was replaced keeps the former buffers,
     /// all of them in their former layout, for commands that are submitted late.
     pub fn bind_group(&self) -> &wgpu::BindGroup {
-        &self.bind_group
+        &self.group.bind_group
     }
 
     /// The revision of the world at the last upload that succeeded; `Revision::default()` before the
@@ -283,21 +317,33 @@ impl GpuLights {
     ///
     /// `group` is the number of the bind group with the lights, 0 to 3 by WebGPU's default.
     /// `effects` are the effects that the text has to support; with [`Effects::all`] it supports
-    /// every world.
+    /// every world. With [`GpuOptions::learning`] it has `light_record_visibility` ([`ShaderParts::learns`]).
     pub fn shader(&self, group: u32, effects: Effects) -> LightShader {
-        LightShader::choosing(group, effects, ShaderParts::default(), self.layout.clone())
+        let parts = ShaderParts { learns: self.learns, ..ShaderParts::default() };
+        LightShader::new(group, effects, parts, self.group.layout.clone())
     }
 
-    /// Replaces bind groups whose buffers were replaced. A former bind group keeps the former
+    /// Replaces the bind groups if a buffer was replaced. A former bind group keeps the former
     /// buffers, with the parameters that belong to them.
     fn rebind(&mut self) {
-        let bound = self.planner.bindings().filter(|_| !self.is_dark);
-        if bound.is_none() || bound != self.bound {
+        let bound = self.ids();
+        if bound.iter().all(Option::is_none) || bound != self.bound {
             self.bound = bound;
-            self.bind_group = bind_lights(&self.device, &self.layout, &self.buffers());
+            let mut group = self.group.clone();
+            group.rebind(&self.device, ALL, &self.buffers());
+            self.group = group;
         }
         self.rebind_previous();
-        self.rebind_tables();
+    }
+
+    /// The buffers that shaders bind, in the order of the layout; `None` for zeros. There are no cells while an
+    /// upload has failed, since cuts may name nodes that are not there.
+    fn ids(&self) -> [Option<BufferId>; ALL] {
+        let mut ids = [None; ALL];
+        let Some(lights) = self.planner.bindings().filter(|_| !self.is_dark) else { return ids };
+        let all = lights.iter().copied().chain(self.planner.cells().into_iter().flatten());
+        ids.iter_mut().zip(all).for_each(|(id, bound)| *id = Some(bound));
+        ids
     }
 
     /// Binds buffers of zeros, in which shaders find no light, until an upload succeeds.
@@ -307,12 +353,12 @@ impl GpuLights {
     }
 
     /// The buffers that shaders bind, in the order of the layout.
-    fn buffers(&self) -> [&wgpu::Buffer; 5] {
-        if let Some(bound) = self.bound {
-            return bound.0.map(|id| self.player.buffer(id));
+    fn buffers(&self) -> [&wgpu::Buffer; ALL] {
+        let mut buffers = self.dark.buffers();
+        for (buffer, bound) in buffers.iter_mut().zip(self.bound) {
+            *buffer = bound.map_or(*buffer, |id| self.player.buffer(id));
         }
-        let DarkBuffers { params, storage, .. } = &self.dark;
-        [params, storage, storage, storage, storage]
+        buffers
     }
 }
 

@@ -1,7 +1,7 @@
 //! The lights of the last frame, for renderers that reuse samples from frame to frame.
 
 use super::GpuLights;
-use super::bindings::bind_lights;
+use super::bindings::LIGHTS;
 
 impl GpuLights {
     /// Keeps the lights of the last frame on the GPU, from the next upload on, or drops them. They
@@ -15,11 +15,15 @@ impl GpuLights {
         self.planner.keep_previous(is_kept);
     }
 
-    /// The bind group with the lights of the last frame, which has the layout of
-    /// [`GpuLights::bind_group_layout`]. Call this in each frame after [`GpuLights::upload`]. It has no
+    /// The layout of [`GpuLights::previous_bind_group`]: one uniform buffer and four read-only storage buffers.
+    pub fn previous_bind_group_layout(&self) -> &wgpu::BindGroupLayout {
+        &self.previous.1.layout
+    }
+
+    /// The bind group with the lights of the last frame. Call this in each frame after [`GpuLights::upload`]. It has no
     /// lights before the first upload after [`GpuLights::keep_previous`].
     pub fn previous_bind_group(&self) -> &wgpu::BindGroup {
-        &self.previous.1
+        &self.previous.1.bind_group
     }
 
     /// Replaces the bind group if a buffer of it was replaced.
@@ -28,11 +32,12 @@ impl GpuLights {
         if bound == self.previous.0 {
             return;
         }
-        let dark = &self.dark;
-        let buffers = match bound {
-            Some(bound) => bound.0.map(|id| self.player.buffer(id)),
-            None => [&dark.params, &dark.storage, &dark.storage, &dark.storage, &dark.storage],
+        let buffers: Vec<_> = match bound {
+            Some(bound) => bound.0.map(|id| self.player.buffer(id)).to_vec(),
+            None => self.dark.buffers().to_vec(),
         };
-        self.previous = (bound, bind_lights(&self.device, &self.layout, &buffers));
+        let mut group = self.previous.1.clone();
+        group.rebind(&self.device, LIGHTS, &buffers);
+        self.previous = (bound, group);
     }
 }

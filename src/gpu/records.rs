@@ -2,8 +2,6 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::sampling::counts::SplitCount;
-
 /// A shading point and its random numbers: the input of [`GpuLights::sample`] and
 /// [`GpuLights::resample`].
 ///
@@ -12,7 +10,7 @@ use crate::sampling::counts::SplitCount;
 /// [`GpuLights::sample`]: super::GpuLights::sample
 /// [`GpuLights::resample`]: super::GpuLights::resample
 #[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct SampleRequest {
     /// Metres, relative to [`LightWorld::origin`](crate::LightWorld::origin).
     pub position: [f32; 3],
@@ -24,20 +22,10 @@ pub struct SampleRequest {
     pub choice: f32,
     /// The unit normal of a surface, or zero for a point in a volume.
     pub normal: [f32; 3],
-    /// The largest number of clusters that are split: a [`SplitCount`], at most [`MAX_SPLITS`]
-    /// whatever is written.
-    ///
-    /// [`MAX_SPLITS`]: crate::MAX_SPLITS
-    pub splits: u32,
+    /// Not read.
+    pub padding: u32,
     /// Random numbers in [0, 1). The first two choose the light, the last two the point on it.
     pub u: [f32; 4],
-}
-
-impl Default for SampleRequest {
-    /// Zeros, and the default number of splits.
-    fn default() -> Self {
-        Self { splits: SplitCount::DEFAULT.get() as u32, ..Self::zeroed() }
-    }
 }
 
 /// A chosen light and a point on it: what [`GpuLights::sample`] writes for each request.

@@ -31,6 +31,6 @@ impl GpuLights {
             records(reservoirs, count, size_of::<ReservoirRecord>()),
             self.candidates.binding(candidates),
         ];
-        self.resampling.record(encoder, &pipeline, &self.bind_group, &own, count);
+        self.resampling.record(encoder, &pipeline, &self.group.bind_group, &own, count);
     }
 }

@@ -40,6 +40,9 @@ use crate::plan::{ShaderParts, TargetHook};
 /// // and may change with any version. The normal is zero in a volume.
 /// struct LightShadingPoint { position: vec3<f32>, normal: vec3<f32>, /* ... */ }
 ///
+/// // Marks the cell of a shading point, which will have a cut from the next build on: see
+/// // `GpuLights::build_cuts`. Call it for all points that a camera sees. Two atomic operations.
+/// fn light_mark(shading_point: LightShadingPoint)
 /// // A light and a point on it.
 /// fn light_sample(shading_point: LightShadingPoint, u: vec4<f32>) -> LightSample
 /// // One of up to LIGHT_MAX_CANDIDATES samples, kept in proportion to its unshadowed light.
@@ -62,10 +65,6 @@ use crate::plan::{ShaderParts, TargetHook};
 /// fn light_place_on(shading_point: LightShadingPoint, s: LightSample) -> vec2<f32>
 /// // The 32 bits that the engine has given to an instance: see `LightWorld::set_user_data`.
 /// fn light_user_data(instance: u32) -> u32
-/// // How many clusters an invocation splits at most before it chooses a light, as in
-/// // `LightSampler::with_splits`. Set it at the start of a shader, for example from a uniform of the
-/// // view; greater numbers count as `MAX_SPLITS`. Resampling, densities and probabilities need the same.
-/// var<private> light_splits: u32; // SplitCount::DEFAULT at first
 /// // With Effects::SEGMENTS only: where on its segment the last sample was taken, in metres from the
 /// // start; after light_resample, the one that was kept.
 /// var<private> light_along: f32;
@@ -81,7 +80,7 @@ use crate::plan::{ShaderParts, TargetHook};
 /// fn light_hash(bits: u32) -> u32
 /// ```
 ///
-/// [`GpuLights::learning_cut_shader`](super::GpuLights::learning_cut_shader) adds a function that records
+/// [`GpuOptions::learning`](super::GpuOptions::learning) adds a function that records
 /// which of the chosen lights are visible. [`LightShader::with_target`] adds `light_resample_by`,
 /// which weighs candidates by a function of the engine, and [`LightShader::with_heat_map`] adds
 /// `light_heat_map`, which shows how lights are chosen.
@@ -114,9 +113,9 @@ use crate::plan::{ShaderParts, TargetHook};
 ///
 /// # Bindings
 ///
-/// The text binds one uniform buffer and four read-only storage buffers, at `group`. Of WebGPU's
-/// default limits, that leaves an engine three bind groups, and four storage buffers and eleven
-/// uniform buffers in each stage. All names in the text start with `light_`, `Light` or `LIGHT_`;
+/// The text binds one uniform buffer, five read-only storage buffers and one that `light_mark` writes, at `group`. Of
+/// WebGPU's default limits, that leaves an engine three bind groups, and two storage buffers and eleven
+/// uniform buffers in each stage. Most devices grant more. All names in the text start with `light_`, `Light` or `LIGHT_`;
 /// [`with_prefix`](super::with_prefix) puts a prefix before them.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
@@ -137,20 +136,11 @@ pub struct LightShader {
     pub previous_group: Option<u32>,
     /// The layout of the bind group, for compute and fragment stages.
     pub layout: wgpu::BindGroupLayout,
-    /// The text marks cells and chooses no lights.
-    marks: bool,
 }
 
 impl LightShader {
-    /// A shader that chooses lights.
-    pub(super) fn choosing(group: u32, effects: Effects, parts: ShaderParts, layout: wgpu::BindGroupLayout) -> Self {
-        Self { wgsl: String::new(), group, effects, parts, previous_group: None, layout, marks: false }
-            .with_effects(effects)
-    }
-
-    /// A shader that marks cells.
-    pub(super) fn marking(group: u32, effects: Effects, layout: wgpu::BindGroupLayout) -> Self {
-        Self { marks: true, ..Self::choosing(group, effects, ShaderParts::default(), layout) }.with_effects(effects)
+    pub(super) fn new(group: u32, effects: Effects, parts: ShaderParts, layout: wgpu::BindGroupLayout) -> Self {
+        Self { wgsl: String::new(), group, effects, parts, previous_group: None, layout }.with_effects(effects)
     }
 
     /// Returns the same shader for other effects. This needs no [`GpuLights`](super::GpuLights), so it
@@ -158,9 +148,6 @@ impl LightShader {
     /// nothing.
     #[must_use]
     pub fn with_effects(&self, effects: Effects) -> Self {
-        if self.marks {
-            return Self { wgsl: text::wgsl_of_marks(self.group, effects), effects, ..self.clone() };
-        }
         let mut wgsl = text::wgsl_with(self.group, effects, &self.parts);
         if let Some(group) = self.previous_group {
             wgsl += &text::wgsl_previous(group, effects);
@@ -177,16 +164,16 @@ impl LightShader {
     /// fn light_pmf_previous(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
     /// ```
     ///
-    /// `group` is the number of a second bind group, of the same layout:
+    /// `group` is the number of a second bind group:
     /// [`GpuLights::previous_bind_group`](super::GpuLights::previous_bind_group), which needs
     /// [`GpuLights::keep_previous`](super::GpuLights::keep_previous). A stage that calls the function
-    /// binds eight storage buffers, which is WebGPU's default limit, and more with shared cuts or learnt visibility.
+    /// binds ten storage buffers, which is more than WebGPU's default limit.
     ///
     /// The shading point is relative to the origin that the world had then
     /// ([`LightWorld::origin`](crate::LightWorld::origin)). The function compares what
     /// `light_generation` returns now and returned then, so a light that was added, that came with
-    /// another tree or instance, or that is hidden now has a probability of 0. The number of splits is
-    /// `light_splits_previous`, which is the default at first. Learnt visibility and shared cuts are left out.
+    /// another tree or instance, or that is hidden now has a probability of 0. Shared cuts are left out: it is the
+    /// probability of a point whose cell has none.
     #[must_use]
     pub fn with_previous(self, group: u32) -> Self {
         let effects = self.effects;
@@ -235,6 +222,14 @@ impl LightShader {
     pub fn with_target(self, hook: TargetHook) -> Self {
         let effects = self.effects;
         Self { parts: self.parts.clone().with_target(hook), ..self }.with_effects(effects)
+    }
+
+    /// The same with `light_record_visibility`: see [`ShaderParts::learns`](crate::plan::ShaderParts::learns).
+    /// [`GpuLights::shader`](super::GpuLights::shader) has it where cells learn.
+    #[must_use]
+    pub fn with_learning(self) -> Self {
+        let effects = self.effects;
+        Self { parts: self.parts.clone().with_learning(), ..self }.with_effects(effects)
     }
 
     /// The same with `light_heat_map`, which shows how lights are chosen: see
@@ -312,7 +307,7 @@ mod tests {
         let texts: Vec<_> = paths.map(|path| std::fs::read_to_string(path).expect("a text")).collect();
         let blocks_of = |text| str::split(text, "```wgsl\n").skip(1).filter_map(|rest| rest.split("```").next());
         let blocks: Vec<_> = texts.iter().flat_map(|text| blocks_of(text)).collect();
-        assert_eq!(blocks.len(), 12);
+        assert_eq!(blocks.len(), 11);
         for effects in [Effects::all(), Effects::empty()] {
             // Only shaders that know segments have the distance along one.
             let knows = |block: &&&str| effects.contains(Effects::SEGMENTS) || !block.contains("light_segment(");

@@ -40,14 +40,14 @@ pub struct SyncReport {
 
 impl GpuLights {
     /// Brings the GPU up to date with the edits of `world`: updates the world
-    /// ([`LightWorld::update`]), uploads what changed ([`GpuLights::upload`]), and records the build
-    /// of the top level into `encoder` ([`GpuLights::build_top`]). Call it once a frame, before the
-    /// passes that sample.
+    /// ([`LightWorld::update`]), uploads what changed ([`GpuLights::upload`]), and records into `encoder` the build
+    /// of the top level ([`GpuLights::build_top`]) and, unless the engine has built them since the last call, of the cuts
+    /// of cells that were marked ([`GpuLights::build_cuts`]). Call it once a frame, before the passes that sample.
     ///
     /// Submit the encoder before the next call.
     ///
     /// An engine whose kernels write [lights](GpuLights::source_group) makes these calls by itself, after
-    /// [`GpuLights::follow_sources`], and records its kernels before the last.
+    /// [`GpuLights::follow_sources`], and records its kernels before [`GpuLights::build_top`].
     ///
     /// # Errors
     /// As [`GpuLights::upload`]. The world was updated and nothing was recorded. The next call sends the
@@ -63,6 +63,9 @@ impl GpuLights {
         let since = self.revision();
         let upload = self.upload(world)?;
         self.build_top(encoder);
+        if !std::mem::take(&mut self.has_built_cuts) {
+            self.record_cuts(encoder);
+        }
         Ok(SyncReport { frame, upload, since })
     }
 }

@@ -10,8 +10,7 @@ pub enum HeatMap {
     /// blue for none, green for 1.2, yellow for 4, which is the most that 16 samples can show. Black where no light
     /// arrives.
     Noise = 0,
-    /// What lights are chosen from: a colour for each cell whose cut is shared; otherwise how far the point's own cut is
-    /// split, dark blue for not at all, yellow for as far as possible. Black for a walk without splits.
+    /// A colour for each cell that has a cut. Black where lights are chosen from the roots.
     Cuts = 1,
     /// The share of samples that end without a light, of 16: dark blue for none, green for half, yellow for all.
     Misses = 2,

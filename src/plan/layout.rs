@@ -486,7 +486,7 @@ mod tests {
         );
         record!(structs, TreeRecord, "LightTree", [cluster, punctual_flux, area_flux, child_bits, place]);
         record!(structs, LeafRecord, "LightPart", [slot, child_bits, place, mask]);
-        record!(structs, SampleRequest, "Request", [position, choice, normal, splits, u]);
+        record!(structs, SampleRequest, "Request", [position, choice, normal, padding, u]);
         record!(structs, SampleRecord, "LightSample", [direction, dist, radiance, pdf, pmf, instance, light, is_delta]);
         // WGSL pads the struct without naming the padding.
         assert_eq!(structs["LightReservoir"], (64, vec![("chosen".into(), 0), ("weight".into(), 48)]));

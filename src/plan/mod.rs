@@ -13,7 +13,8 @@
 //! 3. [`Reservation::plan`] returns the [`FramePlan`] of the frame.
 //! 4. The engine runs its [`FramePlan::upload`] and [`FramePlan::top`], in this order, and frees
 //!    [`FramePlan::freed`] once the GPU has finished the frame.
-//! 5. The engine's shaders bind [`LightPlanner::bindings`] and call the functions of [`wgsl`].
+//! 5. The engine's shaders bind [`LightPlanner::bindings`] and [`LightPlanner::cells`], and call the functions
+//!    of [`wgsl`]. [`LightPlanner::build_cuts`] says when cells get cuts.
 //!
 //! ```
 //! use girandole::plan::{Command, FramePlan, LightPlanner, NewBuffer, PlanError, PlanLimits};
@@ -98,7 +99,6 @@ pub(crate) mod top;
 mod tree_store;
 mod tree_writes;
 mod uniforms;
-mod visibility;
 mod write;
 
 use std::fmt;
@@ -107,7 +107,7 @@ pub use buffers::{BufferId, BufferKind, NewBuffer, ShaderBuffers};
 pub use changes::UploadReport;
 pub use commands::{Command, Commands};
 pub use cursor::PlanCursor;
-pub use cuts::cut_kernels;
+pub use cuts::{cut_kernels, visibility_kernels};
 pub use error::{PlanError, ShaderNameError};
 pub use frame::FramePlan;
 pub use heat_map::HeatMap;
@@ -124,7 +124,7 @@ pub use reserve::Reservation;
 pub use sources::{LightReadback, MeasureReadback, PartReadback, wgsl_of_sources};
 pub use tables::TableReservation;
 pub use target_hook::TargetHook;
-pub use text::{ShaderParts, wgsl, wgsl_of_marks, wgsl_previous, wgsl_with};
+pub use text::{ShaderParts, wgsl, wgsl_previous, wgsl_with};
 
 use crate::effects::Effects;
 use crate::instance::portal::PlacedPortal;
@@ -143,11 +143,9 @@ use sources::SourceStore;
 use top::TopBuild;
 use tree_store::TreeStore;
 use uniforms::Uniforms;
-use visibility::VisibilityStore;
-pub use visibility::visibility_kernels;
 
 /// All kernels that plans dispatch. A kernel need not use all of its bindings. [`cut_kernels`] has those that build
-/// shared cuts, and [`visibility_kernels`] those of learnt visibility.
+/// shared cuts, and [`visibility_kernels`] those by which cells learn.
 pub const KERNELS: &[Kernel] = &[
     relayout::RELAYOUT,
     scatter::SCATTER,
@@ -172,7 +170,6 @@ pub struct LightPlanner {
     top: TopBuild,
     previous: Previous,
     cuts: CutStore,
-    visibility: VisibilityStore,
     buffers: Buffers,
     /// How far the plans have followed the world.
     revision: Revision,
@@ -203,7 +200,6 @@ impl LightPlanner {
             top: TopBuild::new(limits.largest_buffer),
             previous: Previous::new(),
             cuts: CutStore::default(),
-            visibility: VisibilityStore::default(),
             buffers: Buffers::default(),
             revision: Revision::default(),
             is_lost: false,
@@ -216,7 +212,7 @@ impl LightPlanner {
         }
     }
 
-    /// The buffers that the engine's shaders bind after the last plan, in the order of the bindings
+    /// The lights that the engine's shaders bind after the last plan, in the order of the first bindings
     /// of [`wgsl`]: a uniform buffer of 64 bytes, then four storage buffers that are only read, each
     /// bound whole. `None` before the first plan.
     ///

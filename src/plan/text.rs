@@ -17,7 +17,7 @@ use crate::light;
 use crate::math::dice;
 use crate::math::solid_angle;
 use crate::profile;
-use crate::sampling::counts::{self, SplitCount};
+use crate::sampling::counts;
 use crate::sampling::cut;
 use crate::sampling::cuts;
 use crate::sampling::emit;
@@ -38,10 +38,14 @@ use crate::visibility;
 /// `requires` directives.
 ///
 /// `girandole::gpu::LightShader` lists the functions and the units of their results. The bindings
-/// are in `@group(group)`, for compute and fragment stages: one uniform buffer at binding 0 and four
-/// read-only storage buffers at 1 to 4, of the eight that WebGPU grants a stage.
-/// [`LightPlanner::bindings`](super::LightPlanner::bindings) names the buffers. All names start with
+/// are in `@group(group)`, for compute and fragment stages: one uniform buffer at binding 0 and five
+/// read-only storage buffers at 1 to 5, and one that shaders write at 6. That is six of the eight that WebGPU
+/// grants a stage. [`LightPlanner::bindings`](super::LightPlanner::bindings) names those up to 4, and
+/// [`LightPlanner::cells`](super::LightPlanner::cells) the others. All names start with
 /// `light_`, `Light` or `LIGHT_`.
+///
+/// Lights are chosen from the cuts that cells share, and where a cell has none by a walk from the roots: see
+/// [`LightPlanner::build_cuts`](super::LightPlanner::build_cuts). All probabilities are exact.
 ///
 /// `effects` selects the code of the text. It must contain the effects of the world and needs no
 /// others. The text reads buffers of any layout: parts that it has no code for are skipped, and
@@ -64,13 +68,7 @@ pub struct ShaderParts {
     /// The function `light_resample_by`, which weighs candidates by a function of the engine: [`TargetHook`] has its
     /// parameters.
     pub target: Option<TargetHook>,
-    /// Lights are chosen from the cuts that cells share, with one more read-only storage buffer at binding 5:
-    /// [`LightPlanner::cut_table`](super::LightPlanner::cut_table). The text has no code for cuts of single points.
-    /// Where a cell has no cut, because it was marked too rarely or not at all or because the table has no room for
-    /// it, a walk from the roots chooses by rough estimates. All probabilities are exact.
-    pub cuts: bool,
-    /// Lights are chosen from shared cuts and by learnt visibility too, with one more read-only storage buffer at
-    /// binding 6 and one that is written at 7: [`LightPlanner::visibility_table`](super::LightPlanner::visibility_table). The text has
+    /// Shaders record what shadow rays find, where cells learn. The text has
     ///
     /// ```wgsl
     /// // Records whether a light that light_sample chose for this shading point is visible: whether
@@ -81,7 +79,7 @@ pub struct ShaderParts {
     /// Call it for all samples, or for a random part of them. Samples with a pmf of 0 and
     /// directional lights may be passed and are not recorded. The cost is one node and one atomic
     /// addition for each level above the light. Builds of cuts read the table, and `light_resample`
-    /// weighs candidates by it. It does not change before it is folded: so all probabilities of a frame are exact.
+    /// weighs candidates by it.
     pub learns: bool,
     /// The text has a function that shows how lights are chosen, for people who look for the cause of noise:
     ///
@@ -90,7 +88,7 @@ pub struct ShaderParts {
     /// fn light_heat_map(shading_point: LightShadingPoint, shown: u32, seed: u32) -> vec3<f32>
     /// ```
     ///
-    /// The cost is that of 16 samples, or of one cut for [`HeatMap::Cuts`](super::HeatMap::Cuts).
+    /// The cost is that of 16 samples, and little for [`HeatMap::Cuts`](super::HeatMap::Cuts).
     pub heat_map: bool,
 }
 
@@ -99,12 +97,6 @@ impl ShaderParts {
     #[must_use]
     pub fn with_target(self, target: TargetHook) -> Self {
         Self { target: Some(target), ..self }
-    }
-
-    /// The same with choices from shared cuts.
-    #[must_use]
-    pub fn with_cuts(self) -> Self {
-        Self { cuts: true, ..self }
     }
 
     /// The same with `light_heat_map`.
@@ -120,36 +112,6 @@ impl ShaderParts {
     }
 }
 
-/// Returns the text for a shader that marks the cells of shading points. It has the functions that make
-/// shading points, and
-///
-/// ```wgsl
-/// // Marks the cell of a shading point: it will have a cut from the next build on.
-/// fn light_mark(shading_point: LightShadingPoint)
-/// ```
-///
-/// Call it for all points, or for a random part of them if
-/// [`CutOptions::with_min_marks`](crate::CutOptions::with_min_marks) is lower by the same factor. Segments, and
-/// glossy points that the camera does not see, are not marked. The cost is two atomic operations.
-///
-/// The text binds one storage buffer at 0, which it writes:
-/// [`LightPlanner::cut_table`](super::LightPlanner::cut_table).
-#[must_use]
-pub fn wgsl_of_marks(group: u32, effects: Effects) -> String {
-    let body = [
-        include_str!("../../shaders/gloss.wgsl"),
-        include_str!("../../shaders/shading_point.wgsl"),
-        include_str!("../../shaders/dice.wgsl"),
-        include_str!("../../shaders/cut_grid.wgsl"),
-        include_str!("../../shaders/cells.wgsl"),
-        include_str!("../../shaders/mark.wgsl"),
-    ]
-    .concat();
-    let extras = Extras { cells: true, ..Extras::default() };
-    // There are no lights ahead of the table.
-    with_constants(&variant(&at_group(&body, group).replace("@binding(5)", "@binding(0)"), effects, extras))
-}
-
 /// Returns the text that adds `light_pmf_previous` to the text of [`wgsl`]. `group` is the group of the
 /// buffers of the last frame: [`LightPlanner::previous_bindings`](super::LightPlanner::previous_bindings).
 ///
@@ -160,8 +122,8 @@ pub fn wgsl_of_marks(group: u32, effects: Effects) -> String {
 /// ```
 ///
 /// The shading point is in the space of the last frame's [`LightWorld::origin`]. Lights
-/// and placements are those of the last frame, and the number of splits is that of the variable
-/// `light_splits_previous`. Learnt visibility and shared cuts are left out.
+/// and placements are those of the last frame. Shared cuts are left out: it is the probability of a point
+/// whose cell has none.
 ///
 /// [`LightWorld::origin`]: crate::LightWorld::origin
 #[must_use]
@@ -183,21 +145,19 @@ const MAX_STEPS: u32 = 1024;
 pub(crate) struct Extras {
     /// Counts the nodes that an invocation reads.
     pub counts: bool,
-    /// Reads and records learnt visibility. Only with `cells`.
+    /// Reads and records learnt visibility.
     pub learns: bool,
     /// Reads the buffers of the last frame.
     pub previous: bool,
     /// Has a heat map.
     pub heat_map: bool,
-    /// Chooses from the cuts of cells.
-    pub cells: bool,
     /// Builds the cuts of cells.
     pub builds: bool,
 }
 
 impl Extras {
     fn of(parts: &ShaderParts) -> Self {
-        Self { learns: parts.learns, cells: parts.cuts || parts.learns, heat_map: parts.heat_map, ..Self::default() }
+        Self { learns: parts.learns, heat_map: parts.heat_map, ..Self::default() }
     }
 
     /// Whether the lines between `// #if NAME` and `// #endif` are kept; `None` for another name.
@@ -206,8 +166,8 @@ impl Extras {
             "COUNTS" => Some(self.counts),
             "LEARNS" => Some(self.learns),
             "PREVIOUS" => Some(self.previous),
-            "CELLS" => Some(self.cells),
-            "SPLITS" => Some(!self.cells),
+            "ROWS" => Some(!self.previous),
+            "BUILDS" => Some(self.builds),
             _ => None,
         }
     }
@@ -237,33 +197,28 @@ pub(crate) fn wgsl_of_cut_build_by_visibility(effects: Effects) -> String {
 }
 
 fn cut_build(effects: Effects, learns: bool) -> String {
-    let extras = Extras { learns, cells: true, builds: true, ..Extras::default() };
-    let functions = functions(0, effects, extras, None)
-        .replace("var<storage, read> light_cuts", "var<storage, read_write> light_cuts");
-    let build = include_str!("../../shaders/row.wgsl").to_owned() + include_str!("../../shaders/cut_build.wgsl");
-    with_constants(&(functions + &variant(&build, effects, extras)))
+    let own = [include_str!("../../shaders/row.wgsl"), include_str!("../../shaders/cut_build.wgsl")].concat();
+    cut_stage(effects, Extras { learns, builds: true, ..Extras::default() }, &own)
 }
 
 /// The stage that looks at rows. It reads any layout.
 pub(crate) fn wgsl_of_cut_keep() -> String {
-    let effects = Effects::MASKS | Effects::SKY | Effects::FACTORS;
-    let own = [
-        include_str!("../../shaders/cut_grid.wgsl"),
-        include_str!("../../shaders/row.wgsl"),
-        include_str!("../../shaders/cut_keep.wgsl"),
-    ]
-    .concat();
-    with_constants(&(functions(0, effects, Extras::default(), None) + &variant(&own, effects, Extras::default())))
+    let own = [include_str!("../../shaders/row.wgsl"), include_str!("../../shaders/cut_keep.wgsl")].concat();
+    cut_stage(Effects::MASKS | Effects::SKY | Effects::FACTORS, Extras::default(), &own)
+}
+
+/// A stage that writes cuts, behind the functions that it shares with shaders.
+fn cut_stage(effects: Effects, extras: Extras, own: &str) -> String {
+    let functions = functions(0, effects, extras, None)
+        .replace("var<storage, read> light_cuts", "var<storage, read_write> light_cuts");
+    with_constants(&(functions + &variant(own, effects, extras)))
 }
 
 /// The stages that fold what was recorded about visibility.
 pub(crate) fn wgsl_of_visibility_fold() -> String {
-    with_constants(include_str!("../../shaders/visibility_fold.wgsl"))
-}
-
-/// The stage that makes cuts void which know less.
-pub(crate) fn wgsl_of_visibility_void() -> String {
-    [include_str!("../../shaders/cut_grid.wgsl"), include_str!("../../shaders/visibility_void.wgsl")].concat()
+    let body =
+        [include_str!("../../shaders/cut_grid.wgsl"), include_str!("../../shaders/visibility_fold.wgsl")].concat();
+    with_constants(&body)
 }
 
 /// `light_resample`, and `light_resample_by` if the engine weighs candidates.
@@ -302,7 +257,7 @@ fn at_group(text: &str, group: u32) -> String {
 /// All functions, without the constants.
 fn functions(group: u32, effects: Effects, extras: Extras, target: Option<&TargetHook>) -> String {
     let optional = |is_used: bool, text: &'static str| if is_used { text } else { "" };
-    let weighs = !extras.cells || extras.builds || effects.contains(Effects::SEGMENTS);
+    let weighs = extras.builds || effects.contains(Effects::SEGMENTS);
     let body = [
         include_str!("../../shaders/types.wgsl"),
         include_str!("../../shaders/instance.wgsl"),
@@ -319,10 +274,8 @@ fn functions(group: u32, effects: Effects, extras: Extras, target: Option<&Targe
         include_str!("../../shaders/stored.wgsl"),
         include_str!("../../shaders/scaled.wgsl"),
         include_str!("../../shaders/places.wgsl"),
-        optional(!extras.cells, include_str!("../../shaders/cut.wgsl")),
-        optional(!extras.cells, include_str!("../../shaders/walk.wgsl")),
-        optional(extras.cells, include_str!("../../shaders/rough.wgsl")),
-        optional(extras.cells, include_str!("../../shaders/row_walk.wgsl")),
+        include_str!("../../shaders/rough.wgsl"),
+        include_str!("../../shaders/row_walk.wgsl"),
         include_str!("../../shaders/along.wgsl"),
         include_str!("../../shaders/pdf.wgsl"),
         include_str!("../../shaders/hit.wgsl"),
@@ -331,9 +284,10 @@ fn functions(group: u32, effects: Effects, extras: Extras, target: Option<&Targe
         include_str!("../../shaders/resample.wgsl"),
         &resampling(target),
         optional(extras.learns, include_str!("../../shaders/visibility.wgsl")),
-        optional(extras.cells, include_str!("../../shaders/cut_grid.wgsl")),
-        optional(extras.cells, include_str!("../../shaders/cells.wgsl")),
-        optional(extras.cells, include_str!("../../shaders/shared.wgsl")),
+        include_str!("../../shaders/cut_grid.wgsl"),
+        include_str!("../../shaders/cells.wgsl"),
+        include_str!("../../shaders/mark.wgsl"),
+        include_str!("../../shaders/shared.wgsl"),
         optional(extras.heat_map, include_str!("../../shaders/heat.wgsl")),
     ]
     .concat();
@@ -388,11 +342,9 @@ pub(crate) fn constants() -> String {
         ("PART_BITS", part::PART_BITS),
         ("DIRECTIONAL", layout::DIRECTIONAL),
         ("NO_INSTANCE", cut::NO_INSTANCE),
-        ("MAX_SPLITS", counts::MAX_SPLITS as u32),
         ("HEAT_CUTS", HeatMap::Cuts.number()),
         ("HEAT_MISSES", HeatMap::Misses.number()),
         ("HEAT_LIGHTS", HeatMap::Lights.number()),
-        ("DEFAULT_SPLITS", SplitCount::DEFAULT.get() as u32),
         ("MAX_CANDIDATES", counts::MAX_CANDIDATES),
         ("LATTICE_Y", resample::LATTICE[0]),
         ("LATTICE_Z", resample::LATTICE[1]),
@@ -533,7 +485,6 @@ pub(crate) fn constants() -> String {
         ("MIN_DIRECTION", hit::MIN_DIRECTION),
         ("BOX_ROUNDING", hit::BOX_ROUNDING),
         ("MIN_PMF", dice::MIN_PMF),
-        ("MIN_DOUBT", cut::MIN_DOUBT),
         ("FOUR_PI", 4.0 * std::f32::consts::PI),
         ("U_STEP", dice::U_STEP),
         ("MIN_WEIGHT", resample::MIN_WEIGHT),
@@ -649,7 +600,7 @@ mod tests {
         let mut groups: Vec<_> =
             module.global_variables.iter().filter_map(|(_, v)| v.binding.map(|b| (b.group, b.binding))).collect();
         groups.sort_unstable();
-        assert_eq!(groups, [(3, 0), (3, 1), (3, 2), (3, 3), (3, 4)]);
+        assert_eq!(groups, [0, 1, 2, 3, 4, 5, 6].map(|binding| (3, binding)));
     }
 
     /// How often a text has a name outside of comments.
@@ -668,6 +619,7 @@ mod tests {
             "volume_point",
             "masked_point",
             "segment",
+            "mark",
             "sample",
             "resample",
             "pick",
@@ -707,7 +659,7 @@ mod tests {
     const PORTAL_NAMES: &str = "light_portal_quad light_is_in_room light_portals_in_sight light_portal_share \
         light_share_between light_portal_side LIGHT_PORTAL_SLACK LIGHT_FILLED_WIDTH LIGHT_LEAST_SHARE LIGHT_IN_PLANE";
 
-    const LEARNING_NAMES: &str = "light_learnt light_visibility_records light_row_counts light_cell light_bin \
+    const LEARNING_NAMES: &str = "light_learnt light_row_counts light_cell light_bin \
         light_child_bin light_learnt_share light_visible_share light_place_share light_toward_sample light_row_or_claim \
         light_cell_key light_learnt_row light_row_to_record light_record_visibility LightCellKey LightCellKey.tag \
         LightCellKey.bucket LightCell LightCell.key LightCell.block LightCell.row LightCell.from_center \
@@ -716,19 +668,18 @@ mod tests {
         LIGHT_BLOCK_MIDDLE";
 
     #[test]
-    fn learning_adds_its_names_and_bindings_with_every_effect_and_without_any() {
+    fn learning_adds_its_names_with_every_effect_and_without_any() {
         let all = Effects::all() - Effects::MOVING;
         let sets = all.iter().flat_map(|effect| [effect, all - effect]).chain([all, Effects::empty()]);
         for effects in sets {
-            let cells = Extras { cells: true, ..Extras::default() };
-            let text = wgsl_of_shader(2, effects, Extras { learns: true, ..cells }, None);
-            let (names, plain) = (module_names(&text), module_names(&wgsl_of_shader(2, effects, cells, None)));
+            let text = wgsl_of_shader(2, effects, Extras { learns: true, ..Extras::default() }, None);
+            let (names, plain) = (module_names(&text), module_names(&wgsl(2, effects)));
             let added: HashSet<&str> = names.difference(&plain).map(String::as_str).collect();
             let sky = effects.contains(Effects::SKY).then_some("LIGHT_SKY_DIST");
             assert_eq!(added, LEARNING_NAMES.split_whitespace().chain(sky).collect(), "{effects:?}");
             assert!(plain.is_subset(&names));
             let bindings = module(&text).global_variables.iter().filter(|(_, v)| v.binding.is_some()).count();
-            assert_eq!(bindings, 8, "{effects:?}");
+            assert_eq!(bindings, 7, "{effects:?}");
         }
         let fold = module(&wgsl_of_visibility_fold());
         for entry in &fold.entry_points {
@@ -741,45 +692,25 @@ mod tests {
 
     #[test]
     fn a_heat_map_adds_its_names_to_every_variant_and_nothing_else() {
-        for (effects, cells) in text_variants().flat_map(|effects| [false, true].map(|cells| (effects, cells))) {
-            let parts = ShaderParts { cuts: cells, ..ShaderParts::default() };
+        for effects in text_variants() {
             let names = |parts: &ShaderParts| module_names(&wgsl_with(2, effects, parts));
-            let (plain, with) = (names(&parts), names(&parts.clone().with_heat_map()));
+            let (plain, with) = (names(&ShaderParts::default()), names(&ShaderParts::default().with_heat_map()));
             let added: HashSet<&str> = with.difference(&plain).map(String::as_str).collect();
-            assert_eq!(added, HEAT_NAMES.split_whitespace().collect(), "{effects:?} {cells:?}");
+            assert_eq!(added, HEAT_NAMES.split_whitespace().collect(), "{effects:?}");
             assert!(plain.is_subset(&with));
         }
     }
 
-    const CELL_NAMES: &str = "light_cuts light_cut_cell light_row_of_cell light_cell_normal light_cell_keys light_shared_cut \
-        light_row light_shared_total light_sums_passed light_sixteen_passed light_shared_sum light_units \
-        light_choose_shared light_shared_pmf light_side light_scrambled light_rough light_walk_lux \
-        light_rough_weights light_root_pmf";
-
     #[test]
-    fn cells_take_the_place_of_splits_with_every_effect_and_without_any() {
-        let functions = |text: &str| -> HashSet<String> {
-            let is_lower = |name: &String| name.starts_with("light_") && !name.contains('.');
-            module_names(text).into_iter().filter(is_lower).collect()
-        };
+    fn the_stages_of_cells_are_valid_with_every_effect_and_without_any() {
         let all = Effects::all() - Effects::MOVING;
         let sets = all.iter().flat_map(|effect| [effect, all - effect]).chain([all, Effects::empty()]);
         for effects in sets {
-            let plain = functions(&wgsl(2, effects));
-            let gloss = effects.contains(Effects::GLOSSY).then_some("light_cell_gloss");
-            let expected: HashSet<&str> = CELL_NAMES.split_whitespace().chain(gloss).collect();
-            let text = wgsl_of_shader(2, effects, Extras { cells: true, ..Extras::default() }, None);
-            let names = functions(&text);
-            let added: HashSet<&str> = names.difference(&plain).map(String::as_str).collect();
-            assert_eq!(added, expected, "{effects:?}");
-            assert!(!names.contains("light_split_next"));
-            assert_eq!(names.contains("light_importance"), effects.contains(Effects::SEGMENTS));
-            let bindings = module(&text).global_variables.iter().filter(|(_, v)| v.binding.is_some()).count();
-            assert_eq!(bindings, 6, "{effects:?}");
-            let marks = module(&wgsl_of_marks(2, effects));
-            assert!(marks.functions.iter().any(|(_, f)| f.name.as_deref() == Some("light_mark")));
-            let build = module(&wgsl_of_cut_build(effects));
-            assert_eq!(build.entry_points[0].workgroup_size, [64, 1, 1]);
+            for text in [wgsl_of_cut_build(effects), wgsl_of_cut_build_by_visibility(effects)] {
+                assert_eq!(module(&text).entry_points[0].workgroup_size, [64, 1, 1]);
+            }
+            // Shaders choose by rough estimates.
+            assert!(!module_names(&wgsl(2, effects)).contains("light_importance"));
         }
         assert_eq!(module(&wgsl_of_cut_list()).entry_points.len(), 3);
         assert_eq!(module(&wgsl_of_cut_keep()).entry_points.len(), 1);
@@ -829,7 +760,7 @@ mod tests {
         let hook = TargetHook::new("brdf_target", "Material").expect("identifiers");
         for effects in text_variants() {
             for learns in [false, true] {
-                let extras = Extras { learns, cells: learns, ..Extras::default() };
+                let extras = Extras { learns, ..Extras::default() };
                 let plain = wgsl_of_shader(2, effects, extras, None);
                 assert!(learns || plain == wgsl(2, effects), "{effects:?}");
                 let text = wgsl_of_shader(2, effects, extras, Some(&hook)) + engine;
@@ -850,7 +781,8 @@ mod tests {
         let constants = module.constants.iter().filter_map(|(_, c)| c.name.clone());
         let mut names: HashSet<String> = functions.chain(variables).chain(constants).collect();
         for (_, ty) in module.types.iter() {
-            let Some(name) = &ty.name else { continue };
+            // Those of the language begin with two underscores.
+            let Some(name) = ty.name.as_ref().filter(|name| !name.starts_with("__")) else { continue };
             names.insert(name.clone());
             if let naga::TypeInner::Struct { members, .. } = &ty.inner {
                 names.extend(members.iter().filter_map(|m| Some(format!("{name}.{}", m.name.as_ref()?))));
@@ -877,7 +809,11 @@ mod tests {
         light_importance_along light_gap light_halved light_is_segment light_local_segment light_near_sq \
         light_point_along light_sample_along light_sample_drawn_along light_segment_view \
         light_source light_source_of light_stretch light_stretch_density light_stretch_of \
-        light_stretch_sample light_seen_axis light_seen_box";
+        light_stretch_sample light_seen_axis light_seen_box LightImportance LightImportance.doubt \
+        LightImportance.lux light_has_unresolved light_is_out_of_range light_position_error_sq light_resolved_sum \
+        light_scale_unresolved light_unresolved_scale light_unresolved_sum light_weights LIGHT_ANGLE_MARGIN \
+        LIGHT_MAX_DIST_SQ LIGHT_MEAN_ERROR_SQ LIGHT_MIN_GAP LIGHT_MIN_POSITION_ERROR LIGHT_NEAR_GAIN \
+        LIGHT_NEAR_VARIANCE LIGHT_POSITION_ERROR LIGHT_VARIANCE_SHARE";
 
     #[test]
     fn a_variant_without_an_effect_lacks_exactly_the_names_that_the_effect_needs() {
@@ -885,17 +821,18 @@ mod tests {
         let effects = [
             (
                 Effects::CONES,
-                "light_lobe light_is_turned_away light_from_spot light_unit_axis LightLobe LightLobe.value LightLobe.width_sq \
+                "light_lobe light_from_spot light_unit_axis LightLobe LightLobe.value LightLobe.width_sq \
                  LightChild.facing LightChild.center_sq \
                  LightChild.center_facing LightChild.axis_length LightChild.cos_half_angle LIGHT_KIND_SPOT \
                  LIGHT_LAMBERTIAN LIGHT_LOBE_SHARE LIGHT_RIM_WIDTH_SQ LIGHT_RIM_MIN_SQ LIGHT_MAX_LOBE_LENGTH \
                  LIGHT_CAP_STEPS LIGHT_ANGLE_MARGIN light_cap_cosine LIGHT_AXIS_ROUNDING light_see_axis light_seen_axis light_axis_in_axes light_end light_halved \
-                 LightEnd LightEnd.place LightEnd.dist light_is_turned_away_along light_emitted_along LIGHT_LEAST_NORMAL_CODE",
+                 LightEnd LightEnd.place LightEnd.dist light_is_turned_away_along light_emitted_along LIGHT_LEAST_NORMAL_CODE \
+                 LIGHT_ROUGH_SPILL",
             ),
             (
                 Effects::RANGES,
                 "light_is_out_of_range light_range_window LightChild.range \
-                 LightRecord.range LIGHT_COSINE_MARGIN LIGHT_RANGE_SLACK",
+                 LightRecord.range LIGHT_RANGE_SLACK",
             ),
             (
                 Effects::AREAS,
@@ -916,7 +853,8 @@ mod tests {
                  LightGloss.flat_part LightReflected LightReflected.value LightReflected.doubt \
                  LightShadingPoint.gloss LightLocalShadingPoint.gloss \
                  LIGHT_MIN_VIEW_SQ LIGHT_MAX_VIEW_SQ LIGHT_MIN_VIEW_SINE_SQ LIGHT_MIN_VIEW_COSINE LIGHT_MIN_SPECULAR LIGHT_MIN_ALPHA \
-                 LIGHT_GLOSS_WIDTH LIGHT_MIN_GLOSS",
+                 LIGHT_GLOSS_WIDTH LIGHT_MIN_GLOSS light_cell_gloss LightShadingPoint.cell_gloss LIGHT_GLOSS_SHIFT \
+                 LIGHT_GREATEST_RATIO LIGHT_LEAST_RATIO LIGHT_ROUGHNESS_STEPS LIGHT_VIEW_COSINE",
             ),
             (Effects::SEGMENTS, SEGMENT_NAMES),
             (
@@ -934,8 +872,8 @@ mod tests {
                 "light_sees_sky light_sky_root light_sky_head light_square_holds light_patch_square light_sky_quad light_sky_quad_lux \
                  light_shared_exponent light_sky_texel light_sky_luminance light_sky_lux light_sky_choose \
                  light_sky_direction light_sky_row light_sky_arriving light_sky_incident light_sky_texel_at \
-                 light_sky_from light_sky_pdf light_in_order light_patch_of LightSquare LightSquare.level \
-                 LightSquare.at LIGHT_SKY_BITS LIGHT_SKY_LINK LIGHT_KIND_SKY LIGHT_SKY_LEVELS",
+                 LIGHT_ROOT_OF_SKY light_sky_from light_sky_pdf light_in_order light_patch_of LightSquare LightSquare.level \
+                 LightSquare.at LIGHT_SKY_BITS LIGHT_KIND_SKY LIGHT_SKY_LEVELS",
             ),
             (Effects::PORTALS, PORTAL_NAMES),
             (

@@ -59,7 +59,6 @@ impl Reservation<'_> {
                 planner.finish_top(&mut plan.top);
             }
             planner.cuts.follow(&mut plan.upload, world.origin(), (!plan.top.is_empty(), false));
-            planner.visibility.follow(&mut plan.upload, world.origin(), false);
             plan.report = planner.report_of(&plan.upload);
             let is_refit = planner.sources.is_active();
             planner.previous.changed([!plan.top.is_empty(), is_refit, false, is_refit]);
@@ -117,7 +116,6 @@ impl Reservation<'_> {
         }
         let is_void = commands.bytes_written() > 0 || !plan.top.is_empty();
         planner.cuts.follow(commands, world.origin(), (is_void, planner.is_lost));
-        planner.visibility.follow(commands, world.origin(), planner.is_lost);
         report.bytes = commands.bytes_written();
         plan.report = report;
         planner.is_lost = false;

@@ -1,7 +1,7 @@
 //! The cut through the trees that a light is chosen from: the clusters near the shading point are
 //! split, so that one larger choice is made among all candidates that are left.
 //!
-//! Twin of `shaders/cut.wgsl`. Based on CK18 5 (adaptive tree splitting). Differs: one light is
+//! Based on CK18 5 (adaptive tree splitting). Shaders have no such cut (docs/decisions.md, 90). Differs: one light is
 //! chosen among all candidates together, instead of one light for each; and the number of splits is
 //! bounded, and with it the time. Bottom-level trees and the top level are split alike, and a
 //! split continues from a leaf of the top level into the instance's tree.
@@ -110,6 +110,11 @@ pub(crate) trait Candidates<'a> {
 
     /// The probability of a node's child; `None` if the node was not split, and 0 if the child was.
     fn pmf(&self, tree: &TreeView<'a>, node: u32, slot: usize) -> Option<f32>;
+
+    /// The probability of the root of a tree, if roots are candidates.
+    fn root_pmf(&self, _: &TreeView<'a>) -> f32 {
+        0.0
+    }
 
     /// What a walk below the candidates chooses one of a node's children by. 0 where masks hide all lights.
     #[inline(always)]

@@ -22,8 +22,7 @@ use crate::sampling::counts::{CandidateCount, SplitCount};
 /// # Ok::<(), girandole::WorldError>(())
 /// ```
 ///
-/// On the GPU, set `light_splits` to [`splits`](Self::splits), and pass
-/// [`candidates`](Self::candidates) to `light_resample` in WGSL.
+/// Shaders choose from cells and have no splits: pass [`candidates`](Self::candidates) to `light_resample` in WGSL.
 ///
 /// The numbers below are those of one sample per pixel in city S, relative to plain sampling with
 /// six splits and one candidate. Time is that of a whole frame on one core, with one shadow ray per

@@ -1,7 +1,7 @@
 //! Draws a light: chooses a candidate of the cut and descends from it to a leaf. Computes the
 //! probability of a light on the way up.
 //!
-//! Twin of `shaders/walk.wgsl`. No trail of the way down is recorded: the nodes know their parents,
+//! `shaders/row_walk.wgsl` does the same for the cuts of cells. No trail of the way down is recorded: the nodes know their parents,
 //! so the depth of trees has no limit.
 
 use crate::math::dice::{Dice, choice_pmf, joint_pmf};
@@ -156,6 +156,9 @@ fn climb<'a>(cut: &impl Candidates<'a>, leaf: &LeafPath<'a>, instance_trees: &im
         pmf = joint_pmf(pmf, choice_pmf(weights[slot], running_sums(&weights)[WIDTH - 1]));
         if pmf <= 0.0 {
             return 0.0;
+        }
+        if record.parent == NO_PARENT && path.top.is_none() {
+            return joint_pmf(pmf, cut.root_pmf(tree));
         }
         path.place = record.parent;
     }

@@ -67,7 +67,7 @@ fn weights(local: &LocalShadingPoint, gloss: Option<&LocalGloss>, child: impl Fn
         let is_beyond_range = dist > child.range;
         let unlikely = if is_beyond_cap | is_beyond_range { UNLIKELY } else { 1.0 };
 
-        let intensity = child.flux * local.candela_per_lumen * (lobe.value * inverse / lobe.width_sq);
+        let intensity = child.flux * local.candela_per_lumen * (lobe.value / (dist * lobe.width_sq));
         let mut lux = intensity * unlikely * (cosine * inverse_sq);
         if let Some(gloss) = gloss {
             let [u, v] = gloss.along(child.toward);

@@ -106,6 +106,12 @@ impl VisibilityOptions {
         self.cells
     }
 
+    /// The same with half as many cells, but as many as a bucket.
+    #[cfg(feature = "gpu-plan")]
+    pub(crate) fn halved(self) -> Self {
+        Self { cells: (self.cells / 2).max(WAYS), ..self }
+    }
+
     /// The rows of cells, and then of blocks: each a power of two, and at least a bucket.
     pub(crate) const fn rows(&self) -> [usize; 2] {
         let blocks = self.cells / CELLS_FOR_BLOCK;

@@ -212,7 +212,7 @@ fn shaders_say_that_a_light_that_is_not_there_is_not_there() {
         assert!(effects.contains(gpu_lights.effects()));
         let asked = queries(&world, &mut rng);
         let answers: Vec<Answer> = ask_by(&shader, &mut gpu_lights, &asked, asked.len());
-        let sampler = world.sampler();
+        let sampler = world.sampler().from_roots();
         for (query, answer) in asked.iter().zip(&answers) {
             let light = named(query, &world, &gpu_lights);
             let at = ShadingPoint::volume(query.position.into()).with_mask(query.mask);

@@ -556,10 +556,10 @@ fn divided_and_open_trees_follow_additions_and_removals_on_both_sides() {
         for tree in [divided, open] {
             world.tree(tree).expect("it lives").check().expect("the tree is sound");
         }
-        let records = sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests);
+        let records = sample(&mut lights, &mut world, &requests);
         let mut fresh = GpuLights::new(&device, &queue).expect("default limits are enough");
         fresh.upload(&world).expect("room enough");
-        assert!(records == sample(&mut fresh, &mut world, SplitCount::DEFAULT, &requests), "round {round}");
+        assert!(records == sample(&mut fresh, &mut world, &requests), "round {round}");
         let at = ShadingPoint::volume(rng.position(10.0));
         let (sampler, mut distribution) = (world.sampler(), Vec::new());
         sampler.distribution(&at, &mut distribution);
@@ -610,10 +610,10 @@ fn a_gpu_that_got_only_changes_samples_as_one_that_got_everything() {
             world.add_lights(tree, &new).expect("valid");
             world.update(FrameBudget::NONE);
         }
-        let records = sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests);
+        let records = sample(&mut lights, &mut world, &requests);
         let mut fresh = GpuLights::new(&device, &queue).expect("default limits are enough");
         fresh.upload(&world).expect("room enough");
-        let expected = sample(&mut fresh, &mut world, SplitCount::DEFAULT, &requests);
+        let expected = sample(&mut fresh, &mut world, &requests);
         assert!(expected.iter().filter(|record| record.pmf > 0.0).count() > 400);
         assert!(records == expected, "round {round}");
     }

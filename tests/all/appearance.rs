@@ -6,7 +6,7 @@ use girandole::gpu::{GpuLights, wgsl};
 use girandole::light::MAX_EMISSION;
 use girandole::{
     Effects, FrameBudget, InstanceKey, Light, LightId, LightTree, LightWorld, MAX_FACTOR, Placement, Policy,
-    ShadingPoint, SplitCount, VisibilityTable,
+    ShadingPoint, VisibilityTable,
 };
 
 use crate::gpu::{OTHER_PICKS, ask, close, gpu, requests, sample};
@@ -304,7 +304,7 @@ struct Question {
     position: [f32; 3],
     mask: u32,
     normal: [f32; 3],
-    splits: u32,
+    padding: u32,
     u: [f32; 4],
 }
 
@@ -321,13 +321,12 @@ fn the_gpu_chooses_the_same_lights_for_masked_points() {
     }
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let text = wgsl(1, Effects::all())
-        + "struct Question { position: vec3<f32>, mask: u32, normal: vec3<f32>, splits: u32, u: vec4<f32> }
+        + "struct Question { position: vec3<f32>, mask: u32, normal: vec3<f32>, padding: u32, u: vec4<f32> }
         @group(0) @binding(0) var<storage, read> questions: array<Question>;
         @group(0) @binding(1) var<storage, read_write> answers: array<vec4<f32>>;
         @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
             if id.x >= arrayLength(&questions) { return; }
             let q = questions[id.x];
-            light_splits = q.splits;
             let at = light_masked_point(light_surface_point(q.position, q.normal), q.mask);
             let s = light_sample(at, q.u);
             var pmf = 0.0;
@@ -339,37 +338,34 @@ fn the_gpu_chooses_the_same_lights_for_masked_points() {
         let at = rng.masked_point(25.0);
         let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
         let (position, normal) = (at.position.to_array(), at.normal.to_array());
-        questions.push(Question { position, mask: at.mask, normal, splits: 0, u });
+        questions.push(Question { position, mask: at.mask, normal, padding: 0, u });
         points.push(at);
     }
-    sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests(&mut Rng(1), 64, 1.0));
-    for splits in SPLITS {
-        questions.iter_mut().for_each(|question| question.splits = splits.get() as u32);
-        let answers: Vec<[f32; 4]> = ask(&mut lights, text.clone(), &questions, questions.len());
-        let sampler = world.sampler().with_splits(splits);
-        let (mut others, mut lit) = (0, 0);
-        for ((at, question), [light, pmf, again, green]) in points.iter().zip(&questions).zip(answers) {
-            match sampler.sample(at, question.u) {
-                None => others += usize::from(pmf > 0.0),
-                Some(twin) => {
-                    let index = match twin.light {
-                        LightId::Local { light, .. } => light,
-                        LightId::Directional(_) => light.to_bits(),
-                        _ => unreachable!("this version has no others"),
-                    };
-                    if index != light.to_bits() || !close(pmf, twin.pmf) || pmf == 0.0 {
-                        others += 1;
-                        continue;
-                    }
-                    assert!(close(again, pmf), "{again} {pmf}");
-                    let radiance = twin.incident.radiance;
-                    assert!((green - radiance.y).abs() <= 1.0e-2 * radiance.max_element(), "{green} {twin:?}");
-                    lit += 1;
+    sample(&mut lights, &mut world, &requests(&mut Rng(1), 64, 1.0));
+    let answers: Vec<[f32; 4]> = ask(&mut lights, text, &questions, questions.len());
+    let sampler = world.sampler().from_roots();
+    let (mut others, mut lit) = (0, 0);
+    for ((at, question), [light, pmf, again, green]) in points.iter().zip(&questions).zip(answers) {
+        match sampler.sample(at, question.u) {
+            None => others += usize::from(pmf > 0.0),
+            Some(twin) => {
+                let index = match twin.light {
+                    LightId::Local { light, .. } => light,
+                    LightId::Directional(_) => light.to_bits(),
+                    _ => unreachable!("this version has no others"),
+                };
+                if index != light.to_bits() || !close(pmf, twin.pmf) || pmf == 0.0 {
+                    others += 1;
+                    continue;
                 }
+                assert!(close(again, pmf), "{again} {pmf}");
+                let radiance = twin.incident.radiance;
+                assert!((green - radiance.y).abs() <= 1.0e-2 * radiance.max_element(), "{green} {twin:?}");
+                lit += 1;
             }
         }
-        assert!(others as f64 <= OTHER_PICKS * 2048.0 + 1.0 && lit > 800, "{others} differ, {lit} are lit");
     }
+    assert!(others as f64 <= OTHER_PICKS * 2048.0 + 1.0 && lit > 800, "{others} differ, {lit} are lit");
 }
 
 #[test]
@@ -522,7 +518,7 @@ fn every_sample_returns_the_user_data_of_its_instance_on_both_sides() {
         }
     }
     assert!(samples > 300, "{samples}");
-    sample(&mut lights, &mut world, SPLITS[0], &requests);
+    sample(&mut lights, &mut world, &requests);
     let text = wgsl(1, Effects::empty())
         + "@group(0) @binding(0) var<storage, read> questions: array<u32>;
         @group(0) @binding(1) var<storage, read_write> answers: array<u32>;

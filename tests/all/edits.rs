@@ -5,7 +5,7 @@ use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Vec3};
 use girandole::gpu::{GpuLights, UploadReport};
 use girandole::tree::{NO_PARENT, WIDTH};
-use girandole::{FrameBudget, FrameReport, Light, LightWorld, Placement, Policy, SplitCount, TreeKey};
+use girandole::{FrameBudget, FrameReport, Light, LightWorld, Placement, Policy, TreeKey};
 
 use crate::gpu::{gpu, requests, sample};
 use girandole::LightTree;
@@ -142,16 +142,16 @@ fn a_gpu_that_got_only_changes_samples_as_one_that_got_everything() {
                 lights.upload(&world).expect("room enough");
             }
         }
-        let records = sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests);
+        let records = sample(&mut lights, &mut world, &requests);
         let mut fresh = GpuLights::new(&device, &queue).expect("default limits are enough");
         fresh.upload(&world).expect("room enough");
-        let expected = sample(&mut fresh, &mut world, SplitCount::DEFAULT, &requests);
+        let expected = sample(&mut fresh, &mut world, &requests);
         assert!(expected.iter().filter(|record| record.pmf > 0.0).count() > 400);
         assert!(records == expected, "round {round}");
         // A second reader that takes part in few frames gets what it has missed.
         if round % 8 == 7 {
             behind.upload(&world).expect("room enough");
-            let late = sample(&mut behind, &mut world, SplitCount::DEFAULT, &requests);
+            let late = sample(&mut behind, &mut world, &requests);
             assert!(late == expected, "round {round}");
         }
     }
@@ -172,7 +172,6 @@ fn the_first_upload_after_frames_without_one_sends_what_changed_in_all_of_them()
     assert_eq!(sent.lights, 2);
     let mut fresh = GpuLights::new(&device, &queue).expect("default limits are enough");
     fresh.upload(&world).expect("room enough");
-    let [records, expected] =
-        [&mut lights, &mut fresh].map(|lights| sample(lights, &mut world, SplitCount::DEFAULT, &requests));
+    let [records, expected] = [&mut lights, &mut fresh].map(|lights| sample(lights, &mut world, &requests));
     assert!(records == expected);
 }

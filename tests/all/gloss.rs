@@ -9,7 +9,7 @@ use girandole::{
     Policy, ShadingPoint,
 };
 
-use crate::gpu::{ask, close, gpu};
+use crate::gpu::{ask, gpu};
 use testbed::measuring::reflection::brdf;
 use testbed::testing::support::{Rng, SPLITS, all_pmfs, assert_frequencies};
 
@@ -276,7 +276,7 @@ fn the_shader_gives_the_probabilities_of_the_cpu_and_drops_the_gloss_without_the
     let world = rng.world(4, 25, 3, 15.0);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     lights.upload(&world).expect("room enough");
-    let sampler = world.sampler();
+    let sampler = world.sampler().from_roots();
     let (mut questions, mut expected, mut matte) = (Vec::new(), Vec::new(), Vec::new());
     let unlit = without_highlight();
     for i in 0..40 {
@@ -299,7 +299,7 @@ fn the_shader_gives_the_probabilities_of_the_cpu_and_drops_the_gloss_without_the
     let mut changed = 0;
     for (i, (cpu, gpu)) in expected.iter().zip(&glossy).enumerate() {
         assert!(close_lobe(*cpu, *gpu), "{cpu} {gpu}: {:?}", questions[i].map(f32::from_bits));
-        assert!(close(matte[i], dropped[i]), "{} {}", matte[i], dropped[i]);
+        assert!(close_lobe(matte[i], dropped[i]), "{} {}", matte[i], dropped[i]);
         // A matte point has the same bits in both shaders.
         assert!(questions[i][14] == 0 || glossy[i].to_bits() == dropped[i].to_bits());
         changed += u32::from((cpu / matte[i] - 1.0).abs() > 0.1);
@@ -308,9 +308,9 @@ fn the_shader_gives_the_probabilities_of_the_cpu_and_drops_the_gloss_without_the
 }
 
 /// Whether probabilities agree to what a position that is rounded to 1e-6 of 20 m changes in lobes
-/// of the width 0.02.
+/// of the width 0.02. Behind the back of a spot its lobe is a small difference, whose rounding is larger.
 fn close_lobe(a: f32, b: f32) -> bool {
-    (a - b).abs() <= 1.0e-2 * a.max(b).max(1.0e-20)
+    (a - b).abs() <= 1.0e-2 * a.max(b).max(1.0e-6)
 }
 
 #[test]

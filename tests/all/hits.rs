@@ -204,7 +204,7 @@ fn rays_in_an_engines_shader_hit_what_they_hit_on_the_cpu() {
     world.update(FrameBudget::NONE);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     lights.upload(&world).expect("room enough");
-    let sampler = world.sampler();
+    let sampler = world.sampler().from_roots();
     let mut questions: Vec<[f32; 12]> = Vec::new();
     let (mut expected, mut places) = (Vec::new(), Vec::new());
     for _ in 0..4000 {

@@ -362,14 +362,13 @@ fn the_gpu_follows_every_move_of_the_origin() {
     for request in &mut requests {
         request.position = stepped(Vec3::from(request.position).as_dvec3()).as_vec3().to_array();
     }
-    let splits = girandole::SplitCount::DEFAULT;
-    let at_zero = sample(&mut plain_lights, &mut plain, splits, &requests);
-    assert_eq!(sample(&mut lights, &mut world, splits, &requests), at_zero);
+    let at_zero = sample(&mut plain_lights, &mut plain, &requests);
+    assert_eq!(sample(&mut lights, &mut world, &requests), at_zero);
     assert!(at_zero.iter().filter(|record| record.pmf > 0.0).count() > 300);
     for kilometres in [0.7, 1.7, 9_000.0, -2.1, 0.0] {
         world.set_viewpoint(on_flight(kilometres)).expect("within the limits");
-        let records = sample(&mut lights, &mut world, splits, &requests);
-        let mismatches = compare(&world, splits, &requests, &records);
+        let records = sample(&mut lights, &mut world, &requests);
+        let mismatches = compare(&world, &requests, &records);
         // 9,000 km away, numbers are 1 m apart, and probabilities on both sides differ by up to 5e-5. Of
         // 16,384 draws 34 chose the neighbour of the light. Six standard deviations above that mean: a
         // false alarm in less than one of 10^4 runs. Elsewhere none of them did.
@@ -378,5 +377,5 @@ fn the_gpu_follows_every_move_of_the_origin() {
         assert!(mismatches as f64 <= limit, "{kilometres} km: {mismatches} of {limit}");
     }
     assert_eq!(world.origin(), FAR);
-    assert_eq!(sample(&mut lights, &mut world, splits, &requests), at_zero);
+    assert_eq!(sample(&mut lights, &mut world, &requests), at_zero);
 }

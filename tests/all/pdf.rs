@@ -257,7 +257,7 @@ fn compare_densities(rng: &mut Rng, far: f64, by_solid_angle: bool) {
     world.set_solid_angle_sampling(by_solid_angle);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     lights.upload(&world).expect("room enough");
-    let sampler = world.sampler();
+    let sampler = world.sampler().from_roots();
     let mut questions: Vec<[u32; 12]> = Vec::new();
     let mut expected = Vec::new();
     while expected.len() < 4000 {

@@ -8,8 +8,7 @@ use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
 use girandole::scheduler::WorkKind;
 use girandole::{
-    FrameBudget, Light, LightId, LightTree, LightWorld, Placement, Policy, ShadingPoint, SplitCount, TreeKey,
-    WorldError,
+    FrameBudget, Light, LightId, LightTree, LightWorld, Placement, Policy, ShadingPoint, TreeKey, WorldError,
 };
 
 use crate::gpu::{OTHER_PICKS, close, gpu, requests, sample};
@@ -130,8 +129,8 @@ fn a_gpu_that_got_a_placeholder_and_then_the_built_tree_samples_as_the_cpu_does(
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     for budget in [FrameBudget::NONE, UNLIMITED] {
         world.update(budget);
-        let records = sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests);
-        let sampler = world.sampler();
+        let records = sample(&mut lights, &mut world, &requests);
+        let sampler = world.sampler().from_roots();
         let mut others = 0;
         for (request, record) in requests.iter().zip(&records) {
             let at = ShadingPoint::surface(request.position.into(), request.normal.into());

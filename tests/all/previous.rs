@@ -50,11 +50,11 @@ struct Asker {
 
 impl Asker {
     fn new() -> Self {
-        // Eight storage buffers of the lights, and two of the test.
-        let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 10, ..wgpu::Limits::default() };
+        // Ten storage buffers of the lights, and two of the test.
+        let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 12, ..wgpu::Limits::default() };
         let adapter = device::find_adapter(None).expect("an adapter");
         let (device, queue) =
-            device::open_device(&adapter, wgpu::Features::empty(), limits).expect("ten storage buffers");
+            device::open_device(&adapter, wgpu::Features::empty(), limits).expect("twelve storage buffers");
         let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
         lights.keep_previous(true);
         let shader = lights.shader(0, Effects::all()).with_previous(1);
@@ -78,7 +78,7 @@ impl Asker {
         });
         let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: None,
-            bind_group_layouts: &[Some(&shader.layout), Some(&shader.layout), Some(&own)],
+            bind_group_layouts: &[Some(&shader.layout), Some(lights.previous_bind_group_layout()), Some(&own)],
             ..Default::default()
         });
         let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {

@@ -295,7 +295,7 @@ fn others(
     records: &[ReservoirRecord],
     resample: impl Fn(&LightSampler<'_>, &SampleRequest) -> Option<Reservoir>,
 ) -> usize {
-    let sampler = world.sampler();
+    let sampler = world.sampler().from_roots();
     let directionals: Vec<_> = world.directionals().collect();
     let differs = |(request, record): (&SampleRequest, &ReservoirRecord)| {
         let twin = resample(&sampler, request);
@@ -373,7 +373,7 @@ fn candidate(shading_point: LightShadingPoint, gloss: argument, light: LightSamp
 @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= arrayLength(&requests) { return; }
     let request = requests[id.x];
-    let gloss = argument(vec3(0.6, 0.8, 0.0), bitcast<f32>(request.splits));
+    let gloss = argument(vec3(0.6, 0.8, 0.0), bitcast<f32>(request.padding));
     let at = light_surface_point(request.position, request.normal);
     reservoirs[id.x] = light_resample_by(at, gloss, request.u, request.choice, CANDIDATES);
 }";
@@ -399,8 +399,8 @@ fn an_engines_function_weighs_the_same_candidates_on_the_gpu() {
     let mut rng = Rng(79);
     let count = 2048;
     let mut requests = requests(&mut rng, count, 25.0);
-    // This shader keeps the default splits, and reads its NaN there.
-    requests.iter_mut().for_each(|request| request.splits = f32::NAN.to_bits());
+    // The shader reads its NaN there.
+    requests.iter_mut().for_each(|request| request.padding = f32::NAN.to_bits());
     let world = rng.world(5, 50, 5, 20.0);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     lights.upload(&world).expect("room enough");

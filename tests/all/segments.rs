@@ -364,7 +364,7 @@ fn the_shader_gives_the_answers_of_the_cpu_and_takes_the_middle_without_the_effe
     let world = rng.world(4, 25, 3, 15.0);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     lights.upload(&world).expect("room enough");
-    let sampler = world.sampler();
+    let sampler = world.sampler().from_roots();
     let (mut questions, mut expected, mut middles) = (Vec::new(), Vec::new(), Vec::new());
     for i in 0..40 {
         let (origin, direction) = (rng.position(20.0), rng.direction());

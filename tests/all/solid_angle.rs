@@ -7,7 +7,7 @@ use girandole::gpu::{GpuLights, SampleRequest};
 use girandole::light::luminance;
 use girandole::{
     Effects, FrameBudget, Incident, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy,
-    ShadingPoint, Shape, SplitCount,
+    ShadingPoint, Shape,
 };
 
 use crate::gpu::{OTHER_PICKS, compare, gpu, sample, sample_by};
@@ -364,10 +364,10 @@ fn the_gpu_follows_the_setting_and_samples_the_same_points() {
     let mut densities = Vec::new();
     for is_on in [false, true, false] {
         world.set_solid_angle_sampling(is_on);
-        let records = sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests);
+        let records = sample(&mut lights, &mut world, &requests);
         let all = sample_by(Effects::all(), &mut lights, &requests);
         for records in [&records, &all] {
-            let mismatches = compare(&world, SplitCount::DEFAULT, &requests, records);
+            let mismatches = compare(&world, &requests, records);
             assert!(mismatches as f64 <= OTHER_PICKS * 4096.0, "{mismatches} of 4096 name another light");
         }
         densities.push(records.iter().map(|record| record.pdf).collect::<Vec<_>>());

@@ -7,8 +7,7 @@ use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
 use girandole::{
     Attribute, DirectionalKey, DirectionalLight, Effects, FrameBudget, InstanceKey, Light, LightError, LightId,
-    LightTree, LightWorld, MAX_FACTOR, Placement, PlacementError, Policy, Revision, ShadingPoint, SplitCount, TreeKey,
-    WorldError,
+    LightTree, LightWorld, MAX_FACTOR, Placement, PlacementError, Policy, Revision, ShadingPoint, TreeKey, WorldError,
 };
 use proptest::prelude::*;
 use rayon::prelude::*;
@@ -607,8 +606,8 @@ fn a_hidden_instance_is_not_sampled_on_the_gpu() {
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let requests = requests(&mut rng, 2048, 20.0);
     let names_slot = |world: &mut LightWorld, lights: &mut GpuLights| {
-        let records = sample(lights, world, SplitCount::DEFAULT, &requests);
-        let others = compare(world, SplitCount::DEFAULT, &requests, &records);
+        let records = sample(lights, world, &requests);
+        let others = compare(world, &requests, &records);
         assert!(others as f64 <= OTHER_PICKS * 2048.0 + 1.0, "{others} of 2048 name another light");
         slots.map(|slot| records.iter().any(|record| record.pmf > 0.0 && record.instance == slot))
     };

@@ -57,7 +57,7 @@ fn pose(swing: usize, frame: u32) -> Placement {
 }
 
 impl Engine {
-    /// Sections 1 and 2 of the guide.
+    /// The device, the library's lights, and a pipeline with its shader.
     fn new() -> Result<Self, Box<dyn Error>> {
         let backends = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
         let without_display = wgpu::InstanceDescriptor::new_without_display_handle();
@@ -105,12 +105,14 @@ impl Engine {
         Ok(Self { device, queue, lights, shader, pipeline, group, frame, lux, copy })
     }
 
-    /// Section 3 of the guide: draws a frame, and returns the illuminance of each pixel in lux.
+    /// Draws a frame, and returns the illuminance of each pixel in lux.
     fn frame(&mut self, world: &mut LightWorld, number: u32) -> Result<Vec<f32>, Box<dyn Error>> {
         self.queue.write_buffer(&self.frame, 0, bytemuck::cast_slice(&[number, SAMPLES]));
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        // Brings the trees up to date, sends what changed, and records the build of the top level. What it
-        // returns tells what was done.
+        // A camera 32 m above the ground, where a pixel is a metre wide: cells have some 16 pixels on a side.
+        self.lights.set_cut_view(DVec3::new(0.0, 32.0, 0.0), 1.0 / 32.0);
+        // Brings the trees up to date, sends what changed, and records the build of the top level and of the cuts of
+        // cells that the last frame marked. What it returns tells what was done.
         self.lights.sync(world, FrameBudget::new(Duration::from_micros(300)), &mut encoder)?;
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&self.pipeline);
@@ -146,7 +148,7 @@ fn own_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     })
 }
 
-/// The same picture as a sum over all lights, on the CPU (section 9 of the guide).
+/// The same picture as a sum over all lights, on the CPU.
 fn summed(world: &LightWorld) -> Vec<f32> {
     let sampler = world.sampler();
     let pixel = |pixel: u32| {

@@ -5,7 +5,7 @@ use super::shading_points::requests;
 use super::spread::Spread;
 use super::timer::Timer;
 use girandole::gpu::measure::{NodeCounter, record_bytes};
-use girandole::gpu::{GpuLights, SampleRequest};
+use girandole::gpu::{GpuLights, SampleRecord, SampleRequest};
 use girandole::{CandidateCount, FrameBudget, wgpu};
 use serde_json::{Value, json};
 use testbed::scene::procedural::{self, CityOptions, Size};
@@ -68,17 +68,23 @@ pub fn measure(machine: &Machine, timer: &Timer, size: Size, picture: (u32, u32)
     animation.advance(TIME, &mut scene, &mut world)?;
     world.update(FrameBudget::UNLIMITED);
     let requests = requests(&scene, picture)?;
+    let (eye, pixel) = (scene.camera.eye.as_dvec3(), 2.0 * (0.5 * scene.camera.vertical_fov).tan() / picture.1 as f32);
     drop(scene);
 
     let mut lights = GpuLights::new(&machine.device, &machine.queue).map_err(refuse)?;
     lights.upload(&world).map_err(refuse)?;
     let mut encoder = machine.device.create_command_encoder(&Default::default());
     lights.build_top(&mut encoder);
-    machine.queue.submit([encoder.finish()]);
-
     let count = requests.len() as u32;
     let input = machine.storage("requests", size_of_val(&requests[..]) as u64);
     machine.queue.write_buffer(&input, 0, bytemuck::cast_slice(&requests));
+    // Samples mark the cells of their points, and these get cuts.
+    lights.set_cut_view(eye, pixel);
+    let samples = machine.storage("samples", u64::from(count) * size_of::<SampleRecord>() as u64);
+    lights.sample(&mut encoder, &input, &samples, count);
+    lights.build_cuts(&mut encoder);
+    machine.queue.submit([encoder.finish()]);
+    drop(samples);
     let pixels = machine.storage("pixels", u64::from(count) * PIXEL_BYTES);
     let counts = machine.storage("node counts", u64::from(count) * 4);
     let record_bytes = record_bytes(&lights);

@@ -12,7 +12,7 @@
 //! all lights. It fails if a mean differs by four standard errors, or if reuse of one frame does not lower
 //! the noise. An argument is the number of new samples in each frame, 1 by default.
 //!
-//! It needs a GPU adapter that binds nine storage buffers in a stage; software Vulkan will do.
+//! It needs a GPU adapter that binds eleven storage buffers in a stage; software Vulkan will do.
 
 use std::error::Error;
 use std::process::ExitCode;
@@ -153,8 +153,8 @@ struct Renderer {
 
 impl Renderer {
     fn new(candidates: u32) -> Result<Self, Box<dyn Error>> {
-        // Eight of the lights of two frames, and one of this program.
-        let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 9, ..wgpu::Limits::default() };
+        // Ten of the lights of two frames, and one of this program.
+        let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 11, ..wgpu::Limits::default() };
         let (device, queue) = gpu::open_device(&gpu::find_adapter(None)?, wgpu::Features::empty(), limits)?;
         let mut lights = GpuLights::new(&device, &queue)?;
         lights.keep_previous(true);
@@ -177,7 +177,7 @@ impl Renderer {
             ],
         });
         let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            bind_group_layouts: &[Some(&own), Some(&shader.layout), Some(&shader.layout)],
+            bind_group_layouts: &[Some(&own), Some(&shader.layout), Some(lights.previous_bind_group_layout())],
             ..Default::default()
         });
         let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {

@@ -1,7 +1,7 @@
 //! The kernels that are compiled.
 
 use girandole::Effects;
-use girandole::plan::{self, KERNELS, ShaderParts, cut_kernels, visibility_kernels};
+use girandole::plan::{self, KERNELS, cut_kernels, visibility_kernels};
 
 /// A kernel of the library, or one that only calls a function of it.
 pub struct Subject {
@@ -20,7 +20,8 @@ fn worlds() -> [(&'static str, Effects); 3] {
 
 /// The functions that engines call, with the call of each. `q` is the question, `point` the shading
 /// point.
-const FUNCTIONS: [(&str, &str); 7] = [
+const FUNCTIONS: [(&str, &str); 8] = [
+    ("light_mark", "light_mark(point);"),
     ("light_sample", "let s = light_sample(point, q.u); answers[id.x] = vec4(s.radiance, s.pdf) * s.pmf;"),
     // What a second call costs, and what a loop saves.
     (
@@ -42,13 +43,6 @@ const FUNCTIONS: [(&str, &str); 7] = [
     ("light_pmf", "answers[id.x] = vec4(light_pmf(point, q.instance, q.light));"),
     ("light_pdf", "answers[id.x] = vec4(light_pdf(point, q.instance, q.light, q.u.xyz));"),
     ("light_hit", "let s = light_hit(point, q.u.xyz, q.u.w); answers[id.x] = vec4(s.radiance, s.pdf * s.pmf);"),
-];
-
-/// The functions of [`FUNCTIONS`] in shaders that share cuts, and their names there.
-const SHARED: [(&str, &str); 3] = [
-    ("light_sample", "shared light_sample"),
-    ("light_resample", "shared light_resample"),
-    ("light_pmf", "shared light_pmf"),
 ];
 
 /// A kernel that calls a function for each question. `functions` is the text with the function.
@@ -108,19 +102,10 @@ fn call(@builtin(global_invocation_id) id: vec3<u32>) {
     Subject { kernel: "light_put_triangle", effects: "", entry: "call", wgsl: plan::wgsl_of_sources(0) + call }
 }
 
-/// What marks, builds and shares cuts.
+/// What builds cuts.
 fn cuts() -> impl Iterator<Item = Subject> {
     worlds().into_iter().flat_map(|(effects, set)| {
-        let call = |name| FUNCTIONS.into_iter().find(|(function, _)| *function == name).map_or("", |(_, call)| call);
-        let own = cut_kernels(set).into_iter().filter(|kernel| kernel.effects().is_some() || set.is_empty());
-        let own =
-            own.map(|kernel| Subject { kernel: kernel.entry(), effects, entry: kernel.entry(), wgsl: kernel.wgsl() });
-        let marks = caller(&plan::wgsl_of_marks(0, set), "light_mark(point);");
-        let mark = Subject { kernel: "light_mark", effects, entry: "call", wgsl: marks };
-        let choosing = SHARED.map(|(function, kernel)| {
-            let text = plan::wgsl_with(0, set, &ShaderParts::default().with_cuts());
-            Subject { kernel, effects, entry: "call", wgsl: caller(&text, call(function)) }
-        });
-        own.chain([mark]).chain(choosing).collect::<Vec<_>>()
+        let own = cut_kernels(set).into_iter().filter(move |kernel| kernel.effects().is_some() || set.is_empty());
+        own.map(move |kernel| Subject { kernel: kernel.entry(), effects, entry: kernel.entry(), wgsl: kernel.wgsl() })
     })
 }

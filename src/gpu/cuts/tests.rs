@@ -10,14 +10,16 @@ use super::super::bindings::{bind, storage_entry};
 use super::super::memory::refusals::Refusals;
 use super::super::testing::{compute_pipeline, gpu, gpu_lights, mixed_world, noop, read, unit};
 use super::*;
+use crate::effects::Effects;
+use crate::gpu::LightShader;
 use crate::instance::placement::Placement;
 use crate::keys::LightId;
-use crate::plan::cuts::layout::{CutPlaces, HEAD, ROW_FROM, ROW_NODES, ROW_QUADS, ROW_SUMS, SLOT_WORDS, WORDS_AT};
-use crate::plan::text::{Extras, wgsl_of_shader};
+use crate::plan::cuts::layout::{CutPlaces, HEAD, ROW_FROM, ROW_NODES, ROW_QUADS, ROW_SUMS, SLOT_WORDS, STATE_AT};
+use crate::plan::text;
 use crate::sampling::counts::CandidateCount;
-use crate::sampling::cuts::camera;
 use crate::sampling::cuts::shared::NodeId;
 use crate::sampling::cuts::table::CutTable;
+use crate::sampling::cuts::{CutOptions, camera};
 use crate::sampling::sample::{LightSample, LightSampler};
 use crate::scheduler::FrameBudget;
 use crate::shading::gloss::Gloss;
@@ -27,7 +29,6 @@ use crate::visibility::{VisibilityOptions, VisibilityTable};
 use crate::world::LightWorld;
 
 mod masks;
-mod roots;
 
 /// What an invocation of the shaders below gets.
 #[repr(C)]
@@ -80,14 +81,14 @@ const CHOOSE: &str = "
 const CHOOSE_AND_RECORD: &str = "
         let pick = light_pick(at, inputs[id.x].u.xy);
         let chosen = light_sample(at, vec4(inputs[id.x].u.xy, 0.25, 0.75));
-        inputs[id.x].u = bitcast<vec4<f32>>(vec4(pick.instance, pick.light, bitcast<u32>(pick.pmf), 0u));
+        outputs[id.x] = vec4(pick.instance, pick.light, bitcast<u32>(pick.pmf), 0u);
         light_record_visibility(at, chosen, (pick.instance + pick.light / 4u) % 3u == 0u);";
 
 /// What is kept of eight candidates, and its weight.
 const RESAMPLE: &str = "
         let u = inputs[id.x].u;
         let kept = light_resample(at, u, u.x, 8u);
-        inputs[id.x].u = bitcast<vec4<f32>>(vec4(kept.chosen.instance, kept.chosen.light, bitcast<u32>(kept.weight), 0u));";
+        outputs[id.x] = vec4(kept.chosen.instance, kept.chosen.light, bitcast<u32>(kept.weight), 0u);";
 
 const COUNT: &str = "
         light_nodes_read = 0u;
@@ -112,17 +113,14 @@ impl Rig {
     /// With another text that chooses lights.
     fn choosing(effects: Effects, options: CutOptions, work: &str) -> Self {
         let (device, _) = gpu();
-        let mut lights = gpu_lights();
+        let lights = lights_with(&GpuOptions::default().with_cuts(options));
         let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: None,
             entries: &[storage_entry(0, true), storage_entry(1, false)],
         });
-        let pipeline = |shader: &LightShader, work: &str| {
-            compute_pipeline(shader.join(&ENGINE.replace("WORK", work)), "engine", [&own, &shader.layout])
-        };
-        let mark = pipeline(&lights.mark_shader(1, effects), MARK);
-        let choose = pipeline(&lights.cut_shader(1, effects), work);
-        lights.share_cuts(Some(options)).expect("memory enough");
+        let shader = lights.shader(1, effects);
+        let pipeline = |work: &str| compute_pipeline(engine(&shader, work), "engine", [&own, &shader.layout]);
+        let [mark, choose] = [MARK, work].map(pipeline);
         Self { lights, own, mark, choose }
     }
 
@@ -132,10 +130,10 @@ impl Rig {
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.lights.build_top(&mut encoder);
         if !marked.is_empty() {
-            self.pass(&mut encoder, &self.mark, self.lights.mark_bind_group(), marked);
+            self.pass(&mut encoder, &self.mark, marked);
             self.lights.build_cuts(&mut encoder);
         }
-        let output = self.pass(&mut encoder, &self.choose, self.lights.cut_bind_group(), chosen);
+        let output = self.pass(&mut encoder, &self.choose, chosen);
         queue.submit([encoder.finish()]);
         read(&device, &queue, &output)
     }
@@ -144,7 +142,6 @@ impl Rig {
         &self,
         encoder: &mut wgpu::CommandEncoder,
         pipeline: &wgpu::ComputePipeline,
-        lights: &wgpu::BindGroup,
         inputs: &[Input],
     ) -> wgpu::Buffer {
         let (device, _) = gpu();
@@ -163,7 +160,7 @@ impl Rig {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &group, &[]);
-        pass.set_bind_group(1, lights, &[]);
+        pass.set_bind_group(1, self.lights.bind_group(), &[]);
         pass.dispatch_workgroups((inputs.len() as u32).div_ceil(64), 1, 1);
         drop(pass);
         output
@@ -176,21 +173,30 @@ impl Rig {
         std::array::from_fn(|i| words[4 + i])
     }
 
-    fn table(&self) -> &wgpu::Buffer {
-        self.lights.player.buffer(self.lights.planner.cut_table().expect("a table"))
+    /// The words of the cuts behind the grid, and those of the marks.
+    fn tables(&self) -> [Vec<u32>; 2] {
+        let (device, queue) = gpu();
+        let tables = self.lights.planner.cells().expect("a table");
+        let [cuts, marks] = tables.map(|id| read::<u32>(&device, &queue, self.lights.player.buffer(id)));
+        [cuts[STATE_AT as usize / 4..].to_vec(), marks]
     }
 
     /// The cuts by cell.
     fn cuts(&self, options: CutOptions) -> BTreeMap<[u32; 5], Row> {
-        let (device, queue) = gpu();
-        let places = CutPlaces::new(options);
-        let words: Vec<u32> = read(&device, &queue, self.table());
-        let words = &words[WORDS_AT as usize / 4..];
-        let slots = words[HEAD as usize..].chunks_exact(SLOT_WORDS as usize).take(places.slots as usize);
-        let used = slots.filter(|slot| slot[0] != 0 && slot[3] != 0);
-        used.map(|slot| {
+        let places = CutPlaces::new(options, None);
+        let [words, marks] = self.tables();
+        let slots = marks[HEAD as usize..].chunks_exact(SLOT_WORDS as usize).take(places.slots as usize);
+        // What shaders look up, and where its row begins.
+        let shown = words[4..].chunks_exact(4).map(|slot| [slot[0], slot[1]]);
+        let row_of = |slot: &[u32]| places.first_row + (slot[2] - 1) * ROW_QUADS;
+        let used = slots.zip(shown).filter(|(slot, shown)| {
+            let is_used = slot[0] != 0 && slot[3] != 0;
+            assert_eq!(*shown, if is_used { [slot[0], row_of(slot)] } else { [0; 2] }, "shaders see what is built");
+            is_used
+        });
+        used.map(|(slot, _)| {
             assert!(slot[1] == 0 && slot[9..].iter().all(|word| *word == 0), "marks are forgotten: {slot:?}");
-            let start = 4 * (places.first_row + (slot[2] - 1) * ROW_QUADS) as usize;
+            let start = 4 * row_of(slot) as usize;
             let row = &words[start..start + 4 * ROW_QUADS as usize];
             let nodes = &row[4 * ROW_NODES as usize..][..2 * row[0] as usize];
             let sums = &row[4 * ROW_SUMS as usize..4 * ROW_FROM as usize];
@@ -204,6 +210,19 @@ impl Rig {
         })
         .collect()
     }
+}
+
+/// Lights with these cells, whose kernels are compiled once for all tests.
+fn lights_with(options: &GpuOptions) -> GpuLights {
+    let mut lights = gpu_lights();
+    lights.make_cells(options).expect("memory enough");
+    lights.rebind();
+    lights
+}
+
+/// The text of a shader that does this work.
+fn engine(shader: &LightShader, work: &str) -> String {
+    shader.join(&ENGINE.replace("WORK", work))
 }
 
 /// A cut on the GPU.
@@ -259,21 +278,16 @@ fn mark(world: &LightWorld, table: &CutTable, inputs: &[Input]) {
     inputs.iter().for_each(|input| sampler.mark(&point(input)));
 }
 
-/// The number of choices that name another light or another probability than the CPU's. Where a cell has no cut, the
-/// GPU starts at the roots.
+/// The number of choices that name another light or another probability than the CPU's.
 fn others(sampler: &LightSampler<'_>, inputs: &[Input], outputs: &[Output]) -> usize {
-    let shared = |at: &ShadingPoint, u| {
-        let pick = sampler.pick(at, u)?;
-        Some(match pick.light {
-            LightId::Local { instance, light } => (sampler.world.slot(instance).expect("it lives"), light, pick.pmf),
-            LightId::Directional(_) => (u32::MAX, 0, pick.pmf),
-        })
-    };
+    let sampler = sampler.from_roots();
     let is_other = |(input, output): &(&Input, &Output)| {
-        let (at, u) = (point(input), [input.u[0], input.u[1]]);
-        let found = if sampler.shared_cut(&at, 0.0).is_some() { shared(&at, u) } else { roots::pick(sampler, &at, u) };
-        let Some((instance, light, pmf)) = found else { return output.pmf > 0.0 };
-        (output.instance, output.light) != (instance, light) || (output.pmf / pmf - 1.0).abs() > 2.0e-3
+        let Some(pick) = sampler.pick(&point(input), [input.u[0], input.u[1]]) else { return output.pmf > 0.0 };
+        let (instance, light) = match pick.light {
+            LightId::Local { instance, light } => (sampler.world.slot(instance).expect("it lives"), light),
+            LightId::Directional(_) => (u32::MAX, 0),
+        };
+        (output.instance, output.light) != (instance, light) || (output.pmf / pick.pmf - 1.0).abs() > 2.0e-3
     };
     inputs.iter().zip(outputs).filter(is_other).count()
 }
@@ -366,22 +380,16 @@ fn the_gpu_builds_the_cuts_that_the_cpu_builds_and_chooses_the_same_lights() {
     assert!(without > chosen.len() / 3, "cuts matter: {without}");
 }
 
-/// The nodes that a sample weighs, and one of eight candidates: 9.5 and 27 without cells, and 0.45 and 3.7 where a
-/// cell has a cut. A candidate of the cut itself takes no node, but four bytes of one. The build of a cell
-/// weighs up to 256 nodes.
+/// The nodes that a sample weighs, and one of eight candidates: 0.45 and 3.7 where a cell has a cut. A candidate of the
+/// cut itself takes no node, but four bytes of one. The build of a cell weighs up to 256 nodes.
 #[test]
 fn choices_from_a_cell_read_few_nodes() {
     let mut world = glossy_world();
     let sky = world.sky().map(|(sky, _)| sky).expect("a sky");
     world.remove_instance(sky).expect("it lives");
     let mut rig = Rig::new(EFFECTS, options());
-    let layouts = [&rig.lights.layout, &rig.lights.cut_shader(1, EFFECTS).layout].map(Clone::clone);
-    let count = |cells, layout| {
-        let extras = Extras { counts: true, cells, ..Extras::default() };
-        let text = wgsl_of_shader(1, EFFECTS, extras, None) + &ENGINE.replace("WORK", COUNT);
-        compute_pipeline(text, "engine", [&rig.own, layout])
-    };
-    let [alone, shared] = [count(false, &layouts[0]), count(true, &layouts[1])];
+    let text = text::wgsl_counting(1, EFFECTS) + &ENGINE.replace("WORK", COUNT);
+    let pipeline = compute_pipeline(text, "engine", [&rig.own, rig.lights.bind_group_layout()]);
     rig.lights.upload(&world).expect("room enough");
     rig.lights.set_cut_view(EYE.as_dvec3(), 0.01);
     let mut table = CutTable::new(options());
@@ -392,21 +400,17 @@ fn choices_from_a_cell_read_few_nodes() {
     rig.run(&at, &at[..1]);
 
     let (device, queue) = gpu();
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let output = rig.pass(&mut encoder, &pipeline, &at);
+    queue.submit([encoder.finish()]);
+    let found: Vec<[u32; 4]> = read(&device, &queue, &output);
     let sampler = world.sampler().with_cuts(&table);
-    let means = |pipeline, group: &wgpu::BindGroup| {
-        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let output = rig.pass(&mut encoder, pipeline, group, &at);
-        queue.submit([encoder.finish()]);
-        let found: Vec<[u32; 4]> = read(&device, &queue, &output);
-        let has_cut = |input: &Input| sampler.shared_cut(&point(input), 0.0).is_some();
-        let known: Vec<[u32; 4]> =
-            at.iter().zip(found).filter(|(input, _)| has_cut(input)).map(|(_, found)| found).collect();
-        let mean = |i: usize| known.iter().map(|found| f64::from(found[i])).sum::<f64>() / known.len() as f64;
-        assert!(known.len() > 1500 && mean(2) > 0.5 && mean(3) > 0.5);
-        [mean(0), mean(1)]
-    };
-    let (alone, shared) = (means(&alone, &rig.lights.bind_group), means(&shared, rig.lights.cut_bind_group()));
-    assert!(shared[0] < 0.5 && shared[1] < 4.0 && alone[0] > 9.0 && alone[1] > 25.0, "{alone:?} {shared:?}");
+    let has_cut = |input: &Input| sampler.shared_cut(&point(input), 0.0).is_some();
+    let known: Vec<[u32; 4]> =
+        at.iter().zip(found).filter(|(input, _)| has_cut(input)).map(|(_, found)| found).collect();
+    let mean = |i: usize| known.iter().map(|found| f64::from(found[i])).sum::<f64>() / known.len() as f64;
+    assert!(known.len() > 1500 && mean(2) > 0.5 && mean(3) > 0.5);
+    assert!(mean(0) < 0.5 && mean(1) < 4.0, "{} {}", mean(0), mean(1));
 }
 
 #[test]
@@ -414,18 +418,11 @@ fn cells_know_what_shadow_rays_have_taught_as_on_the_cpu() {
     let (device, queue) = gpu();
     let world = glossy_world();
     let mut rig = Rig::new(EFFECTS, options());
-    // One storage buffer is left, so the engine writes where it reads.
-    let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: None,
-        entries: &[storage_entry(0, false)],
-    });
-    let shader = rig.lights.learning_cut_shader(1, EFFECTS);
-    let engine = ENGINE.replace("var<storage, read> inputs", "var<storage, read_write> inputs");
-    let engine = engine.replace("@group(0) @binding(1) var<storage, read_write> outputs: array<vec4<u32>>;", "");
-    let [choose, resample] = [CHOOSE_AND_RECORD, RESAMPLE]
-        .map(|work| compute_pipeline(shader.join(&engine.replace("WORK", work)), "engine", [&own, &shader.layout]));
     let learning = VisibilityOptions::new(4.0, 1024).expect("valid");
-    rig.lights.learn_visibility(Some(learning)).expect("memory enough");
+    rig.lights = lights_with(&GpuOptions::default().with_cuts(options()).with_learning(learning));
+    let shader = rig.lights.shader(1, EFFECTS).with_learning();
+    let [choose, resample] = [CHOOSE_AND_RECORD, RESAMPLE]
+        .map(|work| compute_pipeline(engine(&shader, work), "engine", [&rig.own, &shader.layout]));
     rig.lights.upload(&world).expect("room enough");
     rig.lights.set_cut_view(EYE.as_dvec3(), 0.01);
     let (mut table, mut learnt) = (CutTable::new(options()), VisibilityTable::new(learning));
@@ -436,27 +433,12 @@ fn cells_know_what_shadow_rays_have_taught_as_on_the_cpu() {
         table.build(world.sampler().with_visibility(&learnt));
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         rig.lights.build_top(&mut encoder);
-        rig.pass(&mut encoder, &rig.mark, rig.lights.mark_bind_group(), &at);
+        rig.pass(&mut encoder, &rig.mark, &at);
         rig.lights.build_cuts(&mut encoder);
-        let mut pass = |pipeline: &wgpu::ComputePipeline| {
-            let records = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                label: None,
-                contents: bytemuck::cast_slice(&at),
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
-            });
-            let group = bind(&device, "test", &own, &[records.as_entire_binding()]);
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, &group, &[]);
-            pass.set_bind_group(1, rig.lights.learning_cut_bind_group(), &[]);
-            pass.dispatch_workgroups((at.len() as u32).div_ceil(64), 1, 1);
-            records
-        };
-        let (kept_of_eight, records) = (pass(&resample), pass(&choose));
-        rig.lights.fold_visibility(&mut encoder);
+        let kept_of_eight = rig.pass(&mut encoder, &resample, &at);
+        let chosen = rig.pass(&mut encoder, &choose, &at);
         queue.submit([encoder.finish()]);
-        let chosen: Vec<Input> = read(&device, &queue, &records);
-        let outputs: Vec<Output> = chosen.iter().map(|input| bytemuck::cast(input.u)).collect();
+        let outputs: Vec<Output> = read(&device, &queue, &chosen);
         let [_, built, kept, ..] = rig.report();
         // In the first frame cells get rows and nothing is learnt. Young cells are built again when they have learnt, and
         // later in turn.
@@ -468,8 +450,7 @@ fn cells_know_what_shadow_rays_have_taught_as_on_the_cpu() {
         let count = others(&sampler, &at, &outputs);
         assert!(count <= at.len() / 40, "frame {frame}: {count} of {}", at.len());
         if frame == 9 {
-            let kept: Vec<Input> = read(&device, &queue, &kept_of_eight);
-            let kept: Vec<Output> = kept.iter().map(|input| bytemuck::cast(input.u)).collect();
+            let kept: Vec<Output> = read(&device, &queue, &kept_of_eight);
             // Eight draws and one choice are each as exact as a pick.
             let count = other_reservoirs(&sampler, &at, &kept);
             assert!(count <= at.len() / 10, "{count} of {}", at.len());
@@ -494,20 +475,25 @@ fn cells_know_what_shadow_rays_have_taught_as_on_the_cpu() {
         learnt.end_frame();
     }
     assert!(learnt.cell_count() > 50, "{learnt:?}");
-    // After a fold, cuts are void until they are built again.
-    assert_eq!(rig.run(&[], &at).len(), at.len());
-    let void: Vec<u32> = read(&device, &queue, rig.table());
-    assert_eq!(void[WORDS_AT as usize / 4], 0);
-    // A fold without records keeps the cuts.
-    let validity_after = |rig: &mut Rig| {
+    // A build without marks gives all rows back, and folds what was recorded. One without records keeps what is known.
+    let [first, second] = [0; 2].map(|_| {
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        rig.pass(&mut encoder, &rig.mark, rig.lights.mark_bind_group(), &at);
         rig.lights.build_cuts(&mut encoder);
-        rig.lights.fold_visibility(&mut encoder);
         queue.submit([encoder.finish()]);
-        read::<u32>(&device, &queue, rig.table())[WORDS_AT as usize / 4]
-    };
-    assert_eq!(validity_after(&mut rig), 1);
+        let [words, _] = rig.tables();
+        words[4 * CutPlaces::new(options(), Some(learning)).learnt as usize..].to_vec()
+    });
+    let rows = learning.cells() * 9 / 8;
+    assert!(first[16..16 + rows] == second[16..16 + rows] && first[16 + 2 * rows..] == second[16 + 2 * rows..]);
+    assert!(first[16..16 + rows].iter().filter(|tag| *tag & 1 != 0).count() > 50, "the tags of what is known");
+    // What was recorded before was folded with the first of them.
+    rig.lights.forget_visibility();
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    rig.lights.build_cuts(&mut encoder);
+    queue.submit([encoder.finish()]);
+    let [words, _] = rig.tables();
+    let tags = &words[4 * CutPlaces::new(options(), Some(learning)).learnt as usize + 16..][..rows];
+    assert!(tags.iter().all(|tag| *tag == 0), "nothing is known");
 }
 
 /// The effects of the world of these tests, and glossy points.
@@ -583,11 +569,6 @@ fn cuts_are_kept_while_nothing_changes_and_void_after_a_change_until_they_are_bu
     let found: Vec<_> = rig.cuts(options()).into_keys().collect();
     let same = cells.iter().filter(|cell| found.contains(cell)).count();
     assert!(same * 50 >= cells.len() * 49, "{same} of {}", cells.len());
-
-    rig.lights.share_cuts(None).expect("nothing is made");
-    assert!(rig.lights.cut_report().is_none());
-    let input = moved(&chosen);
-    assert_as_without_cuts(&world, &input, &rig.run(&moved(&marked), &input));
 }
 
 #[test]
@@ -649,7 +630,8 @@ fn what_has_no_room_is_refused_and_rows_come_back() {
     let [_, wanted, ..] = rig.report();
     for (rows, refused) in [(wanted, 0), (wanted - 1, 1), (wanted / 10, 0)] {
         let options = CutOptions::new(2.0, rows as usize).expect("valid").with_min_marks(2);
-        rig.lights.share_cuts(Some(options)).expect("memory enough");
+        rig.lights = lights_with(&GpuOptions::default().with_cuts(options));
+        rig.lights.upload(&world).expect("room enough");
         for _ in 0..3 {
             let outputs = rig.run(&marked, &chosen);
             assert_exact(&outputs);
@@ -673,7 +655,9 @@ fn what_has_no_room_is_refused_and_rows_come_back() {
         let [_, built, kept, rare, found, _] = rig.report();
         assert!(rare > 0 && built == rows.min(built + found) && kept == 0, "{built} {kept} {rare} {found}");
     }
-    rig.lights.share_cuts(Some(CutOptions::new(2.0, 1).expect("valid").with_min_marks(2))).expect("memory enough");
+    let one = CutOptions::new(2.0, 1).expect("valid").with_min_marks(2);
+    rig.lights = lights_with(&GpuOptions::default().with_cuts(one));
+    rig.lights.upload(&world).expect("room enough");
     let outputs = rig.run(&marked, &chosen);
     assert_exact(&outputs);
     let [marked, built, _, rare, refused, lost] = rig.report();
@@ -681,29 +665,28 @@ fn what_has_no_room_is_refused_and_rows_come_back() {
 }
 
 #[test]
-fn each_buffer_of_a_table_may_be_refused_and_the_present_one_stays() {
+fn each_buffer_of_a_table_may_be_refused() {
     let (device, queue) = noop();
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    lights.share_cuts(None).expect("there is none");
-    lights.share_cuts(Some(CutOptions::default())).expect("memory enough");
-    let before = lights.cut_bind_group().clone();
+    let options = GpuOptions::default().with_learning(VisibilityOptions::default());
     let mut refused = Vec::new();
     for successes in 0.. {
         let refusals = Refusals::of_buffers_after(successes);
-        let result = lights.share_cuts(Some(CutOptions::new(2.0, 64).expect("valid")));
+        let result = GpuLights::with_options(&device, &queue, options);
         if refusals.count() == 0 {
-            assert!(result.is_ok() && *lights.cut_bind_group() != before);
+            assert!(result.is_ok());
             break;
         }
         let Err(GpuError::OutOfMemory { what, .. }) = result else { panic!("{result:?}") };
-        assert!(*lights.cut_bind_group() == before, "{what}");
         refused.push(what);
     }
-    assert_eq!(refused, ["shared cuts", "report of shared cuts"]);
+    for what in ["shared cuts", "marks of cells", "report of shared cuts", "known visibility"] {
+        assert!(refused.contains(&what), "{refused:?}");
+    }
 }
 
 #[test]
 fn the_largest_table_fits_what_webgpu_lets_a_shader_bind() {
-    let most = CutPlaces::new(CutOptions::new(0.25, 65_536).expect("the most cells"));
-    assert!(most.bytes() <= wgpu::Limits::default().max_storage_buffer_binding_size, "{}", most.bytes());
+    let learning = VisibilityOptions::new(1.0, 16_384).expect("the most that learn");
+    let most = CutPlaces::new(CutOptions::new(0.25, 65_536).expect("the most cells"), Some(learning)).bytes();
+    assert!(most[0].max(most[1]) <= wgpu::Limits::default().max_storage_buffer_binding_size, "{most:?}");
 }

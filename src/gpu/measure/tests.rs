@@ -104,7 +104,7 @@ fn a_key_sort_sorts_the_same_keys_each_time_that_it_is_recorded() {
 }
 
 #[test]
-fn the_node_count_is_the_number_of_splits_and_of_steps_down() {
+fn the_node_count_is_the_number_of_steps_down() {
     let (device, queue) = gpu();
     let request = SampleRequest { position: [5.0, 0.0, 3.0], u: [0.3, 0.6, 0.5, 0.5], ..SampleRequest::default() };
     // A request, and for each of its eight candidates a request that makes the same sample.
@@ -116,11 +116,10 @@ fn the_node_count_is_the_number_of_splits_and_of_steps_down() {
         usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
         mapped_at_creation: false,
     });
-    let count = |lights: &mut GpuLights, splits: u32, candidates: u32| {
-        let split = requests.iter().map(|request| SampleRequest { splits, ..*request });
+    let count = |lights: &mut GpuLights, candidates: u32| {
         let requests = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: None,
-            contents: bytemuck::cast_slice(&split.collect::<Vec<_>>()),
+            contents: bytemuck::cast_slice(&requests),
             usage: wgpu::BufferUsages::STORAGE,
         });
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -130,20 +129,13 @@ fn the_node_count_is_the_number_of_splits_and_of_steps_down() {
         queue.submit([encoder.finish()]);
         read::<u32>(&device, &queue, &counts)
     };
-    // A single light has no doubt, so the cut stays at the root of the top level. Each candidate
-    // reads that node again, and then the root of the tree.
+    // The root of the top level, and the root of the tree.
     let mut one = upload(&device, &queue, lamps(1, 1));
-    for splits in [0, 6] {
-        assert_eq!(count(&mut one, splits, 1), [3; 9]);
-        assert_eq!(count(&mut one, splits, 8)[0], 1 + 2 * 8);
-    }
+    assert_eq!(count(&mut one, 1), [2; 9]);
+    assert_eq!(count(&mut one, 8)[0], 2 * 8);
     let mut many = upload(&device, &queue, lamps(64, 64));
-    for splits in [0, 6] {
-        let single = count(&mut many, splits, 1);
-        // At least two nodes in each level, and the nodes that are split.
-        assert!(single.iter().all(|count| *count >= 4 + splits / 2), "{single:?}");
-        // Candidates share the nodes that are split.
-        let walked: u32 = single[1..].iter().map(|count| count - 1 - splits).sum();
-        assert_eq!(count(&mut many, splits, 8)[0], 1 + splits + walked);
-    }
+    let single = count(&mut many, 1);
+    // At least two nodes in each level.
+    assert!(single.iter().all(|count| *count >= 4), "{single:?}");
+    assert_eq!(count(&mut many, 8)[0], single[1..].iter().sum::<u32>());
 }

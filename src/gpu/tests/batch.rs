@@ -10,12 +10,12 @@ const COUNT: u32 = MAX_WORKGROUPS * 64 + 65;
 
 /// What precedes a stage: all that a request has to say is the number in `u`.
 const SAMPLERS: &str = "
-    struct Request { position: u32, normal: u32, choice: u32, splits: u32, u: u32 }
-    var<private> light_splits: u32;
+    struct Request { position: u32, normal: u32, choice: u32, u: u32 }
     alias LightSample = u32;
     alias LightReservoir = u32;
     var<private> light_nodes_read: u32;
     fn light_surface_point(position: u32, normal: u32) -> u32 { return 0u; }
+    fn light_mark(shading_point: u32) {}
     fn light_sample(shading_point: u32, u: u32) -> u32 { return u; }
     fn light_resample(shading_point: u32, u: u32, choice: u32, candidates: u32) -> u32 {
         light_nodes_read = u;
@@ -74,7 +74,7 @@ fn run(entry: &str, text: String, contents: &[(&[u32], wgpu::BufferUsages)]) -> 
 
 #[test]
 fn requests_beyond_one_dimension_of_a_dispatch_get_their_own_answers() {
-    let requests: Vec<u32> = (1..=COUNT).flat_map(|i| [0, 0, 0, 0, i]).collect();
+    let requests: Vec<u32> = (1..=COUNT).flat_map(|i| [0, 0, 0, i]).collect();
     let zeros = vec![0; COUNT as usize];
     let (storage, uniform) = (wgpu::BufferUsages::STORAGE, wgpu::BufferUsages::UNIFORM);
     let candidates: (&[u32], _) = (&[1, 0, 0, 0], uniform);

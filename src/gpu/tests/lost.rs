@@ -10,10 +10,8 @@ use crate::gpu::measure::{KeySort, NodeCounter, build_top_timed, record_bytes};
 use crate::gpu::testing::{limited_gpu, mixed_world};
 use crate::gpu::*;
 use crate::sampling::counts::CandidateCount;
-use crate::sampling::cuts::CutOptions;
 use crate::scheduler::FrameBudget;
 use crate::tree::LightTree;
-use crate::visibility::VisibilityOptions;
 use crate::{Light, Placement, Policy, TreeKey, TreeSource};
 
 /// What a call gets.
@@ -97,9 +95,9 @@ type Call = fn(&mut Scene) -> Answer;
 #[allow(clippy::unit_arg)]
 const CALLS: &[(&str, Call)] = &[
     ("new", |s| result(GpuLights::new(&s.device, &s.queue))),
-    ("share_cuts", |s| result(s.lights.share_cuts(Some(CutOptions::default())))),
-    ("learn_visibility", |s| result(s.lights.learn_visibility(Some(VisibilityOptions::default())))),
+    ("with_options", |s| result(GpuLights::with_options(&s.device, &s.queue, GpuOptions::default()))),
     ("set_cut_view", |s| nothing(s.lights.set_cut_view(DVec3::ZERO, 0.001))),
+    ("forget_visibility", |s| nothing(s.lights.forget_visibility())),
     ("keep_previous", |s| nothing(s.lights.keep_previous(true))),
     ("set_tree_memory", |s| nothing(s.lights.set_tree_memory(None))),
     ("set_frame_bytes", |s| nothing(s.lights.set_frame_bytes(None))),
@@ -115,19 +113,13 @@ const CALLS: &[(&str, Call)] = &[
     }),
     ("build_top_timed", |s| nothing(build_top_timed(&mut s.lights, &mut s.encoder, None))),
     ("build_cuts", |s| nothing(s.lights.build_cuts(&mut s.encoder))),
-    ("fold_visibility", |s| nothing(s.lights.fold_visibility(&mut s.encoder))),
     ("sample", |s| nothing(s.lights.sample(&mut s.encoder, &s.buffers[0], &s.buffers[1], 64))),
     ("resample", |s| nothing(s.lights.resample(&mut s.encoder, &s.buffers[0], &s.buffers[1], 64, eight()))),
     ("shader", |s| nothing(s.lights.shader(1, Effects::all()))),
-    ("mark_shader", |s| nothing(s.lights.mark_shader(1, Effects::all()))),
-    ("cut_shader", |s| nothing(s.lights.cut_shader(1, Effects::all()))),
-    ("learning_cut_shader", |s| nothing(s.lights.learning_cut_shader(1, Effects::all()))),
     ("bind_group", |s| nothing(s.lights.bind_group())),
     ("bind_group_layout", |s| nothing(s.lights.bind_group_layout())),
+    ("previous_bind_group_layout", |s| nothing(s.lights.previous_bind_group_layout())),
     ("previous_bind_group", |s| nothing(s.lights.previous_bind_group())),
-    ("mark_bind_group", |s| nothing(s.lights.mark_bind_group())),
-    ("cut_bind_group", |s| nothing(s.lights.cut_bind_group())),
-    ("learning_cut_bind_group", |s| nothing(s.lights.learning_cut_bind_group())),
     ("cut_report", |s| nothing(s.lights.cut_report())),
     ("effects", |s| nothing(s.lights.effects())),
     ("revision", |s| nothing(s.lights.revision())),
@@ -180,8 +172,6 @@ fn every_call_on_a_lost_device_returns_that_it_is_lost_or_does_nothing() {
                 panics.push(format!("submit ({which}, {encoder}) panics"));
             }
         }
-        assert_eq!(scene.lights.share_cuts(None), Ok(()), "nothing is made");
-        assert_eq!(scene.lights.learn_visibility(None), Ok(()));
     }
     assert_eq!(panics, [""; 0]);
 }
@@ -190,7 +180,7 @@ fn every_call_on_a_lost_device_returns_that_it_is_lost_or_does_nothing() {
 fn the_test_of_a_lost_device_makes_every_call() {
     let mut names = Vec::new();
     public_calls(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src/gpu"), &mut names);
-    assert!(names.len() > 30, "{names:?}");
+    assert!(names.len() > 25, "{names:?}");
     names.retain(|name| !CALLS.iter().any(|(call, _)| call == name));
     assert_eq!(names, [""; 0], "they are in no row of CALLS");
 }

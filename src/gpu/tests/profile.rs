@@ -53,7 +53,7 @@ fn compare(world: &LightWorld, lights: &mut GpuLights, what: &str) {
     let (mut others, mut lit) = (0, 0);
     for (request, ours) in requests().iter().zip(samples(lights)) {
         let at = ShadingPoint::surface(request.position.into(), request.normal.into());
-        let Some(theirs) = world.sampler().sample(&at, request.u) else {
+        let Some(theirs) = world.sampler().from_roots().sample(&at, request.u) else {
             others += usize::from(ours.pmf > 0.0);
             continue;
         };

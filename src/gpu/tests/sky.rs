@@ -129,7 +129,7 @@ fn compare(world: &LightWorld, outputs: &[Output], least: usize, what: &str) {
     for (input, output) in inputs().iter().zip(outputs) {
         let at = ShadingPoint::surface(input.position.into(), input.normal.into());
         let Output { sample: ours, hit, pdf, .. } = output;
-        let Some(LightSample { light, pmf, incident, .. }) = world.sampler().sample(&at, input.u) else {
+        let Some(LightSample { light, pmf, incident, .. }) = world.sampler().from_roots().sample(&at, input.u) else {
             others += usize::from(ours.pmf > 0.0);
             continue;
         };
@@ -153,7 +153,7 @@ fn compare(world: &LightWorld, outputs: &[Output], least: usize, what: &str) {
         }
         assert!(ours.dist >= 1.0e18 && ours.is_delta == 0, "{what}: {ours:?}");
         // Where the map is stretched, the density depends on the direction within the texel.
-        match world.sampler().hit(&at, ours.direction.into(), f32::INFINITY) {
+        match world.sampler().from_roots().hit(&at, ours.direction.into(), f32::INFINITY) {
             Some(seen) if seen.light == light && seen.incident.radiance == incident.radiance => {
                 assert!(close(ours.pdf, seen.incident.pdf, 1.0e-4), "{what}: {ours:?} {seen:?}");
             }

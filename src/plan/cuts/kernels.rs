@@ -10,10 +10,11 @@ pub(super) const LANES: u32 = 64;
 
 const PARAMS: Binding = Binding::Uniform { bytes: size_of::<ParamsRecord>() as u32 };
 
-const LIST_BINDINGS: &[Binding] = &[PARAMS, Binding::ReadWrite, Binding::ReadWrite];
+const LIST_BINDINGS: &[Binding] = &[PARAMS, Binding::ReadWrite, Binding::ReadWrite, Binding::ReadWrite];
 
+/// The lights, the cuts and the marks.
 const BUILD_BINDINGS: &[Binding] =
-    &[PARAMS, Binding::Read, Binding::Read, Binding::Read, Binding::Read, Binding::ReadWrite];
+    &[PARAMS, Binding::Read, Binding::Read, Binding::Read, Binding::Read, Binding::ReadWrite, Binding::ReadWrite];
 
 /// Lists the cells to look at and to build: an invocation for each slot of the table.
 pub(super) const LIST: Kernel = Kernel::new("cut_list", "cuts", LIST_BINDINGS, text::wgsl_of_cut_list);
@@ -32,12 +33,10 @@ pub(super) fn build(effects: Effects) -> Kernel {
     Kernel::with_effects("cut_build", "cuts", BUILD_BINDINGS, (text::wgsl_of_cut_build, effects))
 }
 
-/// The same by learnt visibility, which it reads.
+/// The same by learnt visibility.
 pub(super) fn build_by_visibility(effects: Effects) -> Kernel {
-    const BINDINGS: &[Binding] =
-        &[PARAMS, Binding::Read, Binding::Read, Binding::Read, Binding::Read, Binding::ReadWrite, Binding::Read];
     let text = text::wgsl_of_cut_build_by_visibility;
-    Kernel::with_effects("cut_build_by_visibility", "cuts", BINDINGS, (text, effects))
+    Kernel::with_effects("cut_build_by_visibility", "cuts", BUILD_BINDINGS, (text, effects))
 }
 
 /// The kernels of [`LightPlanner::build_cuts`](super::super::LightPlanner::build_cuts) for

@@ -4,11 +4,12 @@ use glam::DVec3;
 
 use super::super::buffers::{BufferId, Ids, NewBuffer, ShaderBuffers};
 use super::super::commands::Commands;
-use super::super::error::PlanError;
 use super::kernels::{DISPATCH, KEEP, LANES, LIST, LOOKS, build, build_by_visibility};
-use super::layout::{CutPlaces, GridRecord, WORDS_AT};
+use super::layout::{CutPlaces, GridRecord, STATE_AT};
+use super::learning::{Learning, known_bytes};
 use crate::effects::Effects;
 use crate::sampling::cuts::{Camera, CutOptions};
+use crate::visibility::VisibilityOptions;
 
 /// The bytes of the report.
 const REPORT_BYTES: u64 = 64;
@@ -21,15 +22,21 @@ pub(in crate::plan) struct CutStore {
     camera: Option<Camera>,
     /// The world's origin at the last plan.
     origin: DVec3,
+    /// Cuts were built since they were last void.
+    is_built: bool,
 }
 
 /// A table.
 pub(in crate::plan) struct Table {
     options: CutOptions,
     places: CutPlaces,
-    pub cells: BufferId,
+    /// What shaders read.
+    pub cuts: BufferId,
+    /// What they write.
+    pub marks: BufferId,
     pub report: BufferId,
-    /// The grid that `cells` holds.
+    learning: Option<Learning>,
+    /// The grid that `cuts` holds.
     sent: GridRecord,
 }
 
@@ -38,34 +45,46 @@ impl CutStore {
         self.table.as_ref()
     }
 
-    /// A new table, and its buffers.
+    /// A new table, and its buffers, with fewer cells where these would outgrow the limit.
     pub fn reserve(
         &self,
-        options: CutOptions,
+        (mut options, mut learning): (CutOptions, Option<VisibilityOptions>),
         limit: u64,
         (ids, new): (&mut Ids, &mut Vec<NewBuffer>),
-    ) -> Result<Table, PlanError> {
-        let places = CutPlaces::new(options);
-        if places.bytes() > limit {
-            return Err(PlanError::Full { what: "shared cuts", needed: places.bytes(), limit });
+    ) -> Table {
+        let mut places = CutPlaces::new(options, learning);
+        while places.bytes().iter().any(|bytes| *bytes > limit) {
+            (options, learning) = (options.halved(), learning.map(VisibilityOptions::halved));
+            let fewer = CutPlaces::new(options, learning);
+            if fewer == places {
+                break;
+            }
+            places = fewer;
         }
+        let [cuts, marks] = places.bytes();
         let mut add = |buffer: NewBuffer| {
             new.push(buffer);
             buffer.id
         };
-        let cells = add(ids.storage("shared cuts", places.bytes()));
+        let cuts = add(ids.storage("shared cuts", cuts));
+        let marks = add(ids.storage("marks of cells", marks));
         let report = add(ids.indirect("report of shared cuts", REPORT_BYTES));
+        let learning = learning.map(|options| {
+            let known = add(ids.storage("known visibility", known_bytes(options)));
+            Learning::new(options, known, self.origin)
+        });
         let sent = GridRecord::new(options, &options.grid(self.camera, self.origin), &places);
-        Ok(Table { options, places, cells, report, sent })
+        Table { options, places, cuts, marks, report, learning, sent }
     }
 
     /// Replaces the table.
-    pub fn adopt(&mut self, table: Option<Table>, commands: &mut Commands, freed: &mut Vec<BufferId>) {
-        if let Some(table) = &table {
-            table.empty(commands);
+    pub fn adopt(&mut self, table: Table, commands: &mut Commands, freed: &mut Vec<BufferId>) {
+        table.empty(commands);
+        self.is_built = false;
+        if let Some(former) = self.table.replace(table) {
+            freed.extend([former.cuts, former.marks, former.report]);
+            freed.extend(former.learning.map(|learning| learning.known));
         }
-        let former = std::mem::replace(&mut self.table, table);
-        freed.extend(former.iter().flat_map(|table| [table.cells, table.report]));
     }
 
     /// Makes cells follow another camera.
@@ -74,22 +93,32 @@ impl CutStore {
         self.send_grid(commands);
     }
 
-    /// Follows the origin, and makes cuts void if the lights have changed. `is_lost` is whether the device may lack
-    /// what the buffers should hold.
+    /// Follows the origin, and makes cuts void until they are built again if the lights have changed. `is_lost` is
+    /// whether the device may lack what the buffers should hold.
     pub fn follow(&mut self, commands: &mut Commands, origin: DVec3, (has_changed, is_lost): (bool, bool)) {
         self.origin = origin;
         self.send_grid(commands);
-        match &self.table {
-            Some(table) if is_lost => table.empty(commands),
-            _ if has_changed => self.make_void(commands),
-            _ => {}
+        let Some(Table { places, cuts, learning, .. }) = &mut self.table else { return };
+        if let Some(learning) = learning {
+            learning.follow(commands, *cuts, places, origin);
         }
+        if let Some(table) = &self.table
+            && is_lost
+        {
+            table.empty(commands);
+        } else if let Some(table) = &self.table
+            && has_changed
+            && self.is_built
+        {
+            commands.write(table.cuts, STATE_AT, &[0; 4]);
+        }
+        self.is_built &= !is_lost && !has_changed;
     }
 
-    /// Makes all cuts void until they are built again.
-    pub fn make_void(&self, commands: &mut Commands) {
-        if let Some(table) = &self.table {
-            commands.write(table.cells, WORDS_AT, &[0; 4]);
+    /// Forgets what was learnt.
+    pub fn forget(&self, commands: &mut Commands) {
+        if let Some(Table { places, cuts, marks, learning: Some(learning), .. }) = &self.table {
+            learning.forget(commands, [*cuts, *marks], places);
         }
     }
 
@@ -99,45 +128,43 @@ impl CutStore {
         let grid = GridRecord::new(table.options, &table.options.grid(self.camera, self.origin), &table.places);
         if table.sent != grid {
             table.sent = grid;
-            commands.write(table.cells, 0, bytemuck::bytes_of(&grid));
+            commands.write(table.cuts, 0, bytemuck::bytes_of(&grid));
         }
     }
 
-    /// Adds the build of the cuts of marked cells. `lights` are the buffers that shaders bind, and `learnt` is a
-    /// table of learnt visibility.
-    pub fn build(&self, commands: &mut Commands, lights: ShaderBuffers, learnt: Option<BufferId>, effects: Effects) {
+    /// Adds the fold of what was recorded about visibility, and the build of the cuts of marked cells. `lights` are the
+    /// buffers that shaders bind.
+    pub fn build(&mut self, commands: &mut Commands, lights: ShaderBuffers, effects: Effects) {
         let Some(table) = &self.table else { return };
+        self.is_built = true;
         let [params, top, nodes, instances, lights] = lights.0;
-        let own = [params, table.cells, table.report];
+        if let Some(learning) = &table.learning {
+            learning.fold(commands, [params, table.cuts, table.marks]);
+        }
+        let own = [params, table.cuts, table.marks, table.report];
+        let all = [params, top, nodes, instances, lights, table.cuts, table.marks];
         commands.dispatch(LIST, &own, 0, table.places.slots.div_ceil(LANES));
         commands.dispatch(LOOKS, &own, 0, 1);
-        commands.dispatch_indirect(KEEP, &[params, top, nodes, instances, lights, table.cells], 0, table.report);
+        commands.dispatch_indirect(KEEP, &all, 0, table.report);
         commands.dispatch(DISPATCH, &own, 0, 1);
-        match learnt {
-            Some(learnt) => {
-                let all = [params, top, nodes, instances, lights, table.cells, learnt];
-                commands.dispatch_indirect(build_by_visibility(effects), &all, 0, table.report);
-            }
-            None => {
-                let all = [params, top, nodes, instances, lights, table.cells];
-                commands.dispatch_indirect(build(effects), &all, 0, table.report);
-            }
-        }
+        let kernel = if table.learning.is_some() { build_by_visibility(effects) } else { build(effects) };
+        commands.dispatch_indirect(kernel, &all, 0, table.report);
     }
 }
 
 impl Table {
-    /// Makes it a table without cells, whatever its buffer holds.
+    /// Makes it a table without cells that knows nothing, whatever its buffers hold.
     fn empty(&self, commands: &mut Commands) {
-        commands.zero(self.cells, 0..self.places.bytes());
-        let head: &[u32] = &self.places.head();
-        commands.write_with(self.cells, 0, |bytes| {
-            bytes.extend_from_slice(bytemuck::bytes_of(&self.sent));
-            bytes.extend_from_slice(bytemuck::cast_slice(head));
-        });
-        let free_rows = WORDS_AT + 4 * u64::from(self.places.free_rows);
-        commands.write_with(self.cells, free_rows, |bytes| {
+        let [cuts, marks] = self.places.bytes();
+        commands.zero(self.cuts, 0..cuts);
+        commands.zero(self.marks, 0..marks);
+        commands.write(self.cuts, 0, bytemuck::bytes_of(&self.sent));
+        commands.write(self.marks, 0, bytemuck::cast_slice(&self.places.head()));
+        commands.write_with(self.marks, 4 * u64::from(self.places.free_rows), |bytes| {
             (1..=self.places.rows).for_each(|row| bytes.extend_from_slice(&row.to_ne_bytes()));
         });
+        if let Some(learning) = &self.learning {
+            learning.forget(commands, [self.cuts, self.marks], &self.places);
+        }
     }
 }

@@ -79,6 +79,12 @@ impl Default for CutOptions {
 }
 
 impl CutOptions {
+    /// The same with half as many cells, but one.
+    #[cfg(feature = "gpu-plan")]
+    pub(crate) fn halved(self) -> Self {
+        Self { cells: (self.cells / 2).max(1), ..self }
+    }
+
     /// The grid of cells in coordinates relative to an origin.
     pub(crate) fn grid(&self, camera: Option<Camera>, origin: DVec3) -> CutGrid {
         CutGrid::new(self.edge, camera, origin)

@@ -4,9 +4,8 @@ use crate::math::dice::Dice;
 use crate::sampling::cut::{Candidates, Choice, CutSource, InstanceTrees, TreeView};
 use crate::sampling::cuts::shared::{MIN_SIDE, NodeId, SharedCut};
 use crate::sampling::cuts::table::{CutTable, CutsInUse};
+use crate::sampling::roots::seen_rough_weights;
 use crate::sampling::sample::LightSampler;
-use crate::shading::importance::ChildImportances;
-use crate::shading::rough::rough_weights;
 use crate::shading::shading_point::ShadingPoint;
 use crate::tree::{ChildRef, Lanes, Node, WIDTH};
 
@@ -73,9 +72,7 @@ impl<'a> Candidates<'a> for PlacedCut<'a, '_> {
     /// By [rough estimates](rough_weights).
     #[inline(always)]
     fn weights(&self, tree: &TreeView<'a>, node: u32, record: &Node, trees: &impl InstanceTrees<'a>) -> Lanes {
-        let mut children = ChildImportances { importance: rough_weights(record, &tree.local), doubt: [0.0; WIDTH] };
-        trees.weigh_masks(tree, node, record, &mut children);
-        children.importance
+        seen_rough_weights(tree, node, record, trees)
     }
 
     fn visit(&self, mut visit: impl FnMut(&TreeView<'a>, ChildRef, f32)) {

@@ -43,7 +43,7 @@ fn start_of_operand(before: &str) -> usize {
     let mut start = stop.map_or(0, |(at, _)| at + 1);
     loop {
         let rest = &before[start..];
-        let word = ["if ", "return ", "while "].into_iter().find(|word| rest.starts_with(word));
+        let word = ["else ", "if ", "return ", "while "].into_iter().find(|word| rest.starts_with(word));
         start += match word {
             Some(word) => word.len(),
             None if rest.starts_with(char::is_whitespace) => 1,

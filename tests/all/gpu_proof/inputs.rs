@@ -2,9 +2,9 @@
 
 use girandole::glam::{Mat3, Vec3};
 use girandole::gpu::GpuLights;
-use girandole::{DirectionalLight, FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint, SplitCount};
+use girandole::{DirectionalLight, FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint};
 
-use super::{Question, Sampled, Text, named_lights, with_splits};
+use super::{Question, Sampled, Text, named_lights};
 use crate::gpu::gpu;
 use girandole::LightTree;
 use testbed::testing::support::Rng;
@@ -123,12 +123,7 @@ fn positions_normals_and_numbers_that_are_none_give_finite_answers_on_the_gpu() 
         });
     }
     let mut found = 0;
-    for (text, splits) in [
-        (Text::AsItIs, SplitCount::NONE),
-        (Text::AsItIs, SplitCount::DEFAULT),
-        (Text::AssumingNumbers, SplitCount::DEFAULT),
-    ] {
-        let questions = with_splits(&questions, splits);
+    for text in [Text::AsItIs, Text::AssumingNumbers] {
         for (question, point) in questions.iter().zip(text.points(&mut lights, &questions)) {
             assert!(point.into_iter().all(is_finite), "{text:?} {point:?} {question:?}");
         }
@@ -151,7 +146,7 @@ fn positions_normals_and_numbers_that_are_none_give_finite_answers_on_the_gpu() 
             assert!(is_finite(kept.weight) && kept.weight >= 0.0, "{text:?} {kept:?} {question:?}");
         }
     }
-    assert!(found > 9000, "{found} of 18,000 samples find a light");
+    assert!(found > 6000, "{found} of 12,000 samples find a light");
 }
 
 /// In a world of one light all numbers pick it, so a number outside [0, 1) gives the sample of the

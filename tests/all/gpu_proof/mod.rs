@@ -16,7 +16,7 @@ use std::sync::{Arc, Mutex, OnceLock};
 use assuming_numbers::comparisons_negated;
 use bytemuck::{Pod, Zeroable};
 use girandole::gpu::GpuLights;
-use girandole::{Effects, LightId, LightWorld, ShadingPoint, SplitCount};
+use girandole::{Effects, LightId, LightWorld, ShadingPoint};
 
 use crate::gpu::{buffer, gpu, read};
 
@@ -33,14 +33,9 @@ struct Question {
     mask: u32,
     /// For points and for resampling: 0 for a matte point, 1 for a glossy one, 2 for a segment from `position` on.
     kind: u32,
-    splits: u32,
+    padding: u32,
     /// The view of a glossy point and its roughness; the direction and the length of a segment.
     more: [f32; 4],
-}
-
-/// The same questions with another number of splits.
-fn with_splits(questions: &[Question], splits: SplitCount) -> Vec<Question> {
-    questions.iter().map(|question| Question { splits: splits.get() as u32, ..*question }).collect()
 }
 
 impl Question {
@@ -49,7 +44,6 @@ impl Question {
             position: point.position.to_array(),
             normal: point.normal.to_array(),
             mask: point.mask,
-            splits: SplitCount::DEFAULT.get() as u32,
             ..Self::default()
         }
     }
@@ -59,7 +53,7 @@ impl Question {
 const STAGE: &str = "
     struct Question {
         position: vec3<f32>, instance: u32, normal: vec3<f32>, light: u32,
-        u: vec4<f32>, choice: f32, mask: u32, kind: u32, splits: u32, more: vec4<f32>,
+        u: vec4<f32>, choice: f32, mask: u32, kind: u32, padding: u32, more: vec4<f32>,
     }
     @group(1) @binding(0) var<storage, read> questions: array<Question>;
     @group(1) @binding(1) var<storage, read_write> answers: array<u32>;
@@ -115,13 +109,11 @@ const STAGE: &str = "
     @compute @workgroup_size(64) fn pmf(@builtin(global_invocation_id) id: vec3<u32>) {
         if id.x >= arrayLength(&questions) { return; }
         let q = questions[id.x];
-        light_splits = q.splits;
         answers[id.x] = bitcast<u32>(light_pmf(point_of(q), q.instance, q.light));
     }
     @compute @workgroup_size(64) fn pick(@builtin(global_invocation_id) id: vec3<u32>) {
         if id.x >= arrayLength(&questions) { return; }
         let q = questions[id.x];
-        light_splits = q.splits;
         let picked = light_pick(point_of(q), q.u.xy);
         answers[3u * id.x] = picked.instance;
         answers[3u * id.x + 1u] = picked.light;
@@ -130,13 +122,11 @@ const STAGE: &str = "
     @compute @workgroup_size(64) fn sample(@builtin(global_invocation_id) id: vec3<u32>) {
         if id.x >= arrayLength(&questions) { return; }
         let q = questions[id.x];
-        light_splits = q.splits;
         put_sample(11u * id.x, light_sample(point_of(q), q.u));
     }
     @compute @workgroup_size(64) fn resample(@builtin(global_invocation_id) id: vec3<u32>) {
         if id.x >= arrayLength(&questions) { return; }
         let q = questions[id.x];
-        light_splits = q.splits;
         let kept = light_resample(any_point_of(q), q.u, q.choice, 4u);
         put_sample(12u * id.x, kept.chosen);
         answers[12u * id.x + 11u] = bitcast<u32>(kept.weight);

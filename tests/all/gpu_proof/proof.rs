@@ -3,13 +3,13 @@
 use std::collections::HashMap;
 
 use girandole::gpu::GpuLights;
-use girandole::{LightWorld, ShadingPoint, SplitCount};
+use girandole::{LightWorld, ShadingPoint};
 
 use super::edits::Edited;
-use super::{Picked, Question, Text, named_lights, with_splits};
+use super::{Picked, Question, Text, named_lights};
 use crate::gpu::gpu;
 use testbed::testing::plan_device::Played;
-use testbed::testing::support::{Rng, SPLITS};
+use testbed::testing::support::Rng;
 
 /// Frames of edits before each proof.
 const FRAMES: usize = 300;
@@ -26,7 +26,7 @@ const POINTS: usize = 4;
 /// Rounding of a sum over thousands of probabilities.
 const SUM_TOLERANCE: f64 = 1.0e-4;
 
-/// The answers at all shading points, with one number of splits.
+/// The answers at all shading points.
 struct Answers {
     /// Of all lights, at one shading point after the other.
     pmfs: Vec<f32>,
@@ -34,13 +34,7 @@ struct Answers {
     picks: Vec<Picked>,
 }
 
-fn answers(
-    lights: &mut GpuLights,
-    splits: SplitCount,
-    names: &[[u32; 2]],
-    points: &[ShadingPoint],
-    u: &[[f32; 2]],
-) -> Answers {
+fn answers(lights: &mut GpuLights, names: &[[u32; 2]], points: &[ShadingPoint], u: &[[f32; 2]]) -> Answers {
     let mut asked = Vec::new();
     for point in points {
         asked.extend(names.iter().map(|[instance, light]| Question {
@@ -49,10 +43,10 @@ fn answers(
             ..Question::at(point)
         }));
     }
-    let pmfs = Text::AsItIs.pmfs(lights, &with_splits(&asked, splits));
+    let pmfs = Text::AsItIs.pmfs(lights, &asked);
     let draw = |(i, u): (usize, &[f32; 2])| Question { u: [u[0], u[1], 0.0, 0.0], ..Question::at(&points[i / DRAWS]) };
     let drawn: Vec<Question> = u.iter().enumerate().map(draw).collect();
-    Answers { pmfs, picks: Text::AsItIs.picks(lights, &with_splits(&drawn, splits)) }
+    Answers { pmfs, picks: Text::AsItIs.picks(lights, &drawn) }
 }
 
 /// Checks the answers at one shading point. Returns the number of lights that send something there.
@@ -151,16 +145,14 @@ fn prove(seed: u64, sizes: &[usize]) -> Vec<usize> {
         fresh.upload(world).expect("room enough");
         let names: Vec<[u32; 2]> = named_lights(world).into_iter().map(|(_, name)| name).collect();
         let mut contributions = 0;
-        for splits in SPLITS {
-            let found = answers(&mut lights, splits, &names, &points, &u);
-            let again = answers(&mut fresh, splits, &names, &points, &u);
-            let bits = |pmfs: &[f32]| pmfs.iter().map(|pmf| pmf.to_bits()).collect::<Vec<_>>();
-            assert!(bits(&found.pmfs) == bits(&again.pmfs), "{size} instances: a fresh upload has other probabilities");
-            assert!(found.picks == again.picks, "{size} instances: a fresh upload has other picks");
-            for (i, point) in points.iter().enumerate() {
-                let probabilities = &found.pmfs[i * names.len()..][..names.len()];
-                contributions += check(world, point, probabilities, &found.picks[i * DRAWS..][..DRAWS], &mut rng);
-            }
+        let found = answers(&mut lights, &names, &points, &u);
+        let again = answers(&mut fresh, &names, &points, &u);
+        let bits = |pmfs: &[f32]| pmfs.iter().map(|pmf| pmf.to_bits()).collect::<Vec<_>>();
+        assert!(bits(&found.pmfs) == bits(&again.pmfs), "{size} instances: a fresh upload has other probabilities");
+        assert!(found.picks == again.picks, "{size} instances: a fresh upload has other picks");
+        for (i, point) in points.iter().enumerate() {
+            let probabilities = &found.pmfs[i * names.len()..][..names.len()];
+            contributions += check(world, point, probabilities, &found.picks[i * DRAWS..][..DRAWS], &mut rng);
         }
         assert!(*size < 8 || contributions > 8, "{size} instances: {contributions} contributions");
     }

@@ -5,7 +5,7 @@ use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
 use girandole::{FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint, SplitCount};
 
-use super::{Question, Text, named_lights, with_splits};
+use super::{Question, Text, named_lights};
 use crate::gpu::gpu;
 use girandole::LightTree;
 use std::collections::BTreeMap;
@@ -74,14 +74,20 @@ fn in_f64(world: &LightWorld, point: &ShadingPoint, splits: SplitCount) -> Optio
     (!found.is_close).then(|| found.lights.into_iter().filter_map(by_slot).collect())
 }
 
+/// The greatest difference of numbers above [`COMPARED`], relative to themselves.
+fn difference(a: f64, b: f64) -> Option<f64> {
+    let most = a.max(b);
+    (most > COMPARED).then(|| (a - b).abs() / most)
+}
+
 /// One-sided panels and beams in instances of a thickness from 1e-1 to 1.5e-9; the least scale that is
 /// accepted is 1e-9. Every light that sends anything has a probability on the GPU, probabilities add up
-/// to 1 at most, and they are those of the CPU and those of the formulas in f64. Entries of a matrix
-/// round by 6e-8, so thinner instances with a rotation inside are about that thick.
+/// to 1 at most, and they are those of the CPU; and those of cuts on the CPU are those of the formulas in f64. Entries of
+/// a matrix round by 6e-8, so thinner instances with a rotation inside are about that thick.
 #[test]
 fn squashed_instances_are_covered_and_have_the_probabilities_of_the_cpu_and_of_f64_on_the_gpu() {
     let mut rng = Rng(910);
-    let (mut sent, mut compared, mut close_calls, mut asked, mut worst) = (0, 0, 0, 0, [0.0; 10]);
+    let (mut sent, mut compared, mut close_calls, mut asked, mut worst) = (0, [0; 2], 0, 0, [0.0_f64; 10]);
     for power in 1..=9 {
         // A little more than the limit, below which rounding would hide some.
         let thin = if power == 9 { 1.5e-9 } else { 10.0_f32.powi(-power) };
@@ -98,34 +104,41 @@ fn squashed_instances_are_covered_and_have_the_probabilities_of_the_cpu_and_of_f
             };
             questions.extend(names.iter().map(ask));
         }
-        for splits in SPLITS {
-            let questions = with_splits(&questions, splits);
-            let sampler = world.sampler().with_splits(splits);
-            let answers = Text::AsItIs.pmfs(&mut lights, &questions);
-            for (point, gpu) in points.iter().zip(answers.chunks_exact(names.len())) {
-                let sum: f64 = gpu.iter().map(|pmf| f64::from(*pmf)).sum();
-                assert!(sum <= 1.0 + 1.0e-4, "1e-{power}: probabilities add up to {sum}");
-                let exact = in_f64(&world, point, splits);
+        let answers = Text::AsItIs.pmfs(&mut lights, &questions);
+        let worst = &mut worst[power as usize];
+        for (point, gpu) in points.iter().zip(answers.chunks_exact(names.len())) {
+            let sum: f64 = gpu.iter().map(|pmf| f64::from(*pmf)).sum();
+            assert!(sum <= 1.0 + 1.0e-4, "1e-{power}: probabilities add up to {sum}");
+            let sampler = world.sampler().from_roots();
+            for ((light, _), gpu) in names.iter().zip(gpu) {
+                let sends = sampler.sample_light(point, *light, [rng.unit(), rng.unit()]).is_some();
+                assert!(*gpu > 0.0 || !sends, "1e-{power}: {light:?} sends something to {point:?}");
+                sent += usize::from(sends);
+                if let Some(error) = difference(f64::from(*gpu), f64::from(sampler.pmf(point, *light))) {
+                    *worst = worst.max(error);
+                    compared[0] += 1;
+                }
+            }
+            for splits in SPLITS {
+                let sampler = world.sampler().with_splits(splits);
                 asked += 1;
-                close_calls += usize::from(exact.is_none());
-                for ((light, place), gpu) in names.iter().zip(gpu) {
-                    let (cpu, on_gpu) = (f64::from(sampler.pmf(point, *light)), f64::from(*gpu));
-                    let sends = sampler.sample_light(point, *light, [rng.unit(), rng.unit()]).is_some();
-                    assert!(*gpu > 0.0 || !sends, "1e-{power}: {light:?} sends something to {point:?}");
-                    sent += usize::from(sends);
-                    let Some(exact) = &exact else { continue };
-                    let all = [cpu, on_gpu, exact.get(place).copied().unwrap_or(0.0)];
-                    let (least, most) = (all.into_iter().fold(1.0, f64::min), all.into_iter().fold(0.0, f64::max));
-                    if most > COMPARED {
-                        worst[power as usize] = f64::max(worst[power as usize], (most - least) / most);
-                        compared += 1;
+                let Some(exact) = in_f64(&world, point, splits) else {
+                    close_calls += 1;
+                    continue;
+                };
+                for (light, place) in &names {
+                    let exact = exact.get(place).copied().unwrap_or(0.0);
+                    if let Some(error) = difference(exact, f64::from(sampler.pmf(point, *light))) {
+                        *worst = worst.max(error);
+                        compared[1] += 1;
                     }
                 }
             }
         }
     }
     assert!(worst.iter().all(|error| *error < MOST_ERROR), "{worst:?}, by powers of a tenth");
-    assert!(sent > 500 && compared > 10_000 && 20 * close_calls < asked, "{sent} {compared} {close_calls} {asked}");
+    assert!(sent > 250 && compared.iter().all(|count| *count > 4000), "{sent} {compared:?}");
+    assert!(20 * close_calls < asked, "{close_calls} {asked}");
 }
 
 /// Lamps of turned instances far from the origin, on the horizon of shading points to the last bit.

@@ -1,6 +1,7 @@
 //! Frequencies at the bottom of deep trees, below the resolution of one random number.
 
 use super::*;
+use girandole::SplitCount;
 use girandole::tree::{ChildRef, NO_PARENT, WIDTH};
 
 /// A row of lamps at falling distances from the origin, to one side of it. There, each of the first

@@ -19,10 +19,10 @@ use girandole::gpu::{GpuLights, SampleRequest};
 use girandole::light::{MAX_COORDINATE, MAX_EMISSION};
 use girandole::{
     DirectionalLight, Effects, FrameBudget, Gloss, Light, LightId, LightSampler, LightTree, LightWorld, MAX_SCALE,
-    Placement, Policy, ShadingPoint, SplitCount,
+    Placement, Policy, ShadingPoint,
 };
 
-use crate::gpu::{OTHER_PICKS, compare, gpu, sample_by, with_splits};
+use crate::gpu::{OTHER_PICKS, compare, gpu, sample_by};
 use testbed::testing::support::{Rng, SPLITS, all_pmfs, rounds};
 
 /// Rounding of a sum over thousands of lights. Each probability is a product of ratios of sums of
@@ -117,13 +117,11 @@ fn prove_on_gpu(world: &mut LightWorld, shading_points: &[ShadingPoint], seed: u
         })
         .collect();
     lights.upload(world).expect("room enough");
-    for splits in SPLITS {
-        // The variant for this world with the default splits, the variant for every world with the
-        // others.
-        let effects = if splits == SplitCount::DEFAULT { lights.effects() } else { Effects::all() };
-        let records = sample_by(effects, &mut lights, &with_splits(&requests, splits));
+    // The variant for this world, and that for every world.
+    for effects in [lights.effects(), Effects::all()] {
+        let records = sample_by(effects, &mut lights, &requests);
         assert!(records.iter().all(|r| r.pmf.is_finite() && r.pdf.is_finite() && Vec3::from(r.radiance).is_finite()));
-        let others = compare(world, splits, &requests, &records);
+        let others = compare(world, &requests, &records);
         assert!(others as f64 <= OTHER_PICKS * 1024.0 + 1.0, "{others} of 1024 draws choose another light");
     }
 }

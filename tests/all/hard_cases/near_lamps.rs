@@ -1,6 +1,7 @@
 //! Shading points on a lamp, where probes and fog are: the other lamps must still be sampled.
 
 use super::*;
+use girandole::SplitCount;
 
 /// Draws per shading point, evenly spaced in two dimensions.
 const DRAWS: u32 = 64 * 64;

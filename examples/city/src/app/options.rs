@@ -41,8 +41,8 @@ pub struct Options {
     /// Samples per pixel; each sample uses one light
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SPP)))]
     pub spp: u32,
-    /// Clusters of lights that a sample splits before it chooses a light; more splits lower the
-    /// noise and cost time
+    /// Clusters of lights that a sample splits before it chooses a light, on the CPU; more splits lower
+    /// the noise and cost time
     #[arg(long, value_name = "N", default_value = "6", value_parser = parse_splits)]
     pub splits: SplitCount,
     /// Candidate lights, of which each sample keeps one; more candidates lower the noise and cost
@@ -78,8 +78,8 @@ pub struct Options {
     /// Where to render
     #[arg(long, value_name = "WHERE", value_enum, default_value_t = BackendChoice::Auto)]
     pub backend: BackendChoice,
-    /// How samples choose lights; frames of all samplers but girandole are rendered on the CPU,
-    /// even with --backend gpu
+    /// How samples choose lights; frames of samplers without light trees of girandole are rendered on
+    /// the CPU, even with --backend gpu
     #[arg(long, value_name = "NAME", value_enum, default_value_t = LightChoice::Girandole)]
     pub sampler: LightChoice,
     /// Sum up all lights in every sample instead of choosing one, on the CPU: slow, but without the

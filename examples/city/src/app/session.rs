@@ -309,14 +309,15 @@ impl Session {
         let mut times = StageTimes::default();
         let Self { stage: Stage { scene, world, .. }, geometry, renderer, baselines, cuts, .. } = self;
         let (image, shadow_rays) = match renderer {
-            Renderer::Gpu(renderer)
-                if matches!(settings.light_choice, LightChoice::Girandole | LightChoice::SharedCuts) =>
-            {
+            Renderer::Gpu(renderer) if settings.light_choice.is_on_gpu() => {
                 renderer.render(scene, geometry, settings, seed, progress)?
             }
             _ => {
                 let mut sampler = world.sampler().with_splits(settings.splits);
                 times.top_build = Some(laps.lap());
+                if settings.light_choice == LightChoice::Roots {
+                    sampler = sampler.from_roots();
+                }
                 if settings.light_choice == LightChoice::SharedCuts {
                     cuts.set_view(scene.camera.eye.as_dvec3(), pixel_size(scene, settings));
                     let lights = Lights { sampler: sampler.with_cuts(cuts), choice: Choice::Trees };

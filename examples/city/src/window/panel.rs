@@ -11,7 +11,6 @@ use egui::style::ScrollStyle;
 use egui::{Button, Color32, Rangef, Slider, SliderClamping, TextStyle, Ui};
 use egui_plot::{AxisHints, Line, Plot, PlotPoints};
 use girandole::{MAX_CANDIDATES, MAX_SPLITS};
-use testbed::render::settings::LightChoice;
 
 /// Width of the panel, points.
 pub const WIDTH: f32 = 300.0;
@@ -126,7 +125,7 @@ fn sliders(ui: &mut Ui, controls: &mut Controls) {
             .clamping(SliderClamping::Edits)
             .text("budget"),
     );
-    let is_girandole = matches!(controls.sampler, LightChoice::Girandole | LightChoice::SharedCuts);
+    let is_girandole = controls.sampler.is_on_gpu();
     ui.add_enabled(is_girandole, Slider::new(&mut controls.splits, 0..=MAX_SPLITS).text("splits"));
     ui.add_enabled(is_girandole, Slider::new(&mut controls.candidates, 1..=MAX_CANDIDATES).text("candidates"));
     ui.add(Slider::new(&mut controls.spp, 1..=MAX_SPP).text("samples per pixel"));

@@ -72,8 +72,9 @@ pub fn rel_mse(image: &Image, reference: &Image) -> f64 {
 /// scene differs by 1e-10.)
 const MAX_REL_MSE: f64 = 6e-4;
 
+/// Without cells, whose points are not the same on both sides: see below.
 pub fn assert_same_pictures(name: &str, stage: impl Fn() -> Stage, frames: u32) {
-    let settings = settings(48, 27, 16, 5);
+    let settings = Settings { light_choice: LightChoice::Roots, ..settings(48, 27, 16, 5) };
     let mut cpu = session(stage(), settings.clone(), BackendChoice::Cpu);
     let mut gpu = session(stage(), settings, BackendChoice::Gpu);
     for number in 0..frames {
@@ -230,17 +231,18 @@ const SEEDS: u64 = 24;
 /// Tiles across and down the picture.
 const TILES: (usize, usize) = (4, 3);
 /// The samplers that choose one light, and the samples per pixel that each needs.
-const SAMPLERS: [(LightChoice, u32); 6] = [
+const SAMPLERS: [(LightChoice, u32); 7] = [
     (LightChoice::Girandole, 256),
     (LightChoice::SharedCuts, 256),
+    (LightChoice::Roots, 512),
     (LightChoice::Uniform, 1024),
     (LightChoice::Flux, 512),
     (LightChoice::Pbrt, 512),
     (LightChoice::SgTree, 512),
 ];
 /// Student's t for 23 degrees of freedom, which chance exceeds once in 40,000 tries, both sides
-/// together. With 234 tries (6 samplers, 12 tiles and the whole picture, 3 channels) one choice of
-/// seeds in 170 causes a false alarm; the seeds are fixed.
+/// together. With 273 tries (7 samplers, 12 tiles and the whole picture, 3 channels) one choice of
+/// seeds in 146 causes a false alarm; the seeds are fixed.
 const T_LIMIT: f64 = 5.26;
 /// Limit of the mean standard error of the tiles, relative to their mean brightness.
 const MAX_RELATIVE_ERROR: f64 = 0.04;
@@ -295,9 +297,10 @@ fn the_sampler_can_be_switched_between_frames() {
             frame(&mut session)
         })
     };
-    let girandole = LightChoice::Girandole;
-    // The GPU renders the first two.
-    let others = SAMPLERS[2..].iter().map(|(choice, _)| *choice);
+    // It depends on no frame before.
+    let girandole = LightChoice::Roots;
+    // The GPU renders the first three.
+    let others = SAMPLERS[3..].iter().map(|(choice, _)| *choice);
     for choice in others.chain([LightChoice::Exhaustive]) {
         // Lights move in each frame, so a sampler that was built for an earlier frame would choose
         // other lights.

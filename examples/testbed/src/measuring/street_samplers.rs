@@ -6,6 +6,7 @@ use crate::measuring::baselines::{BinaryTree, Cycles, Formula, Pbrt};
 use crate::measuring::emitter::{Emitter, Receiver};
 use crate::measuring::reference::choice::{Below, Tree, distribution};
 use crate::measuring::reference::place::{Map, View};
+use crate::measuring::reference::rough::walk;
 use girandole::glam::{DMat3, DVec3};
 use girandole::{
     InstanceKey, Light, LightId, LightSampler, LightTree, LightWorld, OriginMode, Placement, Policy, SplitCount,
@@ -66,6 +67,26 @@ impl TwoLevel {
         &self.world
     }
 
+    /// The probabilities of a walk from the root, in f64, as [`Subject::exact_pmfs`]; and whether rounding may turn one
+    /// of its decisions.
+    pub fn exact_walk(&self, at: &Receiver<f64>) -> (Option<Vec<f64>>, bool) {
+        let sampler = self.world.sampler();
+        let view = View::of(at.position - self.origin(), at.normal);
+        let top = Tree { nodes: sampler.top_nodes(), view, instance: None };
+        let found = walk(&top, &|leaf| self.below(&sampler, leaf, view));
+        (self.by_light(found.lights), found.is_close)
+    }
+
+    /// The probabilities in the order of the street's lights.
+    fn by_light(&self, lights: Vec<((Option<u32>, u32), f64)>) -> Option<Vec<f64>> {
+        let mut pmfs = vec![0.0; self.world.sampler().all_lights().count()];
+        for ((slot, light), pmf) in lights {
+            let shown = slot.and_then(|slot| self.world.instance_at(slot)).map(|instance| &self.shown[&instance]);
+            pmfs[shown?.start + light as usize] = pmf;
+        }
+        Some(pmfs)
+    }
+
     /// Probabilities in the order of [`Street::lights`], from those in the order of
     /// [`LightSampler::all_lights`].
     pub fn in_street_order(&self, own: &[f32]) -> Vec<f32> {
@@ -110,12 +131,7 @@ impl Subject for TwoLevel {
         let view = View::of(at.position - self.origin(), at.normal);
         let top = Tree { nodes: sampler.top_nodes(), view, instance: None };
         let below = |leaf| self.below(&sampler, leaf, view);
-        let mut pmfs = vec![0.0; sampler.all_lights().count()];
-        for ((slot, light), pmf) in distribution(&top, SplitCount::DEFAULT.get(), 0.0, &below).lights {
-            let shown = slot.and_then(|slot| self.world.instance_at(slot)).map(|instance| &self.shown[&instance]);
-            pmfs[shown?.start + light as usize] = pmf;
-        }
-        Some(pmfs)
+        self.by_light(distribution(&top, SplitCount::DEFAULT.get(), 0.0, &below).lights)
     }
 }
 

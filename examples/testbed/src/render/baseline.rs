@@ -41,7 +41,7 @@ impl Baseline {
     ///   pbrt-v4's `PowerLightSampler`.
     /// - `Pbrt` and `SgTree`: each is as probable as the whole tree, as in pbrt-v4's `BVHLightSampler`.
     pub fn new(choice: LightChoice, world: &LightWorld, scene_radius: f32) -> Option<Self> {
-        if matches!(choice, LightChoice::Girandole | LightChoice::SharedCuts | LightChoice::Exhaustive) {
+        if choice.is_on_gpu() || choice == LightChoice::Exhaustive {
             return None;
         }
         let is_local = |light: &LightId| matches!(light, LightId::Local { .. });

@@ -13,15 +13,16 @@ pub struct Settings {
     pub height: u32,
     /// Samples per pixel. The noise falls with its square root.
     pub spp: u32,
-    /// Clusters that are split before a light is chosen. More of them lower the noise and cost time.
+    /// Clusters that are split for each point before a light is chosen, on the CPU. More of them lower the noise and
+    /// cost time.
     pub splits: SplitCount,
     /// Candidates of which each sample keeps one. More of them lower the noise of reflections and
     /// cost time, but no shadow rays.
     pub candidates: CandidateCount,
     /// Of the random numbers.
     pub seed: u64,
-    /// How lights are sampled. The GPU renders [`LightChoice::Girandole`] and
-    /// [`LightChoice::SharedCuts`]; the CPU renders all others, even if the backend is a GPU.
+    /// How lights are sampled. The GPU renders those that [`LightChoice::is_on_gpu`] names; the CPU renders all
+    /// others, even if the backend is a GPU.
     pub light_choice: LightChoice,
 }
 
@@ -29,11 +30,13 @@ pub struct Settings {
 /// help text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum LightChoice {
-    /// One light per sample, from the light trees
+    /// One light per sample, from the light trees; on a GPU from cuts that neighbouring points share
     #[default]
     Girandole,
     /// One light per sample, from cuts of the light trees that neighbouring points share
     SharedCuts,
+    /// One light per sample, by walks from the roots of the light trees
+    Roots,
     /// One light per sample; all have the same probability
     Uniform,
     /// One light per sample, in proportion to its flux
@@ -45,6 +48,13 @@ pub enum LightChoice {
     /// All lights in every sample, without a choice. The cost of a sample grows with their number.
     #[value(skip)]
     Exhaustive,
+}
+
+impl LightChoice {
+    /// Whether the GPU can render it.
+    pub fn is_on_gpu(self) -> bool {
+        matches!(self, Self::Girandole | Self::SharedCuts | Self::Roots)
+    }
 }
 
 /// The cells of [`LightChoice::SharedCuts`]. Each pixel marks one of its samples.

@@ -57,6 +57,7 @@ fn title(sampler: LightChoice) -> &'static str {
     match sampler {
         LightChoice::Girandole => "Girandole",
         LightChoice::SharedCuts => "Girandole, shared cuts",
+        LightChoice::Roots => "Girandole, from the roots",
         LightChoice::Uniform => "Uniform",
         LightChoice::Flux => "By flux",
         LightChoice::Pbrt => "pbrt-v4's formula",

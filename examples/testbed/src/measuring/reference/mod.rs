@@ -18,3 +18,4 @@ pub mod segment;
 pub mod importance;
 
 pub mod choice;
+pub mod rough;

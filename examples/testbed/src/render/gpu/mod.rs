@@ -10,7 +10,7 @@
 //! 2. `pipeline`, `sequence.wgsl`, `texels.wgsl`, `textures.wgsl`, `surface.wgsl`, `render.wgsl` and
 //!    `mark.wgsl`: the shaders;
 //! 3. `festival`, with `sparks.wgsl`, `suit.wgsl` and `splats.wgsl`: kernels that write lights, and draw sparks;
-//! 4. `shared_cuts` and `renderer`: the frames.
+//! 4. `renderer`: the frames.
 
 #[cfg(feature = "native")]
 use super::{backend, settings};
@@ -25,7 +25,6 @@ pub mod pipeline;
 #[cfg(feature = "native")]
 mod festival;
 #[cfg(feature = "native")]
-mod shared_cuts;
 #[cfg(feature = "native")]
 mod renderer;
 

@@ -7,8 +7,8 @@ use super::scene::{Alpha, Material, Scene};
 use super::sequence::{block_bits, tile_bits};
 use super::shading::View;
 use bytemuck::{Pod, Zeroable};
+use girandole::CandidateCount;
 use girandole::glam::{Vec3, Vec4};
-use girandole::{CandidateCount, SplitCount};
 
 /// What a dispatch needs to know. `Frame` in `render.wgsl`.
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -42,10 +42,9 @@ pub struct FrameUniform {
     /// 1 if samples are spread over the pixel and over lights, 0 if all pass through its middle and take
     /// the same points on lights.
     pub is_spread: u32,
-    pub splits: u32,
     /// The radiance that shows as white, in nits.
     pub white: f32,
-    pub padding: [u32; 2],
+    pub padding: [u32; 3],
     pub glow: Vec3,
     pub padding_after_glow: u32,
     pub sun: Vec3,
@@ -59,8 +58,6 @@ pub struct PictureOptions {
     pub size: [u32; 2],
     /// Samples per pixel, for which random numbers are evenly distributed.
     pub spp: u32,
-    /// Clusters that a sample splits at most.
-    pub splits: SplitCount,
     /// Candidates of which each sample keeps one.
     pub candidates: CandidateCount,
     /// Of the random numbers.
@@ -71,7 +68,7 @@ impl FrameUniform {
     /// The uniform of a picture, without samples and rows. `first_object` is the number of records that
     /// precede those of the objects.
     pub fn new(scene: &Scene, geometry: &Geometry, first_object: u32, options: &PictureOptions) -> Self {
-        let PictureOptions { size: [width, height], spp, splits, candidates, seed } = *options;
+        let PictureOptions { size: [width, height], spp, candidates, seed } = *options;
         let view = View::new(&scene.camera, width, height);
         let block_bits = block_bits(spp);
         Self {
@@ -101,9 +98,8 @@ impl FrameUniform {
             first_attribute: geometry.triangles.len() as u32,
             first_half: first_half(spp),
             is_spread: 1,
-            splits: splits.get() as u32,
             white: 1.0 / scene.exposure,
-            padding: [0; 2],
+            padding: [0; 3],
             glow: scene.sky.glow,
             padding_after_glow: 0,
             sun: scene.sky.sun,
@@ -255,7 +251,6 @@ mod tests {
             first_attribute,
             first_half,
             is_spread,
-            splits,
             white,
             glow,
             sun

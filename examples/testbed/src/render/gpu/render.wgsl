@@ -121,7 +121,6 @@ fn surface_radiance(direction: vec3<f32>, hit: Hit, numbers: SampleNumbers) -> v
     if at.is_unlit {
         return at.emitted;
     }
-    light_splits = frame.splits;
     let kept = light_resample_by(shading_point(at), at.surface, numbers.light, numbers.pixel.w, frame.candidates);
     if kept.weight <= 0.0 {
         return at.emitted;

@@ -7,7 +7,7 @@ use super::scene::{Scene, SceneError};
 use super::settings::{LightChoice, Settings, cut_options, pixel_size};
 use crate::common::gpu::{map, wait};
 use girandole::glam::Vec4;
-use girandole::gpu::{GpuLights, LightShader, TargetHook};
+use girandole::gpu::{GpuLights, GpuOptions, LightShader, TargetHook};
 use girandole::wgpu;
 use girandole::{Effects, LightWorld};
 use std::time::Duration;
@@ -16,12 +16,14 @@ use super::buffers::{Buffers, PIXEL_BYTES, TIMESTAMP_BYTES};
 use super::festival::FestivalKernels;
 use super::pipeline::{LIGHT_GROUP, Needs, TARGET, TARGET_ARGUMENT, WORKGROUP, Work, pipeline};
 use super::records::{FrameUniform, PictureOptions};
-use super::shared_cuts::SharedPipelines;
 
 /// Most pixels of a band.
 const BAND_PIXELS: u32 = 1 << 20;
 /// Samples per dispatch: a fraction of a second on the slowest driver, which runs on the CPU.
 const DISPATCH_SAMPLES: u32 = 1 << 18;
+
+/// The storage buffers of a shader: four of the scene, and six of the lights.
+const STORAGE_BUFFERS: u32 = 10;
 
 /// What an update of the device cost.
 #[derive(Clone, Copy, Debug, Default)]
@@ -41,17 +43,48 @@ pub struct GpuRenderer {
     buffers: Buffers,
     layout: wgpu::BindGroupLayout,
     bind_group: wgpu::BindGroup,
-    /// The library's text that `pipeline` was compiled with.
-    shader: LightShader,
-    /// What `pipeline` was compiled for.
+    /// The library's texts that the pipelines were compiled with.
+    shaders: Shaders,
+    /// What they were compiled for.
     needs: Needs,
-    pipeline: wgpu::ComputePipeline,
-    /// The pipelines for [`LightChoice::SharedCuts`], once a frame has asked for them.
-    shared: Option<SharedPipelines>,
+    pipelines: Pipelines,
     /// If the scene has a festival.
     festival: Option<FestivalKernels>,
     /// Rows of a band.
     band_rows: u32,
+}
+
+/// The library's texts for two kinds of work.
+struct Shaders {
+    mark: LightShader,
+    render: LightShader,
+}
+
+impl Shaders {
+    fn new(lights: &GpuLights, effects: Effects) -> Result<Self, SceneError> {
+        let target = TargetHook::new(TARGET, TARGET_ARGUMENT).map_err(|e| SceneError(e.to_string()))?;
+        let mark = lights.shader(LIGHT_GROUP, effects);
+        Ok(Self { render: mark.clone().with_target(target), mark })
+    }
+
+    fn with_effects(&self, effects: Effects) -> Self {
+        Self { mark: self.mark.with_effects(effects), render: self.render.with_effects(effects) }
+    }
+}
+
+struct Pipelines {
+    mark: wgpu::ComputePipeline,
+    render: wgpu::ComputePipeline,
+}
+
+impl Pipelines {
+    /// Compiles both. `layout` is that of the scene's bind group.
+    fn new(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, shaders: &Shaders, needs: Needs) -> Self {
+        Self {
+            mark: pipeline(device, layout, &shaders.mark, needs, Work::Mark),
+            render: pipeline(device, layout, &shaders.render, needs, Work::Render),
+        }
+    }
 }
 
 /// The rows of a band.
@@ -74,15 +107,19 @@ impl GpuRenderer {
         let band_rows = band_rows(settings);
         let buffers = Buffers::new(&gpu, scene, geometry, u64::from(settings.width) * u64::from(band_rows))?;
         let (layout, bind_group) = buffers.bind(device);
-        let lights = GpuLights::new(device, &gpu.queue).map_err(|e| SceneError(e.to_string()))?;
+        let options = GpuOptions::default().with_cuts(cut_options(settings));
+        let lights = GpuLights::with_options(device, &gpu.queue, options).map_err(|e| SceneError(e.to_string()))?;
         let effects = effects - Effects::MOVING;
-        let target = TargetHook::new(TARGET, TARGET_ARGUMENT).map_err(|e| SceneError(e.to_string()))?;
-        let shader = lights.shader(LIGHT_GROUP, effects).with_target(target);
+        let shaders = Shaders::new(&lights, effects)?;
         let needs = Needs::new(scene, geometry);
-        let pipeline = pipeline(device, &layout, &shader, needs, Work::Render);
+        let offered = device.limits().max_storage_buffers_per_shader_stage;
+        if offered < STORAGE_BUFFERS {
+            let error = format!("the city needs {STORAGE_BUFFERS} storage buffers in a shader; this GPU has {offered}");
+            return Err(SceneError(error));
+        }
+        let pipelines = Pipelines::new(device, &layout, &shaders, needs);
         let festival = scene.festival.as_ref().map(|festival| FestivalKernels::new(device, &lights, festival));
-        let shared = None;
-        Ok(Self { gpu, lights, buffers, layout, bind_group, shader, needs, pipeline, shared, festival, band_rows })
+        Ok(Self { gpu, lights, buffers, layout, bind_group, shaders, needs, pipelines, festival, band_rows })
     }
 
     /// Destroys the device, as a driver that crashed would.
@@ -119,9 +156,9 @@ impl GpuRenderer {
         // and use a more general pipeline until then. This one blocks on purpose, so that the same seed
         // always gives the same picture.
         let effects = world.effects() - Effects::MOVING;
-        if self.needs.grow(geometry) || effects != self.shader.effects {
-            self.shader = self.shader.with_effects(effects);
-            self.pipeline = pipeline(&self.gpu.device, &self.layout, &self.shader, self.needs, Work::Render);
+        if self.needs.grow(geometry) || effects != self.shaders.render.effects {
+            self.shaders = self.shaders.with_effects(effects);
+            self.pipelines = Pipelines::new(&self.gpu.device, &self.layout, &self.shaders, self.needs);
         }
         Ok(GpuUpdate { light_bytes, geometry_bytes, top_build: self.build_top(scene, world)? })
     }
@@ -138,14 +175,11 @@ impl GpuRenderer {
         let options = PictureOptions {
             size: [settings.width, settings.height],
             spp: settings.spp,
-            splits: settings.splits,
             candidates: settings.candidates,
             seed,
         };
         let mut frame = FrameUniform::new(scene, geometry, self.buffers.scene.first_object(), &options);
-        if settings.light_choice == LightChoice::SharedCuts {
-            self.build_cuts(scene, settings, &frame)?;
-        }
+        self.build_cuts(scene, settings, &frame)?;
         let mut rays = ShadowRays::default();
         let mut sums: Vec<Vec4> = Vec::with_capacity(settings.width as usize * settings.height as usize);
         while frame.row_end < settings.height {
@@ -157,7 +191,7 @@ impl GpuRenderer {
             while frame.sample_end < settings.spp {
                 frame.sample_begin = frame.sample_end;
                 frame.sample_end = frame.sample_begin.saturating_add(step).min(settings.spp);
-                self.dispatch(&frame, settings.light_choice)?;
+                self.dispatch(&frame)?;
                 let band_share = f64::from(frame.sample_end) / f64::from(settings.spp);
                 let rows = f64::from(frame.row_begin) + band_share * f64::from(frame.row_end - frame.row_begin);
                 progress(rows / f64::from(settings.height));
@@ -200,51 +234,34 @@ impl GpuRenderer {
     }
 
     /// Marks the cells of the surfaces that the first sample of each pixel shows, and builds their cuts.
+    /// [`LightChoice::Roots`] marks nothing, so no cell has a cut.
     fn build_cuts(&mut self, scene: &Scene, settings: &Settings, frame: &FrameUniform) -> Result<(), SceneError> {
-        let effects = self.shader.effects;
-        if self.lights.cut_report().is_none() {
-            self.lights.share_cuts(Some(cut_options(settings))).map_err(|e| SceneError(e.to_string()))?;
-        }
-        if !self.shared.as_ref().is_some_and(|shared| shared.serve(effects, self.needs)) {
-            let Self { gpu, layout, lights, needs, .. } = self;
-            self.shared = Some(SharedPipelines::new(&gpu.device, layout, lights, effects, *needs)?);
-        }
-        let Some(shared) = &self.shared else { return Ok(()) };
         self.lights.set_cut_view(scene.camera.eye.as_dvec3(), pixel_size(scene, settings));
         let frame = FrameUniform { row_begin: 0, row_end: settings.height, ..*frame };
         self.gpu.queue.write_buffer(&self.buffers.scene.uniform, 0, bytemuck::bytes_of(&frame));
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        self.pass(&mut encoder, &shared.mark, self.lights.mark_bind_group(), &frame);
+        if settings.light_choice != LightChoice::Roots {
+            self.pass(&mut encoder, &self.pipelines.mark, &frame);
+        }
         self.lights.build_cuts(&mut encoder);
         self.gpu.queue.submit([encoder.finish()]);
         wait(&self.gpu.device).map_err(SceneError)
     }
 
     /// Records the work on the pixels of some rows.
-    fn pass(
-        &self,
-        encoder: &mut wgpu::CommandEncoder,
-        pipeline: &wgpu::ComputePipeline,
-        lights: &wgpu::BindGroup,
-        frame: &FrameUniform,
-    ) {
+    fn pass(&self, encoder: &mut wgpu::CommandEncoder, pipeline: &wgpu::ComputePipeline, frame: &FrameUniform) {
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &self.bind_group, &[]);
-        pass.set_bind_group(LIGHT_GROUP, lights, &[]);
+        pass.set_bind_group(LIGHT_GROUP, self.lights.bind_group(), &[]);
         let rows = frame.row_end - frame.row_begin;
         pass.dispatch_workgroups(frame.width.div_ceil(WORKGROUP), rows.div_ceil(WORKGROUP), 1);
     }
 
-    fn dispatch(&self, frame: &FrameUniform, choice: LightChoice) -> Result<(), SceneError> {
+    fn dispatch(&self, frame: &FrameUniform) -> Result<(), SceneError> {
         self.gpu.queue.write_buffer(&self.buffers.scene.uniform, 0, bytemuck::bytes_of(frame));
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        match &self.shared {
-            Some(shared) if choice == LightChoice::SharedCuts => {
-                self.pass(&mut encoder, &shared.render, self.lights.cut_bind_group(), frame);
-            }
-            _ => self.pass(&mut encoder, &self.pipeline, self.lights.bind_group(), frame),
-        }
+        self.pass(&mut encoder, &self.pipelines.render, frame);
         self.gpu.queue.submit([encoder.finish()]);
         // Waiting keeps the progress bar accurate and the queue short. It costs little beside a
         // dispatch.

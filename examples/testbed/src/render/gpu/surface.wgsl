@@ -40,8 +40,6 @@ struct Frame {
     // 1 if samples are spread over the pixel and over lights. 0 if all pass through its middle and take
     // the same points on lights, so that their mean estimates a sum that has no integral.
     is_spread: u32,
-    // The largest number of clusters that a sample splits.
-    splits: u32,
     // The radiance that shows as white, in nits.
     white: f32,
     // Of the sky around the sun.

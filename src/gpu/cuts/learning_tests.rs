@@ -4,15 +4,16 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use wgpu::util::DeviceExt;
 
-use super::super::memory::refusals::Refusals;
-use super::super::testing::{compute_pipeline, gpu, gpu_lights, mixed_world, noop, read, unit};
+use super::super::testing::{compute_pipeline, gpu, gpu_lights, mixed_world, read, unit};
 use super::*;
 use crate::effects::Effects;
 use crate::keys::LightId;
 use crate::math::dice::hash;
+use crate::plan::cuts::layout::CutPlaces;
+use crate::sampling::cuts::CutOptions;
 use crate::sampling::sample::{LightSample, LightSampler};
 use crate::shading::shading_point::ShadingPoint;
-use crate::visibility::{TABLE_HEAD, VisibilityTable};
+use crate::visibility::{TABLE_HEAD, VisibilityOptions, VisibilityTable};
 
 /// What an invocation of the shader below gets: a shading point, and the light that was seen or
 /// not.
@@ -97,10 +98,10 @@ fn run(lights: &mut GpuLights, pipeline: &(wgpu::BindGroupLayout, wgpu::ComputeP
     let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
     pass.set_pipeline(&pipeline.1);
     pass.set_bind_group(0, &group, &[]);
-    pass.set_bind_group(1, lights.learning_cut_bind_group(), &[]);
+    pass.set_bind_group(1, lights.bind_group(), &[]);
     pass.dispatch_workgroups((inputs.len() as u32).div_ceil(64), 1, 1);
     drop(pass);
-    lights.fold_visibility(&mut encoder);
+    lights.build_cuts(&mut encoder);
     queue.submit([encoder.finish()]);
 }
 
@@ -109,7 +110,7 @@ fn pipeline(lights: &GpuLights) -> (wgpu::BindGroupLayout, wgpu::ComputePipeline
     let (device, _) = gpu();
     let own = device
         .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &[storage_entry(0, true)] });
-    let shader = lights.learning_cut_shader(1, Effects::all());
+    let shader = lights.shader(1, Effects::all()).with_learning();
     let pipeline = compute_pipeline(shader.join(&ENGINE.replace("WORK", RECORD)), "engine", [&own, &shader.layout]);
     (own, pipeline)
 }
@@ -122,7 +123,8 @@ fn the_gpu_learns_what_the_cpu_learns() {
     let pipeline = pipeline(&lights);
     let options = VisibilityOptions::new(4.0, 256).expect("valid");
     let mut table = VisibilityTable::new(options);
-    lights.learn_visibility(Some(options)).expect("memory enough");
+    lights.make_cells(&GpuOptions::default().with_learning(options)).expect("memory enough");
+    lights.rebind();
     for frame in 0..12 {
         if frame == 6 {
             // What was learnt stays in place.
@@ -140,9 +142,9 @@ fn the_gpu_learns_what_the_cpu_learns() {
         run(&mut lights, &pipeline, &inputs);
         inputs.iter().for_each(|input| record(&sampler, input));
         table.end_frame();
-        let learnt: Vec<u32> =
-            read(&device, &queue, lights.player.buffer(lights.planner.visibility_table().expect("a table")[0]));
-        let (learnt, known) = (&learnt[4 * TABLE_HEAD as usize..], table.words());
+        let cuts: Vec<u32> = read(&device, &queue, lights.player.buffer(lights.planner.cells().expect("a table")[0]));
+        let first = CutPlaces::new(CutOptions::default(), Some(options)).learnt_ranges()[0].start as usize / 4;
+        let (learnt, known) = (&cuts[first + 4 * TABLE_HEAD as usize..], table.words());
         assert_eq!(learnt.len(), known.len());
         let rows = options.cells() * 9 / 8;
         let heads = 2 * rows;
@@ -165,26 +167,4 @@ fn the_gpu_learns_what_the_cpu_learns() {
     let full = (0..rows).filter(is_learnt).flat_map(|row| &words[2 * rows + 128 * row..][..128]);
     let full = full.filter(|word| **word == u32::MAX).count();
     assert!(table.cell_count() > 100 && full < 100, "{table:?} {full}");
-}
-
-#[test]
-fn each_buffer_of_a_table_may_be_refused_and_the_present_one_stays() {
-    let (device, queue) = noop();
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    lights.learn_visibility(None).expect("there is none");
-    lights.learn_visibility(Some(VisibilityOptions::default())).expect("memory enough");
-    let before = lights.learning_cut_bind_group().clone();
-    let mut refused = Vec::new();
-    for successes in 0.. {
-        let refusals = Refusals::of_buffers_after(successes);
-        let result = lights.learn_visibility(Some(VisibilityOptions::new(2.0, 64).expect("valid")));
-        if refusals.count() == 0 {
-            assert!(result.is_ok() && *lights.learning_cut_bind_group() != before);
-            break;
-        }
-        let Err(GpuError::OutOfMemory { what, .. }) = result else { panic!("{result:?}") };
-        assert!(*lights.learning_cut_bind_group() == before, "{what}");
-        refused.push(what);
-    }
-    assert_eq!(refused, ["learnt visibility", "records of visibility", "known visibility"]);
 }
