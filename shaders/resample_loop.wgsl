@@ -13,20 +13,17 @@ fn LIGHT_RESAMPLE(LIGHT_PARAMETERS, u: vec4<f32>, choice: f32, candidates: u32) 
     // #endif
     var cut: LightCut;
     light_new_cut(&cut, directional_lux, shading_point);
-    var drawn: LightCandidates;
-    var index = 0u;
-    var candidate: LightSample;
-    // All candidates in turn, then the one that is kept: computing its sample again takes less than
-    // keeping the samples of all, and one place in the text computes both.
-    loop {
-        let numbers = light_candidate_numbers(u, index, count);
-        if index == drawn.count {
-            drawn.picks[index] = light_draw(&cut, directional_lux, shading_point, numbers.xy);
-        }
-        candidate = light_sample_drawn(shading_point, drawn.picks[index], numbers.zw);
-        if drawn.count == count {
-            break;
-        }
+    var dice = light_dice(choice, u.x);
+    var total = 0.0;
+    // Its weight, and in the end W.
+    var kept: LightReservoir;
+    // #if SEGMENTS
+    var along = 0.0;
+    // #endif
+    for (var i = 0u; i < count; i++) {
+        let numbers = light_candidate_numbers(u, i, count);
+        let pick = light_draw(&cut, directional_lux, shading_point, numbers.xy);
+        let candidate = light_sample_drawn(shading_point, pick, numbers.zw);
         var weight = 0.0;
         if candidate.pmf > 0.0 {
             weight = LIGHT_WEIGHT(LIGHT_ARGUMENTS, candidate);
@@ -34,14 +31,25 @@ fn LIGHT_RESAMPLE(LIGHT_PARAMETERS, u: vec4<f32>, choice: f32, candidates: u32) 
             weight *= light_place_share(learnt, shading_point, candidate);
             // #endif
         }
-        light_add_weight(&drawn, weight);
-        index = drawn.count;
-        if index == count {
-            index = light_kept_candidate(&drawn, choice);
-            if index + 1u == count || drawn.total <= 0.0 {
-                break;
+        if weight > 0.0 {
+            total += weight;
+            let share = weight / total;
+            let is_kept = dice.u < share;
+            dice = light_remap(dice, dice.u - select(share, 0.0, is_kept), select(1.0 - share, share, is_kept));
+            if is_kept {
+                kept = LightReservoir(candidate, weight);
+                // #if SEGMENTS
+                along = light_along;
+                // #endif
             }
         }
     }
-    return light_reservoir(&drawn, index, candidate);
+    // #if SEGMENTS
+    light_along = along;
+    // #endif
+    if total > 0.0 {
+        let density = max(kept.chosen.pmf * kept.chosen.pdf, LIGHT_MIN_PDF);
+        kept.weight = min(total / (f32(count) * kept.weight) / density, LIGHT_MAX_RESERVOIR_WEIGHT);
+    }
+    return kept;
 }

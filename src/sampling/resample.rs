@@ -5,14 +5,13 @@
 //! Source: Talbot, Cline and Egbert, Importance Resampling for Global Illumination (2005); the
 //! weight W as in Bitterli et al., Spatiotemporal Reservoir Resampling (2020). Differs: all
 //! candidates come from one cut, each is drawn from its own stratum (docs/math.md says why that is
-//! unbiased), and one number chooses among them after all are weighed. Choosing in one pass, with
-//! the number rescaled after each decision, had 3 to 5 % more error (docs/decisions.md, 20).
+//! unbiased), and one number decides about all of them, rescaled after each decision.
 
 use glam::Vec3;
 
 use crate::keys::LightId;
 use crate::light::luminance;
-use crate::math::dice::{U_STEP, clamp_unit};
+use crate::math::dice::{Dice, U_STEP, clamp_unit};
 use crate::math::simd::{VectorJob, with_vectors};
 use crate::sampling::counts::{CandidateCount, MAX_CANDIDATES};
 use crate::sampling::cut::{CutSource, InstanceTrees};
@@ -143,19 +142,51 @@ impl LightSampler<'_> {
                 learnt.map_or(1.0, |(learnt, segment)| learnt.share_toward(sample.incident.toward(segment.as_ref())));
             share * weight(sample)
         };
-        let mut samples = [const { None }; MAX_CANDIDATES as usize];
-        let mut weights = [0.0; MAX_CANDIDATES as usize];
+        let mut choice = StreamedChoice::new(choice, a);
+        let mut kept = None;
         for (i, outcome) in (0..count).zip(outcomes) {
             let [.., x, y] = candidate_numbers(u, i, count);
             let pick = self.picked(shading_point, outcome);
-            samples[i as usize] = pick.and_then(|pick| self.sample_picked(shading_point, pick, [x, y]));
-            weights[i as usize] = samples[i as usize].as_ref().map_or(0.0, &mut weight);
+            let Some(sample) = pick.and_then(|pick| self.sample_picked(shading_point, pick, [x, y])) else { continue };
+            let weight = weight(&sample);
+            if choice.keeps(weight) {
+                kept = Some((sample, weight));
+            }
         }
-        let total = weights.iter().sum();
-        let kept = kept_candidate(&weights[..count as usize], total, choice)?;
-        let (chosen, weight) = (samples[kept]?, weights[kept]);
+        let (chosen, weight) = kept?;
         let density = (chosen.pmf * chosen.incident.pdf).max(MIN_PDF);
-        Some(Reservoir { chosen, weight: (total / (count as f32 * weight) / density).min(MAX_RESERVOIR_WEIGHT) })
+        let weight = (choice.total / (count as f32 * weight) / density).min(MAX_RESERVOIR_WEIGHT);
+        Some(Reservoir { chosen, weight })
+    }
+}
+
+/// A choice among weights that come one after the other: each is kept with its share of the sum so far.
+struct StreamedChoice {
+    dice: Dice,
+    total: f32,
+}
+
+impl StreamedChoice {
+    /// `choice` decides; the bits of `more` are hashed into its low bits.
+    fn new(choice: f32, more: f32) -> Self {
+        Self { dice: Dice::new(choice, more), total: 0.0 }
+    }
+
+    /// Whether the next weight takes the place of the one that was kept. Never for 0.
+    fn keeps(&mut self, weight: f32) -> bool {
+        if weight <= 0.0 {
+            return false;
+        }
+        self.total += weight;
+        let share = weight / self.total;
+        let point = self.dice.point(1.0);
+        let is_kept = point < share;
+        if is_kept {
+            self.dice.remap(point, share)
+        } else {
+            self.dice.remap(point - share, 1.0 - share)
+        }
+        is_kept
     }
 }
 
@@ -178,24 +209,6 @@ fn target_weight(target: f32, sample: &LightSample) -> f32 {
     let weight = (target / sample.incident.pdf / sample.pmf).clamp(MIN_WEIGHT, MAX_WEIGHT);
     // GPUs may flush subnormal numbers to 0. NaN is not above anything.
     if target >= f32::MIN_POSITIVE { weight } else { 0.0 }
-}
-
-/// The candidate that `choice` in [0, 1) keeps: the one at `choice * total` on the line on which
-/// the weights lie one after the other. `None` if all weights are 0. `total` is their sum.
-///
-/// The number stands for an interval of 2^-24: at 0, the middle of that interval decides. Otherwise
-/// a first candidate with a tiny share would be kept far too often, with a huge weight.
-fn kept_candidate(weights: &[f32], total: f32, choice: f32) -> Option<usize> {
-    let point = clamp_unit(choice).max(0.5 * U_STEP) * total;
-    let mut kept = None;
-    let mut before = 0.0;
-    for (i, weight) in weights.iter().enumerate() {
-        if *weight > 0.0 && point >= before {
-            kept = Some(i);
-        }
-        before += weight;
-    }
-    kept
 }
 
 /// The random numbers of candidate `i`: the first lies in the candidate's stratum of [0, 1), the
@@ -267,38 +280,39 @@ mod tests {
         assert!(nan.iter().all(|x| (0.0..1.0).contains(x)), "{nan:?}");
     }
 
+    /// The last weight that is kept.
+    fn kept(weights: &[f32], choice: f32) -> Option<usize> {
+        let mut streamed = StreamedChoice::new(choice, 0.3);
+        (0..weights.len()).filter(|i| streamed.keeps(weights[*i])).last()
+    }
+
     #[test]
-    fn numbers_that_choose_are_divided_in_proportion_to_the_weights_and_in_their_order() {
+    fn numbers_that_choose_are_divided_in_proportion_to_the_weights() {
         let rows: [&[f32]; 5] =
             [&[1.0], &[0.0, 2.0, 0.0, 1.0, 0.0], &[1.0; 32], &[1.0e-30, 1.0, 0.0, 3.0], &[1.0e30, 1.0e-30, 1.0e30]];
         let steps = 1 << 16;
         for weights in rows {
             let total: f32 = weights.iter().sum();
             let mut counts = vec![0; weights.len()];
-            let mut last = 0;
             for step in 0..steps {
-                let kept = kept_candidate(weights, total, step as f32 / steps as f32).expect("one is positive");
-                assert!(kept >= last, "{weights:?}");
-                counts[kept] += 1;
-                last = kept;
+                counts[kept(weights, step as f32 / steps as f32).expect("one is positive")] += 1;
             }
             for (weight, count) in weights.iter().zip(counts) {
-                // A step on each side, and nothing for a weight of 0.
+                // Five standard deviations of as many random numbers, and a step on each side.
                 let expected = f64::from(*weight) / f64::from(total) * f64::from(steps);
-                assert!((f64::from(count) - expected).abs() <= 1.0, "{weights:?}: {count} {expected}");
+                let most = 5.0 * expected.sqrt() + 2.0;
+                assert!((f64::from(count) - expected).abs() <= most, "{weights:?}: {count} {expected}");
                 assert!(*weight > 0.0 || count == 0, "{weights:?}");
             }
         }
-        assert_eq!(kept_candidate(&[0.0; 4], 0.0, 0.5), None);
-        assert_eq!(kept_candidate(&[], 0.0, 0.5), None);
+        assert_eq!((kept(&[0.0; 4], 0.5), kept(&[], 0.5)), (None, None));
     }
 
     #[test]
     fn the_ends_of_the_unit_interval_choose_candidates_that_weigh_something() {
         let weights = [0.0, 1.0e-30, 5.0, 0.7, 0.0];
-        let total = weights.iter().sum();
-        for (choice, kept) in [(0.0, 2), (-1.0, 2), (f32::NAN, 2), (0.999_999_94, 3), (1.0, 3), (f32::INFINITY, 3)] {
-            assert_eq!(kept_candidate(&weights, total, choice), Some(kept), "{choice}");
+        for choice in [0.0, -1.0, f32::NAN, 0.999_999_94, 1.0, f32::INFINITY] {
+            assert!(matches!(kept(&weights, choice), Some(2 | 3)), "{choice}");
         }
     }
 
