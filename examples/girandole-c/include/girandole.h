@@ -47,7 +47,10 @@
 #define GIRANDOLE_NO_LIMIT UINT64_MAX
 
 // The number of buffers that shaders bind.
-#define GIRANDOLE_SHADER_BUFFERS 5
+#define GIRANDOLE_SHADER_BUFFERS 7
+
+// The number of buffers of the last frame that shaders bind.
+#define GIRANDOLE_PREVIOUS_BUFFERS 5
 
 // The number of buffers that kernels bind to write lights.
 #define GIRANDOLE_SOURCE_BUFFERS 2
@@ -532,9 +535,10 @@ typedef struct GirandoleCommand {
     GirandoleCommandKind kind;
     // WRITE, COPY, CLEAR: the number of the buffer that changes.
     uint32_t buffer;
-    // COPY: the number of the buffer that is read.
+    // COPY: the number of the buffer that is read. DISPATCH_INDIRECT: that of the buffer with the workgroups, of
+    // GIRANDOLE_BUFFER_INDIRECT.
     uint32_t source;
-    // DISPATCH: the index of the kernel, for girandole_kernel.
+    // DISPATCH, DISPATCH_INDIRECT: the index of the kernel, for girandole_kernel.
     uint32_t kernel;
     // WRITE, CLEAR: the first byte that changes.
     uint64_t offset;
@@ -542,11 +546,12 @@ typedef struct GirandoleCommand {
     uint64_t size;
     // WRITE: the new content. Belongs to the plan.
     const uint8_t *bytes;
-    // DISPATCH: the numbers of the buffers of the kernel's bindings, in their order. Belongs to the plan.
+    // DISPATCH, DISPATCH_INDIRECT: the numbers of the buffers of the kernel's bindings, in their order. Belongs to
+    // the plan.
     const uint32_t *buffers;
-    // DISPATCH: how many.
+    // DISPATCH, DISPATCH_INDIRECT: how many.
     uint32_t buffer_count;
-    // DISPATCH: where the range of the uniform buffer starts, a multiple of 256 bytes.
+    // DISPATCH, DISPATCH_INDIRECT: where the range of the uniform buffer starts, a multiple of 256 bytes.
     uint32_t uniform_offset;
     // DISPATCH: the number of workgroups in each dimension, at least 1.
     uint32_t workgroups[3];
@@ -564,7 +569,7 @@ typedef struct GirandolePlanView {
     const struct GirandoleCommand *upload;
     // How many commands.
     size_t upload_count;
-    // Builds the top level. Play it after upload.
+    // Builds the top level, and the cuts of the cells that shaders have marked. Play it after upload.
     const struct GirandoleCommand *top;
     // How many commands.
     size_t top_count;
@@ -588,6 +593,18 @@ typedef struct GirandoleLimits {
     // The most bytes of new trees that one frame may send, or GIRANDOLE_NO_LIMIT.
     uint64_t frame_bytes;
 } GirandoleLimits;
+
+// The cells of a planner. The shading points of a cell choose lights from a cut that they share.
+typedef struct GirandoleCutOptions {
+    // The edge of cells in metres, 0.01 to 10,000. After girandole_planner_set_cut_view, edges are an eighth to 32
+    // times of that.
+    float edge;
+    // The number of cells that may have cuts, 1 to 65,536. Each takes about 2 kB of GPU memory. Where a buffer would be
+    // larger than GirandoleLimits allows, half as many are made, or a quarter and so on.
+    uint32_t cells;
+    // How often shaders must mark a cell between two frames before it gets a cut.
+    uint32_t min_marks;
+} GirandoleCutOptions;
 
 // Who writes the lights of a tree: one of GIRANDOLE_SOURCE_*.
 typedef uint32_t GirandoleLightSource;
@@ -873,6 +890,9 @@ typedef struct GirandoleKernel {
 // TRANSFER_SRC, TRANSFER_DST.
 #define GIRANDOLE_BUFFER_STORAGE 1
 
+// A storage buffer that also holds the workgroups of dispatches. Vulkan: INDIRECT_BUFFER too.
+#define GIRANDOLE_BUFFER_INDIRECT 2
+
 // Overwrites size bytes of buffer, from offset on, with bytes. Offset and size are multiples of 4.
 #define GIRANDOLE_COMMAND_WRITE 0
 
@@ -884,6 +904,9 @@ typedef struct GirandoleKernel {
 
 // Runs kernel with buffers, at uniform_offset in the first of them.
 #define GIRANDOLE_COMMAND_DISPATCH 3
+
+// The same with as many workgroups as source holds: three 32-bit words from its first byte on.
+#define GIRANDOLE_COMMAND_DISPATCH_INDIRECT 4
 
 // Calls of this interface.
 #define GIRANDOLE_SOURCE_CPU 0
@@ -1438,9 +1461,21 @@ GirandoleStatus girandole_cursor_skip_to(struct GirandoleCursor *cursor, const s
 // Frees a cursor. NULL is allowed.
 void girandole_cursor_destroy(struct GirandoleCursor *cursor);
 
+// Makes cells follow the pixels of a camera from the next plan on. Call it in each frame in which the camera has
+// moved. Without it, or with a pixel of 0, all cells have the same size. Views of several cameras may share the
+// cells of one.
+//
+// eye is the position of the camera as for girandole_world_set_viewpoint, in metres. pixel is the size of a pixel at a
+// distance of one metre, in metres.
+GirandoleStatus girandole_planner_set_cut_view(struct GirandolePlanner *planner,
+                                               struct GirandoleDVec3 eye,
+                                               float pixel);
+
 // Creates a planner for a device that holds nothing yet. limits may be NULL for a largest buffer of 128 MiB
-// and no other limits. Destroy it with girandole_planner_destroy.
+// and no other limits. cuts may be NULL for 32,768 cells of 0.25 m that need 8 marks, which take 67 MB of GPU memory.
+// Returns 1200 or 1201 for a wrong edge or number of cells. Destroy it with girandole_planner_destroy.
 GirandoleStatus girandole_planner_create(const struct GirandoleLimits *limits,
+                                         const struct GirandoleCutOptions *cuts,
                                          struct GirandolePlanner **planner);
 
 // Destroys a planner, and its reservation if it has one. NULL is allowed.
@@ -1464,12 +1499,15 @@ GirandoleStatus girandole_planner_lose(struct GirandolePlanner *planner);
 GirandoleStatus girandole_planner_lose_top(struct GirandolePlanner *planner);
 
 // Stores the numbers of the buffers that the engine's shaders bind after the last plan, at the bindings 0 to
-// 4 of their group: a uniform buffer of 64 bytes, and four storage buffers that are only read, each bound
-// whole. UINT32_MAX before the first plan. buffers has room for GIRANDOLE_SHADER_BUFFERS numbers.
-GirandoleStatus girandole_planner_bindings(struct GirandolePlanner *planner, uint32_t *buffers);
+// 6 of their group: a uniform buffer of 64 bytes, five storage buffers that are only read, and one that is also
+// written, each bound whole. UINT32_MAX before the first plan. buffers has room for GIRANDOLE_SHADER_BUFFERS numbers.
+GirandoleStatus girandole_planner_bindings(struct GirandolePlanner *planner,
+                                           uint32_t *buffers);
 
-// As girandole_planner_bindings, for the buffers of the last frame, if they are kept.
-GirandoleStatus girandole_planner_previous_bindings(struct GirandolePlanner *planner, uint32_t *buffers);
+// As girandole_planner_bindings, for the lights of the last frame, if they are kept: the bindings 0 to 4, all only
+// read. buffers has room for GIRANDOLE_PREVIOUS_BUFFERS numbers.
+GirandoleStatus girandole_planner_previous_bindings(struct GirandolePlanner *planner,
+                                                    uint32_t *buffers);
 
 // Stores the effects that shaders must support to read the buffers of the last plan: bits of
 // GIRANDOLE_EFFECT_*. All before the first plan.
@@ -1592,8 +1630,8 @@ GirandoleStatus girandole_planner_reserve(struct GirandolePlanner *planner,
 // Ends the reservation with a plan: the commands of the frame. Destroy it with girandole_plan_destroy.
 GirandoleStatus girandole_planner_plan(struct GirandolePlanner *planner, struct GirandolePlan **plan);
 
-// Ends the reservation without a plan. Its changes become part of the next reservation, which has new numbers
-// for its buffers: free the buffers of this reservation that were already made.
+// Ends the reservation without a plan. Its changes become part of the next reservation, which lists all buffers
+// again, most with new numbers: free the buffers of this reservation that were already made.
 GirandoleStatus girandole_planner_cancel(struct GirandolePlanner *planner);
 
 // Stores what a shader holds. The pointers are valid until the shader is destroyed.
@@ -1624,14 +1662,14 @@ uint32_t girandole_kernel_count(void);
 // Stores the name and the bindings of a kernel. Both are valid as long as the process.
 GirandoleStatus girandole_kernel(uint32_t index, struct GirandoleKernel *kernel);
 
-// Makes the code of a kernel in the language of a target. Takes milliseconds, so do it once, or when the
-// engine is built. Destroy it with girandole_shader_destroy.
+// Makes the code of a kernel in the language of a target, whose entry_point is ignored. Takes milliseconds, so do
+// it once, or when the engine is built. Destroy it with girandole_shader_destroy.
 GirandoleStatus girandole_kernel_shader(uint32_t index,
                                         const struct GirandoleTarget *target,
                                         struct GirandoleShader **shader);
 
-// Makes the text that an engine's shader includes: the functions light_sample, light_resample, light_pmf and
-// others, without an entry point. docs/integration.md describes them. Destroy the shader with
+// Makes the text that an engine's shader includes: the functions light_sample, light_resample, light_pmf,
+// light_mark and others, without an entry point. docs/integration.md describes them. Destroy the shader with
 // girandole_shader_destroy.
 //
 //   effects       bits of GIRANDOLE_EFFECT_*: at least those of girandole_planner_effects

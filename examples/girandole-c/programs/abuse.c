@@ -234,12 +234,21 @@ static void plans(GirandoleWorld *world)
     GirandoleChanges changes;
     GirandolePlan *first = NULL, *second = NULL, *plan = NULL;
     GirandolePlanView view;
+    GirandoleCutOptions cuts = {0.001f, 100, 8};
+    const GirandoleDVec3 nowhere = {NAN, 0.0, 0.0};
     const GirandoleNewBuffer *buffers = NULL;
     uint32_t ids[GIRANDOLE_SHADER_BUFFERS];
     size_t count = 0;
 
     EXPECT(GIRANDOLE_OK, girandole_world_create(&other_world));
-    EXPECT(GIRANDOLE_OK, girandole_planner_create(NULL, &planner));
+    EXPECT(1200, girandole_planner_create(NULL, &cuts, &planner));
+    cuts.edge = 0.25f, cuts.cells = 65537;
+    EXPECT(1201, girandole_planner_create(NULL, &cuts, &planner));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_planner_create(NULL, NULL, NULL));
+    REQUIRE(planner == NULL);
+    EXPECT(GIRANDOLE_OK, girandole_planner_create(NULL, NULL, &planner));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_planner_set_cut_view(NULL, nowhere, 0.001f));
+    EXPECT(GIRANDOLE_OK, girandole_planner_set_cut_view(planner, nowhere, 0.001f));
     EXPECT(GIRANDOLE_OK, girandole_cursor_create(&cursor));
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_reader_create(NULL));
     EXPECT(GIRANDOLE_OK, girandole_reader_create(&reader));
@@ -253,7 +262,7 @@ static void plans(GirandoleWorld *world)
     REQUIRE(changes.added_count == 0 && changes.is_empty == 1);
     EXPECT(GIRANDOLE_ERROR_OTHER_WORLD, girandole_reader_read(reader, other_world, &changes));
     EXPECT(GIRANDOLE_OK, girandole_planner_bindings(planner, ids));
-    REQUIRE(ids[0] == UINT32_MAX && ids[4] == UINT32_MAX);
+    REQUIRE(ids[0] == UINT32_MAX && ids[6] == UINT32_MAX);
     EXPECT(GIRANDOLE_ERROR_NOT_RESERVED, girandole_planner_plan(planner, &plan));
     EXPECT(GIRANDOLE_ERROR_NOT_RESERVED, girandole_planner_cancel(planner));
     EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_planner_reserve(planner, world, 2, &buffers, &count));
@@ -263,7 +272,8 @@ static void plans(GirandoleWorld *world)
 
     /* A reservation that is cancelled has changed nothing; the next one needs the same buffers. */
     EXPECT(GIRANDOLE_OK, girandole_planner_reserve(planner, world, 0, &buffers, &count));
-    REQUIRE(count >= 5);
+    REQUIRE(count >= 8);
+    EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_planner_set_cut_view(planner, nowhere, 0.001f));
     EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_world_update(world, 0.0, NULL));
     EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_world_destroy(world));
     EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_planner_bindings(planner, ids));
@@ -275,7 +285,7 @@ static void plans(GirandoleWorld *world)
     EXPECT(GIRANDOLE_ERROR_OTHER_WORLD,
            girandole_planner_reserve(planner, other_world, 0, &buffers, &count));
     EXPECT(GIRANDOLE_OK, girandole_planner_reserve(planner, world, 1, &buffers, &count));
-    REQUIRE(count >= 5);
+    REQUIRE(count >= 8);
     EXPECT(GIRANDOLE_OK, girandole_planner_plan(planner, &first));
     EXPECT(GIRANDOLE_ERROR_NOT_RESERVED, girandole_planner_plan(planner, &second));
 
@@ -293,7 +303,7 @@ static void plans(GirandoleWorld *world)
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_plan_view(NULL, &view));
 
     /* A planner that ends with its reservation frees the world. */
-    EXPECT(GIRANDOLE_OK, girandole_planner_create(NULL, &reserved));
+    EXPECT(GIRANDOLE_OK, girandole_planner_create(NULL, NULL, &reserved));
     EXPECT(GIRANDOLE_OK, girandole_planner_reserve(reserved, world, 0, &buffers, &count));
     girandole_planner_destroy(reserved);
     EXPECT(GIRANDOLE_OK, girandole_world_update(world, 0.0, NULL));
@@ -308,7 +318,7 @@ static void plans(GirandoleWorld *world)
         for (i = 0; i < 5000; i++) {
             EXPECT(GIRANDOLE_OK, girandole_world_add_instance(other_world, tree, &place, NULL, &instance));
         }
-        EXPECT(GIRANDOLE_OK, girandole_planner_create(&limits, &small));
+        EXPECT(GIRANDOLE_OK, girandole_planner_create(&limits, NULL, &small));
         EXPECT(GIRANDOLE_ERROR_FULL, girandole_planner_reserve(small, other_world, 0, &buffers, &count));
         EXPECT(GIRANDOLE_OK, girandole_world_update(other_world, 0.0, NULL));
     }
@@ -343,7 +353,7 @@ static void sources(GirandoleWorld *world)
     memset(noise, 0xff, sizeof noise); /* NaN */
     EXPECT(GIRANDOLE_OK, girandole_world_add_tree(world, bulbs, 2, &tree));
     EXPECT(GIRANDOLE_OK, girandole_world_add_instance(world, tree, &place, NULL, &instance));
-    EXPECT(GIRANDOLE_OK, girandole_planner_create(NULL, &planner));
+    EXPECT(GIRANDOLE_OK, girandole_planner_create(NULL, NULL, &planner));
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_set_light_source(NULL, tree, GIRANDOLE_SOURCE_GPU_MESH));
     EXPECT(GIRANDOLE_ERROR_NO_SUCH_TREE, girandole_world_set_light_source(world, 1, GIRANDOLE_SOURCE_GPU_MESH));
     EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_set_light_source(world, tree, 3));

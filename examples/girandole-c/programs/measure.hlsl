@@ -19,6 +19,7 @@ void measure(uint3 id : SV_DispatchThreadID)
 {
     const float3 position = float3(2.4 * float(id.y % 4) - 3.6, 0.0, 2.4 * float(id.y / 4) - 3.6);
     const LightShadingPoint ground = light_surface_point(position, float3(0.0, 1.0, 0.0));
+    light_mark(ground);
     float2 sums = 0.0;
     [loop] for (uint i = 0; i < 64; i++) {
         const LightSample s = light_sample(ground, engine_numbers((id.y * 128 + id.x) * 64 + i));

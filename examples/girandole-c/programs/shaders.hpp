@@ -1,5 +1,4 @@
-// The engine's own shaders, in WGSL. The text of girandole_shader_include, for group 1, goes before them; what
-// is made of both adds the constant SPLITS.
+// The engine's own shaders, in WGSL. The text of girandole_shader_include, for group 1, goes before them.
 #pragma once
 
 #include <cstdint>
@@ -36,7 +35,7 @@ fn engine_lux(s: LightSample) -> vec3<f32> {
 fn measure(@builtin(global_invocation_id) id: vec3<u32>) {
     let position = vec3(2.4 * f32(id.y % 4u) - 3.6, 0.0, 2.4 * f32(id.y / 4u) - 3.6);
     let ground = light_surface_point(position, vec3(0.0, 1.0, 0.0));
-    light_splits = SPLITS;
+    light_mark(ground);
     var sums = vec2(0.0);
     for (var i = 0u; i < 64u; i++) {
         let lux = engine_lux(light_sample(ground, engine_numbers((id.y * 128u + id.x) * 64u + i))).y;
@@ -61,6 +60,7 @@ fn shade(@builtin(global_invocation_id) id: vec3<u32>) {
     let dist = 7.0 / -ray.y;
     let position = vec3(0.0, 7.0, -17.0) + dist * ray;
     let ground = light_surface_point(vec3(position.x, 0.0, position.z), vec3(0.0, 1.0, 0.0));
+    light_mark(ground);
     var lux = vec3(0.0);
     for (var i = 0u; i < 8u; i++) {
         lux += engine_lux(light_sample(ground, engine_numbers(pixel * 8u + i))) / 8.0;

@@ -198,6 +198,17 @@ void Device::clear(const Buffer &buffer, VkDeviceSize offset, VkDeviceSize size)
 
 void Device::dispatch(const Pipeline &pipeline, const std::vector<std::vector<Bound>> &sets,
                       const uint32_t groups[3]) {
+    bind(pipeline, sets);
+    vkCmdDispatch(commands_, groups[0], groups[1], groups[2]);
+}
+
+void Device::dispatch_indirect(const Pipeline &pipeline, const std::vector<std::vector<Bound>> &sets,
+                               const Buffer &groups) {
+    bind(pipeline, sets);
+    vkCmdDispatchIndirect(commands_, groups.buffer, 0);
+}
+
+void Device::bind(const Pipeline &pipeline, const std::vector<std::vector<Bound>> &sets) {
     // A pool for each dispatch keeps this short. Engines reuse their sets.
     const VkDescriptorPoolSize sizes[] = {{VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, 4},
                                           {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 16}};
@@ -232,7 +243,6 @@ void Device::dispatch(const Pipeline &pipeline, const std::vector<std::vector<Bo
     vkCmdBindPipeline(commands_, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline.pipeline);
     vkCmdBindDescriptorSets(commands_, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline.layout, 0,
                             static_cast<uint32_t>(made.size()), made.data(), 0, nullptr);
-    vkCmdDispatch(commands_, groups[0], groups[1], groups[2]);
 }
 
 void Device::submit_and_wait() {

@@ -66,10 +66,14 @@ public:
               VkDeviceSize size);
     void clear(const Buffer &buffer, VkDeviceSize offset, VkDeviceSize size);
     void dispatch(const Pipeline &pipeline, const std::vector<std::vector<Bound>> &sets, const uint32_t groups[3]);
+    // With as many workgroups as the first three words of a buffer say.
+    void dispatch_indirect(const Pipeline &pipeline, const std::vector<std::vector<Bound>> &sets,
+                           const Buffer &groups);
     void submit_and_wait();
 
 private:
     void allocate(Buffer &made, bool is_mapped);
+    void bind(const Pipeline &pipeline, const std::vector<std::vector<Bound>> &sets);
     uint32_t memory_type(uint32_t bits, VkMemoryPropertyFlags wanted) const;
 
     VkInstance instance_ = VK_NULL_HANDLE;

@@ -12,7 +12,7 @@ public:
     explicit Player(vulkan::Device &device) : device_(device) {
         const GirandoleLimits limits = {device.largest_storage_buffer(), GIRANDOLE_NO_LIMIT, GIRANDOLE_NO_LIMIT};
         planner_ = girandole::make<GirandolePlanner>(
-            [&](GirandolePlanner **it) { return girandole_planner_create(&limits, it); });
+            [&](GirandolePlanner **it) { return girandole_planner_create(&limits, nullptr, it); });
         cursor_ = girandole::make<GirandoleCursor>(girandole_cursor_create);
         GirandoleTarget target = {};
         target.language = GIRANDOLE_LANGUAGE_SPIRV;
@@ -43,7 +43,13 @@ public:
     Player(const Player &) = delete;
     Player &operator=(const Player &) = delete;
 
-    // Brings the device up to date with the world, after girandole_world_update. Returns the commands played.
+    // Makes cells follow the pixels of a camera from the next frame on.
+    void set_cut_view(GirandoleDVec3 eye, float pixel) {
+        girandole::check(girandole_planner_set_cut_view(planner_.get(), eye, pixel));
+    }
+
+    // Brings the device up to date with the world, after girandole_world_update, and builds the cuts of the cells that
+    // shaders have marked. Returns the commands played.
     // write_lights records the engine's kernels that write lights, between the upload and the build of the top
     // level.
     size_t frame(GirandoleWorld *world, const std::function<void()> &write_lights = nullptr) {
@@ -142,10 +148,11 @@ public:
 private:
     vulkan::Buffer make_buffer(const GirandoleNewBuffer &wanted) {
         const bool is_uniform = wanted.usage == GIRANDOLE_BUFFER_UNIFORM;
-        const VkBufferUsageFlags usage =
+        VkBufferUsageFlags usage =
             is_uniform ? VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT
                        : VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
                              VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+        if (wanted.usage == GIRANDOLE_BUFFER_INDIRECT) usage |= VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
         return device_.make_buffer(wanted.size, usage, false);
     }
 
@@ -194,7 +201,8 @@ private:
             case GIRANDOLE_COMMAND_CLEAR:
                 device_.clear(buffers_.at(command.buffer), command.offset, command.size);
                 break;
-            case GIRANDOLE_COMMAND_DISPATCH: dispatch(command); break;
+            case GIRANDOLE_COMMAND_DISPATCH:
+            case GIRANDOLE_COMMAND_DISPATCH_INDIRECT: dispatch(command); break;
             default: throw std::runtime_error("a command of a later version");
             }
         }
@@ -213,7 +221,12 @@ private:
                 bound.push_back({VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, buffer.buffer});
             }
         }
-        device_.dispatch(pipelines_.at(command.kernel), {bound}, command.workgroups);
+        const auto &pipeline = pipelines_.at(command.kernel);
+        if (command.kind == GIRANDOLE_COMMAND_DISPATCH_INDIRECT) {
+            device_.dispatch_indirect(pipeline, {bound}, buffers_.at(command.source));
+        } else {
+            device_.dispatch(pipeline, {bound}, command.workgroups);
+        }
     }
 
     vulkan::Device &device_;

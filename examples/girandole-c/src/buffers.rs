@@ -14,6 +14,8 @@ pub const GIRANDOLE_BUFFER_UNIFORM: GirandoleBufferUsage = 0;
 /// A storage buffer that plans also write, copy from, copy to and clear. Vulkan: STORAGE_BUFFER,
 /// TRANSFER_SRC, TRANSFER_DST.
 pub const GIRANDOLE_BUFFER_STORAGE: GirandoleBufferUsage = 1;
+/// A storage buffer that also holds the workgroups of dispatches. Vulkan: INDIRECT_BUFFER too.
+pub const GIRANDOLE_BUFFER_INDIRECT: GirandoleBufferUsage = 2;
 
 /// A buffer that the engine must create.
 #[repr(C)]
@@ -29,14 +31,17 @@ pub struct GirandoleNewBuffer {
     pub what: *const c_char,
 }
 
-pub(crate) fn new_buffers(buffers: &[NewBuffer]) -> Result<Vec<GirandoleNewBuffer>, Failure> {
+pub(crate) fn new_buffers<'a>(
+    buffers: impl Iterator<Item = &'a NewBuffer>,
+) -> Result<Vec<GirandoleNewBuffer>, Failure> {
     let buffer = |buffer: &NewBuffer| {
         let usage = match buffer.kind {
             BufferKind::Uniform => GIRANDOLE_BUFFER_UNIFORM,
             BufferKind::Storage => GIRANDOLE_BUFFER_STORAGE,
+            BufferKind::Indirect => GIRANDOLE_BUFFER_INDIRECT,
             _ => return Err(Failure::bad_value("usage of a buffer", format!("{:?}", buffer.kind))),
         };
         Ok(GirandoleNewBuffer { id: buffer.id.get(), usage, size: buffer.bytes, what: c_name(buffer.what) })
     };
-    buffers.iter().map(buffer).collect()
+    buffers.map(buffer).collect()
 }

@@ -3,7 +3,8 @@
 use std::ffi::c_char;
 use std::sync::LazyLock;
 
-use girandole::plan::{Binding, KERNELS, Kernel};
+use girandole::Effects;
+use girandole::plan::{Binding, KERNELS, Kernel, cut_kernels};
 
 use crate::bindings::*;
 use crate::memory::{object, result};
@@ -35,6 +36,12 @@ pub struct GirandoleKernel {
     pub binding_count: usize,
 }
 
+/// The kernels of frames, then those that build cuts without learnt visibility, for all effects.
+static ALL: LazyLock<Vec<Kernel>> = LazyLock::new(|| {
+    let [cuts @ .., _] = cut_kernels(Effects::all());
+    [KERNELS, &cuts].concat()
+});
+
 static BINDINGS: LazyLock<Vec<Vec<GirandoleKernelBinding>>> = LazyLock::new(|| {
     let binding = |binding: &Binding| match *binding {
         Binding::Uniform { bytes } => GirandoleKernelBinding { kind: GIRANDOLE_BINDING_UNIFORM, uniform_size: bytes },
@@ -42,18 +49,24 @@ static BINDINGS: LazyLock<Vec<Vec<GirandoleKernelBinding>>> = LazyLock::new(|| {
         Binding::ReadWrite => GirandoleKernelBinding { kind: GIRANDOLE_BINDING_READ_WRITE, uniform_size: 0 },
         _ => GirandoleKernelBinding { kind: GIRANDOLE_BINDING_OTHER, uniform_size: 0 },
     };
-    KERNELS.iter().map(|kernel| kernel.bindings().iter().map(binding).collect()).collect()
+    ALL.iter().map(|kernel| kernel.bindings().iter().map(binding).collect()).collect()
 });
 
 fn known(index: u32) -> Result<&'static Kernel, Failure> {
-    let kernel = KERNELS.get(index as usize);
-    kernel.ok_or_else(|| Failure::bad_value(&format!("index of a kernel below {}", KERNELS.len()), index))
+    let kernel = ALL.get(index as usize);
+    kernel.ok_or_else(|| Failure::bad_value(&format!("index of a kernel below {}", ALL.len()), index))
+}
+
+/// The index of a kernel, whatever its effects.
+pub(crate) fn index_of(kernel: Kernel) -> Result<u32, Failure> {
+    let index = ALL.iter().position(|known| known.entry() == kernel.entry());
+    index.map(|index| index as u32).ok_or_else(|| Failure::bad_value("kernel", kernel.entry()))
 }
 
 /// Returns the number of kernels. Indices and texts may differ between versions of the library.
 #[unsafe(no_mangle)]
 pub extern "C" fn girandole_kernel_count() -> u32 {
-    KERNELS.len() as u32
+    ALL.len() as u32
 }
 
 /// Stores the name and the bindings of a kernel. Both are valid as long as the process.
@@ -68,8 +81,8 @@ pub unsafe extern "C" fn girandole_kernel(index: u32, kernel: *mut GirandoleKern
     })
 }
 
-/// Makes the code of a kernel in the language of a target. Takes milliseconds, so do it once, or when the
-/// engine is built. Destroy it with girandole_shader_destroy.
+/// Makes the code of a kernel in the language of a target, whose entry_point is ignored. Takes milliseconds, so do
+/// it once, or when the engine is built. Destroy it with girandole_shader_destroy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_kernel_shader(
     index: u32,
@@ -79,9 +92,12 @@ pub unsafe extern "C" fn girandole_kernel_shader(
     call(|| {
         // SAFETY: see the crate's documentation.
         let (target, out) = unsafe { (object(target, "target")?, result(shader, "shader")?) };
-        let source = Source::checked(known(index)?.wgsl())?.without_zeroing();
+        let kernel = known(index)?;
+        let source = Source::checked(kernel.wgsl())?.without_zeroing();
+        // Some texts have several kernels.
+        let target = GirandoleTarget { entry_point: c_name(kernel.entry()), ..*target };
         // SAFETY: see the crate's documentation.
-        out.set(Box::into_raw(Box::new(unsafe { translate(&source, target)? })));
+        out.set(Box::into_raw(Box::new(unsafe { translate(&source, &target)? })));
         Ok(())
     })
 }

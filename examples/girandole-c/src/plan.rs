@@ -2,9 +2,10 @@
 
 use std::ptr;
 
-use girandole::plan::{BufferId, Command, Commands, FramePlan, KERNELS, PlanCursor};
+use girandole::plan::{BufferId, Command, Commands, FramePlan, Kernel, PlanCursor};
 
-use crate::buffers::{GirandoleNewBuffer, new_buffers};
+use crate::buffers::GirandoleNewBuffer;
+use crate::kernels::index_of;
 use crate::memory::{destroy, object, object_mut, result};
 use crate::status::{Failure, GirandoleStatus, call};
 
@@ -18,6 +19,8 @@ pub const GIRANDOLE_COMMAND_COPY: GirandoleCommandKind = 1;
 pub const GIRANDOLE_COMMAND_CLEAR: GirandoleCommandKind = 2;
 /// Runs kernel with buffers, at uniform_offset in the first of them.
 pub const GIRANDOLE_COMMAND_DISPATCH: GirandoleCommandKind = 3;
+/// The same with as many workgroups as source holds: three 32-bit words from its first byte on.
+pub const GIRANDOLE_COMMAND_DISPATCH_INDIRECT: GirandoleCommandKind = 4;
 
 /// A command. Each command sees the effects of all commands before it: put a barrier between a command and
 /// the next one, except between writes. Fields that the kind does not use are 0 or NULL.
@@ -28,9 +31,10 @@ pub struct GirandoleCommand {
     pub kind: GirandoleCommandKind,
     /// WRITE, COPY, CLEAR: the number of the buffer that changes.
     pub buffer: u32,
-    /// COPY: the number of the buffer that is read.
+    /// COPY: the number of the buffer that is read. DISPATCH_INDIRECT: that of the buffer with the workgroups, of
+    /// GIRANDOLE_BUFFER_INDIRECT.
     pub source: u32,
-    /// DISPATCH: the index of the kernel, for girandole_kernel.
+    /// DISPATCH, DISPATCH_INDIRECT: the index of the kernel, for girandole_kernel.
     pub kernel: u32,
     /// WRITE, CLEAR: the first byte that changes.
     pub offset: u64,
@@ -38,11 +42,12 @@ pub struct GirandoleCommand {
     pub size: u64,
     /// WRITE: the new content. Belongs to the plan.
     pub bytes: *const u8,
-    /// DISPATCH: the numbers of the buffers of the kernel's bindings, in their order. Belongs to the plan.
+    /// DISPATCH, DISPATCH_INDIRECT: the numbers of the buffers of the kernel's bindings, in their order. Belongs to
+    /// the plan.
     pub buffers: *const u32,
-    /// DISPATCH: how many.
+    /// DISPATCH, DISPATCH_INDIRECT: how many.
     pub buffer_count: u32,
-    /// DISPATCH: where the range of the uniform buffer starts, a multiple of 256 bytes.
+    /// DISPATCH, DISPATCH_INDIRECT: where the range of the uniform buffer starts, a multiple of 256 bytes.
     pub uniform_offset: u32,
     /// DISPATCH: the number of workgroups in each dimension, at least 1.
     pub workgroups: [u32; 3],
@@ -65,8 +70,10 @@ const NO_COMMAND: GirandoleCommand = GirandoleCommand {
 /// The commands of one frame. It does not depend on the planner and the world, and any thread may use it.
 #[derive(Debug)]
 pub struct GirandolePlan {
-    /// Owns the bytes of writes.
+    /// Owns the bytes of writes, with `_ahead`.
     frame: FramePlan,
+    _ahead: Vec<Commands>,
+    bytes: u64,
     new_buffers: Vec<GirandoleNewBuffer>,
     upload: Flat,
     top: Flat,
@@ -81,17 +88,26 @@ struct Flat {
 }
 
 impl Flat {
-    fn new(commands: &Commands) -> Result<Self, Failure> {
+    fn new<'a>(lists: impl Iterator<Item = &'a Commands> + Clone) -> Result<Self, Failure> {
+        let commands = || lists.clone().flat_map(Commands::iter);
         let mut buffers = Vec::new();
-        for command in commands.iter() {
-            if let Command::Dispatch { buffers: ids, .. } = command {
+        for command in commands() {
+            if let Command::Dispatch { buffers: ids, .. } | Command::DispatchIndirect { buffers: ids, .. } = command {
                 buffers.extend(ids.iter().copied().map(BufferId::get));
             }
         }
         let mut rest = buffers.as_slice();
-        let commands = commands.iter().map(|command| flat(command, &mut rest)).collect::<Result<_, _>>()?;
+        let commands = commands().map(|command| flat(command, &mut rest)).collect::<Result<_, _>>()?;
         Ok(Self { commands, _buffers: buffers })
     }
+}
+
+/// What all dispatches have. Their buffers are the first of `rest`.
+fn dispatch(kernel: Kernel, count: usize, uniform_offset: u32, rest: &mut &[u32]) -> Result<GirandoleCommand, Failure> {
+    let (own, others) = rest.split_at(count);
+    *rest = others;
+    let (kernel, buffers, buffer_count) = (index_of(kernel)?, own.as_ptr(), own.len() as u32);
+    Ok(GirandoleCommand { kernel, buffers, buffer_count, uniform_offset, ..NO_COMMAND })
 }
 
 /// A command whose buffers, if it is a dispatch, are the first of `rest`.
@@ -115,32 +131,37 @@ fn flat(command: Command<'_>, rest: &mut &[u32]) -> Result<GirandoleCommand, Fai
         Command::Clear { buffer, offset, bytes } => {
             GirandoleCommand { kind: GIRANDOLE_COMMAND_CLEAR, buffer: buffer.get(), offset, size: bytes, ..NO_COMMAND }
         }
-        Command::Dispatch { kernel, buffers, uniform_offset, workgroups } => {
-            let (own, others) = rest.split_at(buffers.len());
-            *rest = others;
-            let index = KERNELS.iter().position(|known| *known == kernel);
-            GirandoleCommand {
-                kind: GIRANDOLE_COMMAND_DISPATCH,
-                kernel: index.ok_or_else(|| Failure::bad_value("kernel", kernel.entry()))? as u32,
-                buffers: own.as_ptr(),
-                buffer_count: own.len() as u32,
-                uniform_offset,
-                workgroups,
-                ..NO_COMMAND
-            }
-        }
+        Command::Dispatch { kernel, buffers, uniform_offset, workgroups } => GirandoleCommand {
+            kind: GIRANDOLE_COMMAND_DISPATCH,
+            workgroups,
+            ..dispatch(kernel, buffers.len(), uniform_offset, rest)?
+        },
+        Command::DispatchIndirect { kernel, buffers, uniform_offset, workgroups } => GirandoleCommand {
+            kind: GIRANDOLE_COMMAND_DISPATCH_INDIRECT,
+            source: workgroups.get(),
+            ..dispatch(kernel, buffers.len(), uniform_offset, rest)?
+        },
         other => return Err(Failure::bad_value("command", format!("{other:?}"))),
     })
 }
 
 impl GirandolePlan {
-    pub(crate) fn new(frame: FramePlan) -> Result<Self, Failure> {
+    /// `ahead` is played before the upload of the frame, and `cuts` behind the build of its top level.
+    pub(crate) fn new(
+        frame: FramePlan,
+        new_buffers: Vec<GirandoleNewBuffer>,
+        ahead: Vec<Commands>,
+        cuts: Commands,
+    ) -> Result<Self, Failure> {
+        let uploads = ahead.iter().chain([&frame.upload]);
         Ok(Self {
-            new_buffers: new_buffers(&frame.new_buffers)?,
-            upload: Flat::new(&frame.upload)?,
-            top: Flat::new(&frame.top)?,
+            new_buffers,
+            upload: Flat::new(uploads.clone())?,
+            top: Flat::new([&frame.top, &cuts].into_iter())?,
             freed: frame.freed.iter().copied().map(BufferId::get).collect(),
+            bytes: uploads.map(Commands::bytes_written).sum(),
             frame,
+            _ahead: ahead,
         })
     }
 }
@@ -159,7 +180,7 @@ pub struct GirandolePlanView {
     pub upload: *const GirandoleCommand,
     /// How many commands.
     pub upload_count: usize,
-    /// Builds the top level. Play it after upload.
+    /// Builds the top level, and the cuts of the cells that shaders have marked. Play it after upload.
     pub top: *const GirandoleCommand,
     /// How many commands.
     pub top_count: usize,
@@ -192,7 +213,7 @@ pub unsafe extern "C" fn girandole_plan_view(
             top_count: plan.top.commands.len(),
             freed: plan.freed.as_ptr(),
             freed_count: plan.freed.len(),
-            bytes: plan.frame.report.bytes,
+            bytes: plan.bytes,
             waiting_trees: plan.frame.report.waiting_trees,
         });
         Ok(())

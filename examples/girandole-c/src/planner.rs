@@ -4,9 +4,12 @@ use std::ptr::NonNull;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use girandole::plan::{LightPlanner, PlanLimits, Reservation};
+use girandole::CutOptions;
+use girandole::glam::DVec3;
+use girandole::plan::{Commands, LightPlanner, NewBuffer, PlanLimits, Reservation};
 
 use crate::buffers::{GirandoleNewBuffer, new_buffers};
+use crate::plan::GirandolePlan;
 use crate::status::{
     Failure, GIRANDOLE_ERROR_BROKEN, GIRANDOLE_ERROR_NOT_RESERVED, GIRANDOLE_ERROR_OTHER_WORLD,
     GIRANDOLE_ERROR_RESERVED,
@@ -42,6 +45,10 @@ pub struct GirandolePlanner {
     /// From `Box::into_raw`. Not a box, since the reservation borrows it while calls have references to this.
     planner: NonNull<LightPlanner>,
     pub(crate) held: Option<Held>,
+    /// The buffers of the cells, until the first plan.
+    cut_buffers: Vec<NewBuffer>,
+    /// What the next plan uploads first: the cells, and cameras.
+    ahead: Vec<Commands>,
     /// The world that it follows, from the first reservation on.
     world: Option<u64>,
     /// False during a call that changes it, and for ever if it panics.
@@ -84,9 +91,12 @@ impl Drop for GirandolePlanner {
 }
 
 impl GirandolePlanner {
-    pub(crate) fn new(limits: PlanLimits) -> Self {
-        let planner = NonNull::from(Box::leak(Box::new(LightPlanner::new(limits))));
-        Self { planner, held: None, world: None, is_whole: true }
+    pub(crate) fn new(limits: PlanLimits, cuts: CutOptions) -> Self {
+        let mut planner = LightPlanner::new(limits);
+        let cells = planner.reserve_cells(cuts, None).plan();
+        let planner = NonNull::from(Box::leak(Box::new(planner)));
+        let (cut_buffers, ahead) = (cells.new_buffers, vec![cells.upload]);
+        Self { planner, held: None, cut_buffers, ahead, world: None, is_whole: true }
     }
 
     fn check_whole(&self) -> Result<(), Failure> {
@@ -136,9 +146,28 @@ impl GirandolePlanner {
             false => planner.reserve(lights)?,
             true => planner.reserve_exactly(lights)?,
         };
-        let new_buffers = new_buffers(reservation.new_buffers())?;
+        let new_buffers = new_buffers(self.cut_buffers.iter().chain(reservation.new_buffers()))?;
         self.held = Some(Held { reservation, new_buffers, borrow });
         Ok(())
+    }
+
+    pub(crate) fn set_cut_view(&mut self, eye: DVec3, pixel: f32) -> Result<(), Failure> {
+        let moved = self.free()?.set_cut_view(eye, pixel);
+        self.ahead.push(moved);
+        Ok(())
+    }
+
+    /// Ends the reservation with a plan.
+    pub(crate) fn plan(&mut self) -> Result<GirandolePlan, Failure> {
+        let Held { reservation, new_buffers, borrow } = self.take()?;
+        let mut frame = reservation.plan();
+        drop(borrow);
+        // The plan of the cells, which this one contains, has the number 1.
+        frame.number -= 1;
+        self.cut_buffers.clear();
+        let ahead = std::mem::take(&mut self.ahead);
+        let cuts = self.free()?.build_cuts();
+        GirandolePlan::new(frame, new_buffers, ahead, cuts)
     }
 
     pub(crate) fn take(&mut self) -> Result<Held, Failure> {
@@ -152,9 +181,13 @@ mod tests {
     use super::*;
     use crate::status::{GIRANDOLE_ERROR_PANIC, GIRANDOLE_OK, call};
 
+    fn planner() -> GirandolePlanner {
+        GirandolePlanner::new(PlanLimits::default(), CutOptions::default())
+    }
+
     #[test]
     fn a_panic_breaks_the_planner_and_frees_the_world() {
-        let (world, mut planner) = (GirandoleWorld::new(), GirandolePlanner::new(PlanLimits::default()));
+        let (world, mut planner) = (GirandoleWorld::new(), planner());
         assert_eq!(call(|| planner.edit(|planner| planner.reserve(&world, false))), GIRANDOLE_OK);
         assert_eq!(call(|| world.edit(|_| Ok(()))), GIRANDOLE_ERROR_RESERVED);
         let dies = call(|| {
@@ -171,7 +204,7 @@ mod tests {
     #[test]
     fn a_planner_follows_the_world_of_its_first_reservation() {
         let (world, other) = (GirandoleWorld::new(), GirandoleWorld::new());
-        let mut planner = GirandolePlanner::new(PlanLimits::default());
+        let mut planner = planner();
         assert_eq!(planner.reserve(&world, false).map_err(|failure| failure.code), Ok(()));
         planner.take().map(drop).expect("it has a reservation");
         let refused = planner.reserve(&other, false).map_err(|failure| failure.code);
@@ -181,7 +214,7 @@ mod tests {
 
     #[test]
     fn a_planner_that_is_dropped_ends_its_reservation() {
-        let (world, mut planner) = (GirandoleWorld::new(), GirandolePlanner::new(PlanLimits::default()));
+        let (world, mut planner) = (GirandoleWorld::new(), planner());
         planner.reserve(&world, true).expect("it fits");
         assert_eq!(world.reservations.load(Ordering::Acquire), 1);
         drop(planner);

@@ -1,7 +1,9 @@
 //! The calls that create planners, set them up and ask them.
 
+use girandole::CutOptions;
 use girandole::plan::{LightPlanner, PlanLimits, ShaderBuffers};
 
+use crate::cuts::GirandoleCutOptions;
 use crate::memory::{destroy, object, object_mut, result};
 use crate::planner::{GirandoleLimits, GirandolePlanner, limit};
 use crate::shader_text::effect_bits;
@@ -18,10 +20,12 @@ pub(crate) unsafe fn change<R>(
 }
 
 /// Creates a planner for a device that holds nothing yet. limits may be NULL for a largest buffer of 128 MiB
-/// and no other limits. Destroy it with girandole_planner_destroy.
+/// and no other limits. cuts may be NULL for 32,768 cells of 0.25 m that need 8 marks, which take 67 MB of GPU memory.
+/// Returns 1200 or 1201 for a wrong edge or number of cells. Destroy it with girandole_planner_destroy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_planner_create(
     limits: *const GirandoleLimits,
+    cuts: *const GirandoleCutOptions,
     planner: *mut *mut GirandolePlanner,
 ) -> GirandoleStatus {
     call(|| {
@@ -35,7 +39,12 @@ pub unsafe extern "C" fn girandole_planner_create(
             given.tree_memory = limit(limits.tree_memory);
             given.frame_bytes = limit(limits.frame_bytes);
         }
-        out.set(Box::into_raw(Box::new(GirandolePlanner::new(given))));
+        let options = match cuts.is_null() {
+            true => CutOptions::default(),
+            // SAFETY: see the crate's documentation.
+            false => unsafe { object(cuts, "cuts")? }.options()?,
+        };
+        out.set(Box::into_raw(Box::new(GirandolePlanner::new(given, options))));
         Ok(())
     })
 }
@@ -112,41 +121,52 @@ pub unsafe extern "C" fn girandole_planner_lose_top(planner: *mut GirandolePlann
 }
 
 /// The number of buffers that shaders bind.
-pub const GIRANDOLE_SHADER_BUFFERS: usize = 5;
+pub const GIRANDOLE_SHADER_BUFFERS: usize = 7;
+/// The number of buffers of the last frame that shaders bind.
+pub const GIRANDOLE_PREVIOUS_BUFFERS: usize = 5;
 
-unsafe fn bindings(
+/// Stores the numbers of the first N buffers, or `u32::MAX` if there are none.
+unsafe fn bindings<const N: usize>(
     planner: *mut GirandolePlanner,
     buffers: *mut u32,
     get: impl FnOnce(&LightPlanner) -> Option<ShaderBuffers>,
 ) -> Result<(), Failure> {
     // SAFETY: see the crate's documentation.
-    let out = unsafe { result(buffers.cast::<[u32; GIRANDOLE_SHADER_BUFFERS]>(), "buffers")? };
+    let out = unsafe { result(buffers.cast::<[u32; N]>(), "buffers")? };
+    let first = |planner: &mut LightPlanner| {
+        let mut ids = [u32::MAX; N];
+        if let Some(lights) = get(planner) {
+            let all = lights.iter().copied().chain(planner.cells().into_iter().flatten());
+            ids.iter_mut().zip(all).for_each(|(id, buffer)| *id = buffer.get());
+        }
+        Ok(ids)
+    };
     // SAFETY: see the crate's documentation.
-    let ids = unsafe { change(planner, |planner| Ok(get(planner)))? };
-    out.set(ids.map_or([u32::MAX; GIRANDOLE_SHADER_BUFFERS], |ids| std::array::from_fn(|i| ids[i].get())));
+    out.set(unsafe { change(planner, first)? });
     Ok(())
 }
 
 /// Stores the numbers of the buffers that the engine's shaders bind after the last plan, at the bindings 0 to
-/// 4 of their group: a uniform buffer of 64 bytes, and four storage buffers that are only read, each bound
-/// whole. UINT32_MAX before the first plan. buffers has room for GIRANDOLE_SHADER_BUFFERS numbers.
+/// 6 of their group: a uniform buffer of 64 bytes, five storage buffers that are only read, and one that is also
+/// written, each bound whole. UINT32_MAX before the first plan. buffers has room for GIRANDOLE_SHADER_BUFFERS numbers.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_planner_bindings(
     planner: *mut GirandolePlanner,
     buffers: *mut u32,
 ) -> GirandoleStatus {
     // SAFETY: see the crate's documentation.
-    call(|| unsafe { bindings(planner, buffers, LightPlanner::bindings) })
+    call(|| unsafe { bindings::<GIRANDOLE_SHADER_BUFFERS>(planner, buffers, LightPlanner::bindings) })
 }
 
-/// As girandole_planner_bindings, for the buffers of the last frame, if they are kept.
+/// As girandole_planner_bindings, for the lights of the last frame, if they are kept: the bindings 0 to 4, all only
+/// read. buffers has room for GIRANDOLE_PREVIOUS_BUFFERS numbers.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_planner_previous_bindings(
     planner: *mut GirandolePlanner,
     buffers: *mut u32,
 ) -> GirandoleStatus {
     // SAFETY: see the crate's documentation.
-    call(|| unsafe { bindings(planner, buffers, LightPlanner::previous_bindings) })
+    call(|| unsafe { bindings::<GIRANDOLE_PREVIOUS_BUFFERS>(planner, buffers, LightPlanner::previous_bindings) })
 }
 
 /// Stores the effects that shaders must support to read the buffers of the last plan: bits of

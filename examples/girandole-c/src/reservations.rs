@@ -3,7 +3,7 @@
 use crate::buffers::GirandoleNewBuffer;
 use crate::memory::{object, object_mut, result};
 use crate::plan::GirandolePlan;
-use crate::planner::{GirandolePlanner, Held};
+use crate::planner::GirandolePlanner;
 use crate::status::{GirandoleStatus, call};
 use crate::vectors::flag;
 use crate::world::GirandoleWorld;
@@ -50,19 +50,13 @@ pub unsafe extern "C" fn girandole_planner_plan(
     call(|| {
         // SAFETY: see the crate's documentation.
         let (planner, out) = unsafe { (object_mut(planner, "planner")?, result(plan, "plan")?) };
-        let frame = planner.edit(|planner| {
-            let Held { reservation, borrow, .. } = planner.take()?;
-            let frame = reservation.plan();
-            drop(borrow);
-            Ok(frame)
-        })?;
-        out.set(Box::into_raw(Box::new(GirandolePlan::new(frame)?)));
+        out.set(Box::into_raw(Box::new(planner.edit(GirandolePlanner::plan)?)));
         Ok(())
     })
 }
 
-/// Ends the reservation without a plan. Its changes become part of the next reservation, which has new numbers
-/// for its buffers: free the buffers of this reservation that were already made.
+/// Ends the reservation without a plan. Its changes become part of the next reservation, which lists all buffers
+/// again, most with new numbers: free the buffers of this reservation that were already made.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_planner_cancel(planner: *mut GirandolePlanner) -> GirandoleStatus {
     call(|| {

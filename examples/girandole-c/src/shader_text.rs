@@ -81,8 +81,8 @@ fn known_effects(bits: u32) -> Result<Effects, Failure> {
 /// The last number that the group may have, so that group + 1 is a space of HLSL too.
 pub(crate) const LAST_GROUP: u32 = 254;
 
-/// Makes the text that an engine's shader includes: the functions light_sample, light_resample, light_pmf and
-/// others, without an entry point. docs/integration.md describes them. Destroy the shader with
+/// Makes the text that an engine's shader includes: the functions light_sample, light_resample, light_pmf,
+/// light_mark and others, without an entry point. docs/integration.md describes them. Destroy the shader with
 /// girandole_shader_destroy.
 ///
 ///   effects       bits of GIRANDOLE_EFFECT_*: at least those of girandole_planner_effects
@@ -197,7 +197,7 @@ mod tests {
         };
         // SAFETY: both pointers are null, which is allowed.
         let made = unsafe { include(effects, group, has_previous, &target) }.expect("it is translated");
-        assert_eq!(made.bindings.len(), if has_previous { 10 } else { 5 });
+        assert_eq!(made.bindings.len(), if has_previous { 12 } else { 7 });
         let Code::Text(text) = made.code else { panic!("a text is no SPIR-V") };
         text.into_string().expect("UTF-8")
     }
@@ -207,7 +207,9 @@ mod tests {
         for language in [GIRANDOLE_LANGUAGE_WGSL, GIRANDOLE_LANGUAGE_HLSL, GIRANDOLE_LANGUAGE_MSL] {
             for effects in [0, GIRANDOLE_ALL_EFFECTS] {
                 let text = text(effects, 1, true, language);
-                for name in ["surface_point", "sample", "resample", "pick", "pmf", "pdf", "hash", "pmf_previous"] {
+                for name in
+                    ["surface_point", "sample", "resample", "pick", "pmf", "pdf", "hash", "pmf_previous", "mark"]
+                {
                     assert!(text.contains(&format!(" light_{name}(")), "light_{name} in language {language}");
                 }
                 for name in ["Sample", "ShadingPoint", "Reservoir"] {
@@ -224,8 +226,8 @@ mod tests {
             let registers: Vec<_> = text.lines().filter(|line| line.contains("register(")).collect();
             let of = |space: &str| registers.iter().filter(|line| line.contains(&format!(", {space})"))).count();
             let previous = if has_previous { 5 } else { 0 };
-            assert_eq!([of("GIRANDOLE_SPACE"), of("GIRANDOLE_PREVIOUS_SPACE")], [5, previous], "{registers:#?}");
-            assert_eq!(registers.len(), 5 + previous, "{registers:#?}");
+            assert_eq!([of("GIRANDOLE_SPACE"), of("GIRANDOLE_PREVIOUS_SPACE")], [7, previous], "{registers:#?}");
+            assert_eq!(registers.len(), 7 + previous, "{registers:#?}");
             assert!(text.contains(&format!("#define GIRANDOLE_SPACE space{group}\n")));
             let defined = text.contains(&format!("#define GIRANDOLE_PREVIOUS_SPACE space{}\n", group + 1));
             assert_eq!(defined, has_previous);

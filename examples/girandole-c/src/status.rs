@@ -113,6 +113,7 @@ macro_rules! from_errors_of_the_library {
 from_errors_of_the_library!(
     girandole::BudgetError,
     girandole::CountError,
+    girandole::CutError,
     girandole::WorldError,
     girandole::ProfileError,
     girandole::LightError,

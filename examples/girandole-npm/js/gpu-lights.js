@@ -12,13 +12,13 @@ export class GpuLights {
     #player;
     #bound = "";
 
-    constructor(device, world) {
+    constructor(device, world, cells) {
         const { maxStorageBufferBindingSize, maxBufferSize } = device.limits;
         this.#device = device;
         this.#world = world;
-        this.#planner = new LightPlanner(Math.min(maxStorageBufferBindingSize, maxBufferSize));
+        this.#planner = new LightPlanner(Math.min(maxStorageBufferBindingSize, maxBufferSize), cells);
         this.#player = new Player(device);
-        const types = ["uniform", ...Array(4).fill("read-only-storage")];
+        const types = ["uniform", ...Array(5).fill("read-only-storage"), "storage"];
         this.bindGroupLayout = device.createBindGroupLayout({
             label: "girandole lights",
             entries: types.map((type, binding) => ({ binding, visibility: COMPUTE_AND_FRAGMENT, buffer: { type } })),
@@ -34,19 +34,23 @@ export class GpuLights {
         return wgsl(group, effects);
     }
 
+    setCutView(eye, pixel) {
+        this.#planner.setCutView(eye, pixel);
+    }
+
     sync(milliseconds = 0.3) {
         const report = this.#world.update(milliseconds);
         const { rebuiltTrees, waitingTrees } = report;
         report.free();
-        let bytes, commands;
+        let bytes;
         try {
             bytes = this.#planner.play(this.#world, this.#player);
             this.#bind();
         } finally {
             // After a refusal, the planner sends everything again.
-            commands = this.#player.finish();
+            this.#player.finish();
         }
-        return { bytes, commands, rebuiltTrees, waitingTrees };
+        return { bytes, rebuiltTrees, waitingTrees };
     }
 
     destroy() {

@@ -2,7 +2,8 @@
 
 import { kernels } from "./girandole.js";
 
-const USAGE = { uniform: 0x40 /* UNIFORM */, storage: 0x80 | 0x4 /* STORAGE, COPY_SRC */ };
+const STORAGE = 0x80 | 0x4 /* STORAGE, COPY_SRC */;
+const USAGE = { uniform: 0x40 /* UNIFORM */, storage: STORAGE, indirect: STORAGE | 0x100 /* INDIRECT */ };
 const COPY_DST = 0x8;
 const COMPUTE = 0x4;
 
@@ -18,7 +19,6 @@ export class Player {
     /** The buffers that the encoder's commands use. */
     #used = new Set();
     #freed = [];
-    #commands = 0;
 
     constructor(device) {
         this.#device = device;
@@ -34,7 +34,6 @@ export class Player {
     }
 
     write(id, offset, bytes) {
-        this.#commands++;
         // A write through the queue goes ahead of commands that are submitted later.
         if (this.#used.has(id)) {
             this.#submit();
@@ -51,21 +50,19 @@ export class Player {
     }
 
     dispatch(entry, ids, uniformOffset, x, y, z) {
-        this.#commands++;
-        ids.forEach((id) => this.#used.add(id));
-        const { pipeline, layout } = this.#pipeline(entry);
-        this.#encoder ??= this.#device.createCommandEncoder({ label: "girandole" });
-        this.#pass ??= this.#encoder.beginComputePass({ label: "girandole" });
-        this.#pass.setPipeline(pipeline);
-        this.#pass.setBindGroup(0, this.#group(entry, layout, ids), [uniformOffset]);
-        this.#pass.dispatchWorkgroups(x, y, z);
+        this.#bound(entry, ids, uniformOffset).dispatchWorkgroups(x, y, z);
+    }
+
+    dispatchIndirect(entry, ids, uniformOffset, workgroups) {
+        this.#used.add(workgroups);
+        this.#bound(entry, ids, uniformOffset).dispatchWorkgroupsIndirect(this.#buffers.get(workgroups), 0);
     }
 
     free(id) {
         this.#freed.push(id);
     }
 
-    /** Submits what was played, and returns the number of commands. */
+    /** Submits what was played. */
     finish() {
         this.#submit();
         for (const id of this.#freed) {
@@ -78,9 +75,6 @@ export class Player {
             }
         }
         this.#freed = [];
-        const commands = this.#commands;
-        this.#commands = 0;
-        return commands;
     }
 
     destroy() {
@@ -89,8 +83,18 @@ export class Player {
         this.#groups.clear();
     }
 
+    /** The pass, with a kernel and its buffers. */
+    #bound(entry, ids, uniformOffset) {
+        ids.forEach((id) => this.#used.add(id));
+        const { pipeline, layout } = this.#pipeline(entry);
+        this.#encoder ??= this.#device.createCommandEncoder({ label: "girandole" });
+        this.#pass ??= this.#encoder.beginComputePass({ label: "girandole" });
+        this.#pass.setPipeline(pipeline);
+        this.#pass.setBindGroup(0, this.#group(entry, layout, ids), [uniformOffset]);
+        return this.#pass;
+    }
+
     #outsideOfPasses(...ids) {
-        this.#commands++;
         ids.forEach((id) => this.#used.add(id));
         this.#pass?.end();
         this.#pass = null;

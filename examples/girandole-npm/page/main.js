@@ -67,10 +67,12 @@ async function main() {
         last = now;
         street.move(time);
         sceneLights.sync(street.scene);
-        const { commands } = gpuLights.sync();
         const [width, height] = sizeOfCanvas();
+        const { position, fov } = street.camera;
+        gpuLights.setCutView(position.toArray(), 2 * Math.tan(fov * Math.PI / 360) / height);
+        const { bytes } = gpuLights.sync();
         const isNew = hits.setSize(width, height);
-        averaged = commands > 0 || isNew ? 0 : averaged;
+        averaged = bytes > 0 || isNew ? 0 : averaged;
         if (averaged < MOST_FRAMES) {
             hits.draw(street, averaged);
             shading.draw(hits, gpuLights, { frame, averaged, boxes: street.boxes() });

@@ -48,6 +48,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         // Off the surface, by more than its position is rounded.
         let origin = place.xyz + 0.002 * normal.xyz;
         let shading_point = light_surface_point(origin, normalize(normal.xyz));
+        light_mark(shading_point);
         var state = light_hash(pixel ^ light_hash(frame.number));
         for (var i = 0u; i < frame.samples; i++) {
             var u: vec4<f32>;

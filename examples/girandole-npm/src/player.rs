@@ -13,7 +13,7 @@ const TYPES: &str = r#"
  */
 export interface PlanPlayer {
     /** Makes a buffer. Its content is undefined at first. */
-    create(buffer: number, label: string, bytes: number, kind: "uniform" | "storage"): void;
+    create(buffer: number, label: string, bytes: number, kind: "uniform" | "storage" | "indirect"): void;
     /** Overwrites bytes of a buffer. They are readable only until the next call of the package. */
     write(buffer: number, offset: number, bytes: Uint8Array): void;
     /** Copies the first bytes of a buffer to the start of another. */
@@ -22,6 +22,8 @@ export interface PlanPlayer {
     clear(buffer: number, offset: number, bytes: number): void;
     /** Runs a kernel with the buffers of its bindings. */
     dispatch(kernel: string, buffers: Uint32Array, uniformOffset: number, x: number, y: number, z: number): void;
+    /** Runs a kernel with as many workgroups as an indirect buffer says. */
+    dispatchIndirect(kernel: string, buffers: Uint32Array, uniformOffset: number, workgroups: number): void;
     /** Frees a buffer once the commands before have run. */
     free(buffer: number): void;
 }
@@ -50,6 +52,14 @@ extern "C" {
         y: u32,
         z: u32,
     ) -> Result<(), JsValue>;
+    #[wasm_bindgen(method, catch, js_name = dispatchIndirect)]
+    fn dispatch_indirect(
+        this: &PlanPlayer,
+        kernel: &str,
+        buffers: Vec<u32>,
+        offset: u32,
+        workgroups: u32,
+    ) -> Result<(), JsValue>;
     #[wasm_bindgen(method, catch)]
     fn free(this: &PlanPlayer, buffer: u32) -> Result<(), JsValue>;
 }
@@ -59,10 +69,15 @@ fn number(bytes: u64) -> f64 {
     bytes as f64
 }
 
+fn numbers(buffers: &[BufferId]) -> Vec<u32> {
+    buffers.iter().map(|id| id.get()).collect()
+}
+
 impl PlanPlayer {
     pub fn make(&self, buffer: &NewBuffer) -> Result<(), Failure> {
         let kind = match buffer.kind {
             BufferKind::Uniform => "uniform",
+            BufferKind::Indirect => "indirect",
             _ => "storage",
         };
         self.create(buffer.id.get(), buffer.what, number(buffer.bytes), kind).map_err(Failure::Thrown)
@@ -78,10 +93,11 @@ impl PlanPlayer {
             Command::Copy { from, to, bytes } => self.copy(from.get(), to.get(), number(bytes)),
             Command::Clear { buffer, offset, bytes } => self.clear(buffer.get(), number(offset), number(bytes)),
             Command::Dispatch { kernel, buffers, uniform_offset, workgroups: [x, y, z] } => {
-                let buffers = buffers.iter().map(|id| id.get()).collect();
-                self.dispatch(kernel.entry(), buffers, uniform_offset, x, y, z)
+                self.dispatch(kernel.entry(), numbers(buffers), uniform_offset, x, y, z)
             }
-            // Builds of shared cuts have others, which this package does not plan.
+            Command::DispatchIndirect { kernel, buffers, uniform_offset, workgroups } => {
+                self.dispatch_indirect(kernel.entry(), numbers(buffers), uniform_offset, workgroups.get())
+            }
             _ => return Err(Failure::Plain(format!("a player has no command like {command:?}"))),
         };
         played.map_err(Failure::Thrown)

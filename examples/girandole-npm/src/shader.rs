@@ -50,7 +50,8 @@ impl Kernel {
 /// All kernels that plans dispatch.
 #[wasm_bindgen]
 pub fn kernels() -> Vec<Kernel> {
-    plan::KERNELS.iter().copied().map(Kernel).collect()
+    let [cuts @ .., _] = plan::cut_kernels(Effects::all());
+    plan::KERNELS.iter().copied().chain(cuts).map(Kernel).collect()
 }
 
 /// The names of effects: features that lights and instances may have, for which shaders are made.
@@ -63,9 +64,9 @@ fn effect(name: &str) -> Result<Effects, Failure> {
     Effects::all().iter().find(named).ok_or_else(|| Failure::Plain(format!("there is no effect named \"{name}\"")))
 }
 
-/// The text that a page puts before its own WGSL, after its directives. It binds a uniform buffer at 0 and four
-/// storage buffers at 1 to 4 of the group. Without `effects` it is right for all lights; with the effects of the
-/// planner it is shorter.
+/// The text that a page puts before its own WGSL, after its directives. It binds a uniform buffer at 0 and six
+/// storage buffers at 1 to 6 of the group, of which it writes the last. Without `effects` it is right for all lights;
+/// with the effects of the planner it is shorter.
 #[wasm_bindgen]
 pub fn wgsl(group: u32, effects: Option<Vec<String>>) -> Result<String, Failure> {
     let mut chosen = Effects::empty();

@@ -16,7 +16,10 @@ await init({ module_or_path: bytes });
 function nothing() {}
 
 /** Plays nothing. */
-const player = { create: nothing, write: nothing, copy: nothing, clear: nothing, dispatch: nothing, free: nothing };
+const player = {
+    create: nothing, write: nothing, copy: nothing, clear: nothing, dispatch: nothing, dispatchIndirect: nothing,
+    free: nothing,
+};
 
 /** The least of the times of calls, in milliseconds. */
 function least(count, call) {

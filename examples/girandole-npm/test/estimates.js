@@ -3,15 +3,17 @@
 const INVOCATIONS = 64;
 /** Samples of an invocation in one dispatch, so that it is short, and dispatches. */
 const SAMPLES = 16;
-const ROUNDS = 4;
+const ROUNDS = 8;
+/** Points at most. */
+const POINTS = 16;
 
 const WGSL = `
 struct Point { position: vec3<f32>, normal: vec3<f32> }
 struct Partial { lux: vec3<f32>, without_light: f32 }
-@group(0) @binding(0) var<storage, read> points: array<Point>;
+@group(0) @binding(0) var<uniform> points: array<Point, ${POINTS}>;
 @group(0) @binding(1) var<storage, read> lights: array<vec2<u32>>;
 @group(0) @binding(2) var<storage, read_write> partials: array<Partial>;
-@group(0) @binding(3) var<uniform> round: vec4<u32>;
+@group(0) @binding(3) var<uniform> batch: vec4<u32>;
 
 fn shading_point(index: u32) -> LightShadingPoint {
     return light_surface_point(points[index].position, points[index].normal);
@@ -21,8 +23,9 @@ fn shading_point(index: u32) -> LightShadingPoint {
 @compute @workgroup_size(${INVOCATIONS})
 fn estimate(@builtin(workgroup_id) point: vec3<u32>, @builtin(local_invocation_index) invocation: u32) {
     let at = shading_point(point.x);
+    light_mark(at);
     var sum = Partial();
-    var state = light_hash(invocation ^ light_hash(point.x ^ light_hash(round.x)));
+    var state = light_hash(invocation ^ light_hash(point.x ^ light_hash(batch.x)));
     for (var i = 0; i < ${SAMPLES}; i++) {
         var u: vec4<f32>;
         for (var axis = 0; axis < 4; axis++) {
@@ -35,7 +38,7 @@ fn estimate(@builtin(workgroup_id) point: vec3<u32>, @builtin(local_invocation_i
         }
         sum.without_light += f32(light_pick(at, u.xy).pmf == 0.0);
     }
-    let index = (round.x * round.y + point.x) * ${INVOCATIONS} + invocation;
+    let index = (batch.x * batch.y + point.x) * ${INVOCATIONS} + invocation;
     partials[index] = Partial(sum.lux / ${SAMPLES}, sum.without_light / ${SAMPLES});
 }
 
@@ -78,7 +81,7 @@ export class Estimates {
         this.device = device;
         const code = gpuLights.wgsl(1, effects) + WGSL;
         const buffer = (type, binding) => ({ binding, visibility: GPUShaderStage.COMPUTE, buffer: { type } });
-        const types = ["read-only-storage", "read-only-storage", "storage", "uniform"];
+        const types = ["uniform", "read-only-storage", "storage", "uniform"];
         this.layout = device.createBindGroupLayout({ entries: types.map(buffer) });
         const layout = device.createPipelineLayout({ bindGroupLayouts: [this.layout, gpuLights.bindGroupLayout] });
         const module = device.createShaderModule({ code });
@@ -88,11 +91,12 @@ export class Estimates {
 
     async run(name, gpuLights, { points, lights, results, rounds, workgroups }) {
         const { device } = this;
-        const words = points.flatMap(({ position, normal }) => [...position, 0, ...normal, 0]);
+        const words = new Float32Array(8 * POINTS);
+        words.set(points.flatMap(({ position, normal }) => [...position, 0, ...normal, 0]));
         const usage = GPUBufferUsage.STORAGE | GPUBufferUsage.COPY_SRC;
         const partials = device.createBuffer({ size: 16 * results, usage });
         const buffers = [
-            uploaded(device, new Float32Array(words), GPUBufferUsage.STORAGE),
+            uploaded(device, words, GPUBufferUsage.UNIFORM),
             uploaded(device, new Uint32Array(lights.flat()), GPUBufferUsage.STORAGE),
             partials,
         ];
@@ -129,14 +133,11 @@ export class Estimates {
         });
     }
 
-    /** For each point: the sum of the probabilities of lights, pairs of a slot and an index. */
-    async sums(gpuLights, points, lights) {
+    /** For each point: the probabilities of lights, pairs of a slot and an index. */
+    async probabilities(gpuLights, points, lights) {
         const workgroups = [Math.ceil(lights.length / INVOCATIONS), points.length];
         const results = lights.length * points.length;
         const words = await this.run("probability", gpuLights, { points, lights, results, rounds: 1, workgroups });
-        return points.map((_, point) => {
-            const row = words.subarray(4 * lights.length * point, 4 * lights.length * (point + 1));
-            return row.reduce((sum, pmf, i) => i % 4 === 0 ? sum + pmf : sum, 0);
-        });
+        return points.map((_, point) => lights.map((_, light) => words[4 * (lights.length * point + light)]));
     }
 }

@@ -77,7 +77,7 @@ impl City {
         }
         let list = LightList::new(&self.gpu.device, &self.gpu.queue, &self.stage.world);
         let sums = self.sum_means(&list).await?;
-        let mut lines = String::new();
+        let mut lines = format!("cells with cuts: {}\n", self.cells_with_cuts().await?);
         let (mut worst, mut least_error, mut is_close) = (0.0, f64::INFINITY, true);
         for (tile, (picture, sum)) in pictures.iter().zip(&sums).enumerate() {
             let error = picture.variance().sqrt();
@@ -124,6 +124,14 @@ impl City {
             self.gpu.queue.submit([encoder.finish()]);
         }
         self.read_means(1).await
+    }
+
+    /// How many cells of the last picture have cuts.
+    async fn cells_with_cuts(&self) -> Result<u32, String> {
+        let report = self.lights.cut_report().ok_or("The device is lost.")?;
+        // Words 5 and 6 are `CutReport::built` and `CutReport::kept`.
+        let words: Vec<u32> = self.gpu.read(report, 7).await?;
+        Ok(words[5] + words[6])
     }
 
     async fn read_means(&self, samples: u32) -> Result<Vec<f64>, String> {

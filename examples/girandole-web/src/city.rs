@@ -1,7 +1,7 @@
 //! The city on the page: what JavaScript calls.
 
-use girandole::gpu::GpuLights;
-use girandole::{CandidateCount, CutOptions, FrameBudget, FrameReport, SplitCount, wgpu};
+use girandole::gpu::{GpuLights, GpuOptions};
+use girandole::{CandidateCount, CutOptions, FrameBudget, FrameReport, wgpu};
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::future_to_promise;
 use web_sys::HtmlCanvasElement;
@@ -105,9 +105,9 @@ fn text(error: impl std::fmt::Display) -> String {
 
 #[wasm_bindgen]
 impl City {
-    /// Opens the device and builds a city of the size `S` or `M`, at night or at dusk. Fails with a sentence
-    /// for the user.
-    pub async fn open(canvas: HtmlCanvasElement, size: String, is_dusk: bool) -> Result<City, String> {
+    /// Opens the device and builds a city of the size `S` or `M`, at night or at dusk. A cell that `min_marks` pixels
+    /// show gets a cut. Fails with a sentence for the user.
+    pub async fn open(canvas: HtmlCanvasElement, size: String, is_dusk: bool, min_marks: u32) -> Result<City, String> {
         let gpu = device::open(canvas).await?;
         let size = match &*size {
             "S" => Size::S,
@@ -122,10 +122,8 @@ impl City {
         stage.world.set_glossy_sampling(true);
         let geometry = Geometry::new(&stage.scene).map_err(text)?;
         let buffers = SceneBuffers::new(&gpu.device, &gpu.queue, &stage.scene, &geometry).map_err(text)?;
-        let mut lights = GpuLights::new(&gpu.device, &gpu.queue).map_err(text)?;
-        if gpu.device.limits().max_storage_buffers_per_shader_stage >= device::SHARING_BUFFERS {
-            lights.share_cuts(Some(CutOptions::default())).map_err(text)?;
-        }
+        let options = GpuOptions::default().with_cuts(CutOptions::default().with_min_marks(min_marks));
+        let lights = GpuLights::with_options(&gpu.device, &gpu.queue, options).map_err(text)?;
         let picture = Picture::new(&gpu, &buffers, [1, 1]);
         let (layout, _) = buffers.bind(&gpu.device, &picture.sums);
         let pipelines = Pipelines::new(&gpu.device, &layout, &lights, (&stage.scene, &geometry))?;
@@ -270,7 +268,7 @@ impl City {
             self.report;
         let millis = |time: std::time::Duration| time.as_secs_f64() * 1e3;
         format!(
-            r#"{{"lights": {}, "instances": {}, "moved": {moved_instances}, "refitted": {refit_trees}, "rebuilt": {rebuilt_trees}, "waiting": {waiting_trees}, "spent": {:.3}, "refit": {:.3}, "frames": {}, "rebuiltSoFar": {}, "refittedSoFar": {}, "variants": {}, "hasVariant": {}, "software": {}, "sharesCuts": {}, "stillFrames": {}, "adapter": "{}"}}"#,
+            r#"{{"lights": {}, "instances": {}, "moved": {moved_instances}, "refitted": {refit_trees}, "rebuilt": {rebuilt_trees}, "waiting": {waiting_trees}, "spent": {:.3}, "refit": {:.3}, "frames": {}, "rebuiltSoFar": {}, "refittedSoFar": {}, "variants": {}, "hasVariant": {}, "software": {}, "stillFrames": {}, "adapter": "{}"}}"#,
             world.light_count(),
             world.instance_count(),
             millis(spent),
@@ -281,7 +279,6 @@ impl City {
             self.pipelines.variant_count(),
             self.pipelines.has(self.lights.effects()),
             self.gpu.is_software,
-            self.lights.cut_report().is_some(),
             self.still_frames,
             self.gpu.name.replace(['"', '\\'], "'"),
         )
@@ -351,7 +348,7 @@ impl City {
     /// The uniform of a picture of the present scene, without samples.
     pub(crate) fn frame_uniform(&self, spp: u32, seed: u32) -> FrameUniform {
         let size = self.picture.size;
-        let options = PictureOptions { size, spp, splits: SplitCount::DEFAULT, candidates: CANDIDATES, seed };
+        let options = PictureOptions { size, spp, candidates: CANDIDATES, seed };
         let mut frame = FrameUniform::new(&self.stage.scene, &self.geometry, self.buffers.first_object(), &options);
         frame.row_end = size[1];
         frame
@@ -370,12 +367,12 @@ impl City {
         let groups = [frame.width.div_ceil(WORKGROUP), frame.height.div_ceil(WORKGROUP)];
         let dispatch = |encoder: &mut wgpu::CommandEncoder,
                         pipeline: &wgpu::ComputePipeline,
-                        lights: &wgpu::BindGroup,
+                        lights: &GpuLights,
                         list: Option<&LightList>| {
             let mut pass = encoder.begin_compute_pass(&Default::default());
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &picture.group, &[]);
-            pass.set_bind_group(LIGHT_GROUP, lights, &[]);
+            pass.set_bind_group(LIGHT_GROUP, lights.bind_group(), &[]);
             if let Some(list) = list {
                 pass.set_bind_group(LIGHT_GROUP + 1, &list.group, &[]);
             }
@@ -384,20 +381,15 @@ impl City {
         let effects = lights.effects();
         if let Some((listed, list)) = listed {
             let pipeline = pipelines.get_listed(listed, effects, list);
-            dispatch(encoder, pipeline, lights.bind_group(), Some(list));
+            dispatch(encoder, pipeline, lights, Some(list));
             return;
         }
         let Variant { mark, render } = pipelines.get(effects);
-        let group = if let Some(mark) = mark {
-            let camera = &stage.scene.camera;
-            let pixel = 2.0 * (0.5 * camera.vertical_fov).tan() / frame.height as f32;
-            lights.set_cut_view(camera.eye.as_dvec3(), pixel);
-            dispatch(encoder, mark, lights.mark_bind_group(), None);
-            lights.build_cuts(encoder);
-            lights.cut_bind_group()
-        } else {
-            lights.bind_group()
-        };
-        dispatch(encoder, render, group, None);
+        let camera = &stage.scene.camera;
+        let pixel = 2.0 * (0.5 * camera.vertical_fov).tan() / frame.height as f32;
+        lights.set_cut_view(camera.eye.as_dvec3(), pixel);
+        dispatch(encoder, mark, lights, None);
+        lights.build_cuts(encoder);
+        dispatch(encoder, render, lights, None);
     }
 }

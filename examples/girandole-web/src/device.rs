@@ -40,12 +40,10 @@ pub struct Gpu {
     pub trouble: Trouble,
 }
 
-/// The storage buffers of a pipeline that renders with shared cuts: four of the scene and five of the lights.
-/// WebGPU promises eight.
-pub const SHARING_BUFFERS: u32 = 9;
+/// The storage buffers of a pipeline that renders: four of the scene and six of the lights. WebGPU promises eight.
+const STORAGE_BUFFERS: u32 = 10;
 
-/// Opens the best adapter. The limits are WebGPU's defaults, except for larger buffers, and for one more of
-/// them where there is one.
+/// Opens the best adapter. The limits are WebGPU's defaults, except for larger buffers, and for two more of them.
 pub async fn open(canvas: HtmlCanvasElement) -> Result<Gpu, String> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends: wgpu::Backends::BROWSER_WEBGPU,
@@ -65,10 +63,16 @@ pub async fn open(canvas: HtmlCanvasElement) -> Result<Gpu, String> {
             "This browser has WebGPU, but it offers no adapter: it found no GPU that it supports.".to_owned()
         })?;
     let (default, offered) = (wgpu::Limits::default(), adapter.limits());
+    let buffers = offered.max_storage_buffers_per_shader_stage;
+    if buffers < STORAGE_BUFFERS {
+        return Err(format!(
+            "This page needs {STORAGE_BUFFERS} storage buffers in a shader; this GPU offers {buffers}."
+        ));
+    }
     let required_limits = wgpu::Limits {
         max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
         max_buffer_size: offered.max_buffer_size,
-        max_storage_buffers_per_shader_stage: offered.max_storage_buffers_per_shader_stage.min(SHARING_BUFFERS),
+        max_storage_buffers_per_shader_stage: STORAGE_BUFFERS,
         ..default
     };
     let (device, queue) = adapter

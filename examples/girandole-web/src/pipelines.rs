@@ -34,8 +34,8 @@ impl Listed {
 
 /// The pipelines that serve lights with some effects.
 pub struct Variant {
-    /// Marks the cells of the surfaces in view; `None` if pixels do not share cuts.
-    pub mark: Option<wgpu::ComputePipeline>,
+    /// Marks the cells of the surfaces in view.
+    pub mark: wgpu::ComputePipeline,
     pub render: wgpu::ComputePipeline,
 }
 
@@ -44,9 +44,9 @@ pub struct Pipelines {
     device: wgpu::Device,
     /// Of group 0.
     layout: wgpu::BindGroupLayout,
-    /// Without trees. This text and the others are for all effects.
-    plain: LightShader,
-    mark: Option<LightShader>,
+    /// For all effects, as `render`.
+    mark: LightShader,
+    /// Weighs candidates too.
     render: LightShader,
     /// What the pipelines are compiled for.
     needs: Needs,
@@ -57,7 +57,7 @@ pub struct Pipelines {
 }
 
 impl Pipelines {
-    /// Compiles nothing yet. `layout` is that of group 0. Pixels share cuts if `lights` does.
+    /// Compiles nothing yet. `layout` is that of group 0.
     pub fn new(
         device: &wgpu::Device,
         layout: &wgpu::BindGroupLayout,
@@ -65,17 +65,12 @@ impl Pipelines {
         (scene, geometry): (&Scene, &Geometry),
     ) -> Result<Self, String> {
         let target = TargetHook::new(TARGET, TARGET_ARGUMENT).map_err(|error| error.to_string())?;
-        let plain = lights.shader(LIGHT_GROUP, Effects::all()).with_target(target.clone());
-        let shares = lights.cut_report().is_some();
-        let mark = shares.then(|| lights.mark_shader(LIGHT_GROUP, Effects::all()));
-        let render = match shares {
-            true => lights.cut_shader(LIGHT_GROUP, Effects::all()).with_target(target),
-            false => plain.clone(),
-        };
+        let mark = lights.shader(LIGHT_GROUP, Effects::all());
+        let render = mark.clone().with_target(target);
         let mut needs = Needs::new(scene, geometry);
         needs.stack_size += SPARE_STACK;
         let (device, layout, variants) = (device.clone(), layout.clone(), HashMap::new());
-        Ok(Self { device, layout, plain, mark, render, needs, variants, listed: None })
+        Ok(Self { device, layout, mark, render, needs, variants, listed: None })
     }
 
     /// Drops all pipelines if the hierarchies have become too deep for them.
@@ -91,10 +86,9 @@ impl Pipelines {
         let Self { device, layout, mark, render, needs, variants, .. } = self;
         let compile =
             |shader: &LightShader, work| pipeline(device, layout, &shader.with_effects(effects), *needs, work);
-        variants.entry(effects).or_insert_with(|| Variant {
-            mark: mark.as_ref().map(|shader| compile(shader, Work::Mark)),
-            render: compile(render, Work::Render),
-        })
+        variants
+            .entry(effects)
+            .or_insert_with(|| Variant { mark: compile(mark, Work::Mark), render: compile(render, Work::Render) })
     }
 
     /// The number of variants that were compiled.
@@ -118,7 +112,7 @@ impl Pipelines {
     }
 
     fn make_listed(&self, listed: Listed, effects: Effects, list: &LightList) -> wgpu::ComputePipeline {
-        let shader = self.plain.with_effects(effects);
+        let shader = self.render.with_effects(effects);
         let text = shader_source(&shader.wgsl, self.needs, Work::Render);
         let text = format!("{text}\n{}", include_str!("light_list.wgsl"));
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {

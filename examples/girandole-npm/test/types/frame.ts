@@ -15,6 +15,7 @@ export async function start(device: GPUDevice, own: GPUBindGroupLayout, code: st
 
 export function frame(pass: GPUComputePassEncoder, scene: Scene, sceneLights: SceneLights, lights: GpuLights): SyncReport {
     sceneLights.sync(scene);
+    lights.setCutView([0, 2, 0], 0.001);
     const report = lights.sync(0.5);
     pass.setBindGroup(1, lights.bindGroup);
     return report;
@@ -33,7 +34,8 @@ export function edit(world: LightWorld, mesh: Mesh, sceneLights: SceneLights): n
 
 export function plans(device: GPUDevice, world: LightWorld): GPUBufferBindingType[][] {
     const player: PlanPlayer = new Player(device);
-    const planner = new LightPlanner(device.limits.maxStorageBufferBindingSize);
+    const planner = new LightPlanner(device.limits.maxStorageBufferBindingSize, 10_000);
+    planner.setCutView(new Float32Array(3), 0.001);
     const bytes: number = planner.play(world, player);
     console.log(bytes, planner.bindings()?.length, wgsl(0, planner.effects()));
     return kernels().map((kernel) => kernel.bindings);
