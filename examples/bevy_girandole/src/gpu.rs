@@ -5,18 +5,21 @@ use std::time::Instant;
 
 use bevy::log::error_once;
 use bevy::prelude::*;
+use bevy::render::camera::ExtractedCamera;
 use bevy::render::render_resource::{
     BindGroup, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType, Buffer, BufferBindingType,
     BufferInitDescriptor, BufferUsages, ShaderStages,
 };
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue};
-use girandole::gpu::GpuLights;
-use girandole::{CutOptions, Effects, VisibilityOptions};
+use bevy::render::view::ExtractedView;
+use girandole::Effects;
+use girandole::gpu::{GpuLights, GpuOptions};
 
+use crate::components::GirandoleCamera;
 use crate::kinds::KindRecord;
 use crate::pass::PassShaders;
 use crate::settings::{GirandoleReport, GirandoleSettings, GirandoleStats};
-use crate::shadows::{GirandoleShadows, ShadowRays};
+use crate::shadows::GirandoleShadows;
 use crate::world::GirandoleLights;
 
 /// What the lights of this plugin may call for: everything but segments, masks, origins on a grid,
@@ -33,10 +36,9 @@ pub fn effects() -> Effects {
         | Effects::SKY
 }
 
-/// The storage buffers that a stage binds when it chooses from shared cuts: those of Bevy's view and six of this plugin.
-const STORAGE_BUFFERS: u32 = 16;
-/// Those that it binds as well when it learns from shadow rays.
-const LEARNING_BUFFERS: u32 = 2;
+/// What the lights keep on the device.
+#[derive(Resource, Clone, Copy)]
+pub struct LightOptions(pub GpuOptions);
 
 /// The lights on the GPU, in the render world.
 #[derive(Resource)]
@@ -46,12 +48,6 @@ pub struct GirandoleGpu {
     bind_group: Option<BindGroup>,
     source_group: Option<BindGroup>,
     source_numbers: HashMap<Entity, u32>,
-    /// The settings of the table of shared cuts that was made last, or refused.
-    asked: Option<CutOptions>,
-    /// Whether there is a table of shared cuts.
-    shares_cuts: bool,
-    /// The settings of the table of learnt visibility that was made last, or refused.
-    asked_to_learn: Option<VisibilityOptions>,
     /// Frames since the device was made.
     pub(crate) frames: u64,
     /// Whether any light changed in this frame.
@@ -85,82 +81,21 @@ impl GirandoleGpu {
     pub fn kinds(&self) -> Option<&Buffer> {
         self.kinds.as_ref()
     }
-
-    /// Replaces the table of learnt visibility, if the settings ask for another one.
-    fn learn(&mut self, wanted: Option<VisibilityOptions>) {
-        let wanted = wanted.filter(|_| self.shares_cuts);
-        if wanted != self.asked_to_learn {
-            self.asked_to_learn = wanted;
-            if let Err(error) = self.lights.learn_visibility(wanted) {
-                error_once!("girandole: {error}");
-            }
-        }
-    }
-
-    /// Whether there is a table of shared cuts.
-    pub(crate) fn shares_cuts(&self) -> bool {
-        self.shares_cuts
-    }
-
-    /// What shaders bind that mark cells, and that choose from their cuts.
-    pub(crate) fn cut_bind_groups(&self, learns: bool) -> [BindGroup; 2] {
-        let cuts = if learns { self.lights.learning_cut_bind_group() } else { self.lights.cut_bind_group() };
-        [self.lights.mark_bind_group(), cuts].map(|group| group.clone().into())
-    }
-
-    /// Makes cells follow the pixels of a camera: its position, and the size of a pixel at a distance of a metre.
-    pub(crate) fn set_cut_view(&mut self, eye: Vec3, pixel: f32) {
-        self.lights.set_cut_view(eye.as_dvec3(), pixel);
-    }
-
-    /// Records the build of the cuts of marked cells.
-    pub(crate) fn build_cuts(&mut self, context: &mut RenderContext) {
-        self.lights.build_cuts(context.command_encoder());
-    }
-
-    /// Replaces the table of shared cuts, if the settings ask for another one.
-    fn share_cuts(&mut self, wanted: Option<CutOptions>, shadows: Option<ShadowRays>, device: &RenderDevice) {
-        let needed = STORAGE_BUFFERS + shadows.map_or(0, |rays| LEARNING_BUFFERS + rays.storage_buffers());
-        let has_room = device.limits().max_storage_buffers_per_shader_stage >= needed;
-        let wanted = wanted.filter(|_| has_room);
-        if wanted == self.asked {
-            return;
-        }
-        self.asked = wanted;
-        match self.lights.share_cuts(wanted) {
-            Ok(()) => self.shares_cuts = wanted.is_some(),
-            Err(error) => error_once!("girandole: {error}"),
-        }
-    }
 }
 
 /// The layout of [`GirandoleGpu::bind_group`], as Bevy's pipelines describe it.
 pub fn lights_layout() -> BindGroupLayoutDescriptor {
-    layout("girandole lights", &[BufferBindingType::Uniform, READ, READ, READ, READ])
+    layout("girandole lights", &[BufferBindingType::Uniform, READ, READ, READ, READ, READ, WRITE])
 }
 
 /// The layout of [`GirandoleGpu::source_group`], for compute pipelines.
 pub fn sources_layout() -> BindGroupLayoutDescriptor {
-    let entry = |binding| BindGroupLayoutEntry {
-        visibility: ShaderStages::COMPUTE,
-        ..buffer_entry(binding, BufferBindingType::Storage { read_only: false })
-    };
+    let entry = |binding| BindGroupLayoutEntry { visibility: ShaderStages::COMPUTE, ..buffer_entry(binding, WRITE) };
     BindGroupLayoutDescriptor::new("girandole sources", &[entry(0), entry(1)])
 }
 
-/// The layout of shaders that choose from shared cuts, and may learn.
-pub(crate) fn cuts_layout(learns: bool) -> BindGroupLayoutDescriptor {
-    let written = BufferBindingType::Storage { read_only: false };
-    let all = [BufferBindingType::Uniform, READ, READ, READ, READ, READ, READ, written];
-    layout("girandole lights and cuts", &all[..if learns { 8 } else { 6 }])
-}
-
-/// The layout of shaders that mark cells.
-pub(crate) fn marks_layout() -> BindGroupLayoutDescriptor {
-    layout("girandole marks", &[BufferBindingType::Storage { read_only: false }])
-}
-
 pub(crate) const READ: BufferBindingType = BufferBindingType::Storage { read_only: true };
+const WRITE: BufferBindingType = BufferBindingType::Storage { read_only: false };
 
 pub(crate) fn layout(label: &'static str, types: &[BufferBindingType]) -> BindGroupLayoutDescriptor {
     let entries: Vec<_> = types.iter().zip(0..).map(|(ty, binding)| buffer_entry(binding, *ty)).collect();
@@ -178,17 +113,14 @@ pub fn buffer_entry(binding: u32, ty: BufferBindingType) -> BindGroupLayoutEntry
 }
 
 /// Creates the lights on a device, including a new device after the previous one was lost.
-pub fn start(mut commands: Commands, device: Res<RenderDevice>, queue: Res<RenderQueue>) {
-    match GpuLights::new(device.wgpu_device(), &queue) {
+pub fn start(mut commands: Commands, device: Res<RenderDevice>, queue: Res<RenderQueue>, options: Res<LightOptions>) {
+    match GpuLights::with_options(device.wgpu_device(), &queue, options.0) {
         Ok(lights) => commands.insert_resource(GirandoleGpu {
             lights,
             kinds: None,
             bind_group: None,
             source_group: None,
             source_numbers: HashMap::new(),
-            asked: None,
-            shares_cuts: false,
-            asked_to_learn: None,
             frames: 0,
             has_changed: false,
             counts: [0; 2],
@@ -216,8 +148,6 @@ pub fn prepare(
     let update = start.elapsed();
     let start = Instant::now();
     let (mut bytes, mut instances) = (0, 0);
-    gpu.share_cuts(settings.cuts.filter(|_| shaders.sharing.is_some()), shaders.shadows, &device);
-    gpu.learn(settings.visibility.filter(|_| shaders.shadows.is_some()));
     match gpu.lights.upload(&lights.world) {
         Ok(report) => (bytes, instances) = (report.bytes, report.instances),
         Err(error) => error_once!("girandole: {error}"),
@@ -274,16 +204,29 @@ fn upload_kinds(gpu: &mut GirandoleGpu, device: &RenderDevice, records: &[KindRe
     contents.len() as u64
 }
 
-/// Records the build of the top level, ahead of the passes of all cameras.
-pub fn build_top(gpu: Option<ResMut<GirandoleGpu>>, mut context: RenderContext) {
-    if let Some(mut gpu) = gpu {
-        gpu.lights.build_top(context.command_encoder());
+/// Makes cells follow the pixels of the first camera with a perspective: of one with a [`GirandoleCamera`], if there is
+/// any.
+pub fn follow_camera(
+    gpu: Option<ResMut<GirandoleGpu>>,
+    cameras: Query<(Entity, &ExtractedView, &ExtractedCamera, Has<GirandoleCamera>)>,
+) {
+    let perspectives = cameras.iter().filter_map(|(entity, view, camera, is_ours)| {
+        let rows = camera.physical_viewport_size.filter(|size| size.y > 0)?.y;
+        // Of a pixel at a distance of a metre, in metres.
+        let size = 2.0 / (view.clip_from_view.y_axis.y * rows as f32);
+        let eye = view.world_from_view.translation().as_dvec3();
+        (view.clip_from_view.w_axis.w == 0.0).then_some(((!is_ours, camera.order, entity), eye, size))
+    });
+    if let Some(((_, eye, size), mut gpu)) = perspectives.min_by_key(|(order, ..)| *order).zip(gpu) {
+        gpu.lights.set_cut_view(eye, size);
     }
 }
 
-/// Records the end of a frame of learnt visibility, after the passes of all cameras.
-pub fn fold_visibility(gpu: Option<ResMut<GirandoleGpu>>, mut context: RenderContext) {
+/// Records the builds of the top level and of the cuts of cells that the last frame marked, ahead of the passes of all
+/// cameras.
+pub fn build_top(gpu: Option<ResMut<GirandoleGpu>>, mut context: RenderContext) {
     if let Some(mut gpu) = gpu {
-        gpu.lights.fold_visibility(context.command_encoder());
+        gpu.lights.build_top(context.command_encoder());
+        gpu.lights.build_cuts(context.command_encoder());
     }
 }

@@ -18,7 +18,7 @@ pub const PASS_IMPORTS: &str = "#import bevy_pbr::{
 
 pub const LIGHT_IMPORTS: &str = "#import girandole::{
     LightShadingPoint, LightSample, LightPick, LIGHT_DIRECTIONAL, light_glossy_point, light_user_data, light_hash,
-    light_resample, light_sample_picked, light_top, light_nodes,
+    light_mark, light_resample, light_sample_picked, light_cuts, light_top, light_nodes,
 }
 ";
 

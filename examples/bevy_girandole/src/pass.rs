@@ -5,8 +5,8 @@ use bevy::pbr::{MeshPipeline, MeshPipelineKey, MeshViewBindGroup, ViewKeyCache};
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::render_resource::{
-    BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingResource, BindingType,
-    BlendComponent, BlendFactor, BlendOperation, BlendState, BufferBindingType, BufferInitDescriptor, BufferUsages,
+    BindGroupEntry, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingResource, BindingType, BlendComponent,
+    BlendFactor, BlendOperation, BlendState, BufferBindingType, BufferInitDescriptor, BufferUsages,
     CachedRenderPipelineId, ColorTargetState, ColorWrites, FragmentState, LoadOp, Operations, PipelineCache,
     RenderPassColorAttachment, RenderPassDescriptor, RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline,
     SpecializedRenderPipelines, StoreOp, TextureSampleType, TextureViewDimension,
@@ -17,7 +17,7 @@ use bevy::shader::{Shader, ShaderDefVal};
 use bytemuck::{Pod, Zeroable};
 
 use crate::components::{Estimate, GirandoleCamera};
-use crate::gpu::{GirandoleGpu, buffer_entry, cuts_layout, lights_layout, marks_layout};
+use crate::gpu::{GirandoleGpu, buffer_entry, lights_layout};
 use crate::history::{DIST_FORMAT, FrameKey, History, MEAN_FORMAT};
 use crate::settings::GirandoleStats;
 use crate::shadows::{GirandoleShadows, ShadowRays};
@@ -53,28 +53,14 @@ pub struct PassPipelines {
 #[derive(Resource, Clone)]
 pub struct PassShaders {
     /// The light, and the heat map in its place.
-    pub alone: [Handle<Shader>; 2],
-    /// The shaders for a camera whose pixels share cuts: one marks cells, the others choose from their cuts. `None` if
-    /// no camera may.
-    pub sharing: Option<(Handle<Shader>, [Handle<Shader>; 2])>,
+    pub texts: [Handle<Shader>; 2],
     /// How they trace shadow rays, if they do.
     pub shadows: Option<ShadowRays>,
 }
 
-/// The pipelines of one camera.
+/// The pipeline of one camera.
 #[derive(Component)]
-pub struct PassPipeline {
-    draw: CachedRenderPipelineId,
-    /// What marks cells, if the pixels of the camera share cuts.
-    mark: Option<CachedRenderPipelineId>,
-}
-
-/// What a pipeline does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum PassKind {
-    Mark,
-    Draw { shares_cuts: bool, is_heat_map: bool },
-}
+pub struct PassPipeline(CachedRenderPipelineId);
 
 pub fn start(
     mut commands: Commands,
@@ -106,40 +92,29 @@ pub fn start(
 }
 
 impl SpecializedRenderPipeline for PassPipelines {
-    type Key = (MeshPipelineKey, PassKind);
+    /// And whether it shows a heat map.
+    type Key = (MeshPipelineKey, bool);
 
     #[allow(clippy::needless_update)]
-    fn specialize(&self, (key, kind): Self::Key) -> RenderPipelineDescriptor {
+    fn specialize(&self, (key, is_heat_map): Self::Key) -> RenderPipelineDescriptor {
         let layout = self.mesh_pipeline.get_view_layout(key.into());
         let add = BlendComponent {
             src_factor: BlendFactor::One,
             dst_factor: BlendFactor::One,
             operation: BlendOperation::Add,
         };
-        let is_heat_map = matches!(kind, PassKind::Draw { is_heat_map: true, .. });
         let blend = (!is_heat_map).then_some(BlendState { color: add, alpha: add });
         let targets = [(key.target_format(), blend), (MEAN_FORMAT, None), (DIST_FORMAT, None)];
         let target = |(format, blend)| Some(ColorTargetState { format, blend, write_mask: ColorWrites::ALL });
-        // A pass needs a target, although marks are no picture.
-        let no_picture = ColorTargetState { format: DIST_FORMAT, blend: None, write_mask: ColorWrites::empty() };
-        let (shader, lights, targets) = match (kind, &self.shaders.sharing) {
-            (PassKind::Mark, Some((mark, _))) => (mark, marks_layout(), vec![Some(no_picture)]),
-            (PassKind::Draw { shares_cuts: true, .. }, Some((_, draw))) => (
-                &draw[usize::from(is_heat_map)],
-                cuts_layout(self.shaders.shadows.is_some()),
-                targets.map(target).to_vec(),
-            ),
-            _ => (&self.shaders.alone[usize::from(is_heat_map)], lights_layout(), targets.map(target).to_vec()),
-        };
         RenderPipelineDescriptor {
             label: Some("girandole pass".into()),
-            layout: vec![layout.main_layout, layout.binding_array_layout, self.layout.clone(), lights],
+            layout: vec![layout.main_layout, layout.binding_array_layout, self.layout.clone(), lights_layout()],
             vertex: self.fullscreen.to_vertex_state(),
             fragment: Some(FragmentState {
-                shader: shader.clone(),
+                shader: self.shaders.texts[usize::from(is_heat_map)].clone(),
                 shader_defs: shader_defs(&self.mesh_pipeline, key),
                 entry_point: Some("girandole_fragment".into()),
-                targets,
+                targets: targets.map(target).to_vec(),
                 // Bevy 0.20 has one more field.
                 ..default()
             }),
@@ -175,42 +150,26 @@ pub fn specialize(
     keys: Res<ViewKeyCache>,
     mut made: ResMut<SpecializedRenderPipelines<PassPipelines>>,
     pipelines: Res<PassPipelines>,
-    gpu: Option<Res<GirandoleGpu>>,
     cameras: Query<(Entity, &ExtractedView, &ExtractedCamera, &GirandoleCamera)>,
 ) {
-    let shares_cuts = pipelines.shaders.sharing.is_some() && gpu.is_some_and(|gpu| gpu.shares_cuts());
     let needed =
         MeshPipelineKey::DEPTH_PREPASS | MeshPipelineKey::DEFERRED_PREPASS | MeshPipelineKey::MOTION_VECTOR_PREPASS;
-    let key_of = |view: &ExtractedView| keys.get(&view.retained_view_entity).copied();
-    let serves =
-        |key: MeshPipelineKey, camera: &ExtractedCamera| key.contains(needed) && key.msaa_samples() == 1 && camera.hdr;
-    // There is one table, whose cells live while one camera marks them and follow the pixels of a perspective.
-    let first = cameras.iter().filter(|(_, view, camera, _)| {
-        key_of(view).is_some_and(|key| serves(key, camera)) && pixel_size(view, camera) > 0.0
-    });
-    let first = first.map(|(entity, _, camera, _)| (camera.order, entity)).min();
     for (entity, view, camera, settings) in &cameras {
-        let Some(key) = key_of(view) else { continue };
-        if !serves(key, camera) {
+        let Some(key) = keys.get(&view.retained_view_entity).copied() else { continue };
+        if !key.contains(needed) || key.msaa_samples() != 1 || !camera.hdr {
             warn_once!("girandole: a camera needs the depth, deferred and motion vector prepasses, Hdr and Msaa::Off");
             commands.entity(entity).remove::<PassPipeline>();
             continue;
         }
-        let mut pipeline = |kind| made.specialize(&cache, &pipelines, (key, kind));
-        let shares_cuts = shares_cuts && first.is_some_and(|(_, first)| first == entity);
         let is_heat_map = matches!(settings.estimate, Estimate::HeatMap(_));
-        let pipeline = PassPipeline {
-            draw: pipeline(PassKind::Draw { shares_cuts, is_heat_map }),
-            mark: shares_cuts.then(|| pipeline(PassKind::Mark)),
-        };
-        commands.entity(entity).insert(pipeline);
+        let pipeline = made.specialize(&cache, &pipelines, (key, is_heat_map));
+        commands.entity(entity).insert(PassPipeline(pipeline));
     }
 }
 
 type PassView = (
     &'static GirandoleCamera,
     &'static ExtractedCamera,
-    &'static ExtractedView,
     &'static MeshViewBindGroup,
     &'static ViewTarget,
     &'static PassPipeline,
@@ -222,16 +181,15 @@ pub fn draw(
     view: ViewQuery<PassView>,
     cache: Res<PipelineCache>,
     pipelines: Res<PassPipelines>,
-    gpu: Option<ResMut<GirandoleGpu>>,
+    gpu: Option<Res<GirandoleGpu>>,
     shadows: Option<Res<GirandoleShadows>>,
     stats: Res<GirandoleStats>,
     mut context: RenderContext,
 ) {
-    let (settings, camera, extracted, mesh_view, target, pipeline, mut history) = view.into_inner();
-    let Some(mut gpu) = gpu else { return };
-    let Some(lit) = cache.get_render_pipeline(pipeline.draw) else { return };
-    let Some(mark) = pipeline.mark.map_or(Some(None), |mark| cache.get_render_pipeline(mark).map(Some)) else { return };
-    let (Some(kinds), Some(mut lights)) = (gpu.kinds().cloned(), gpu.bind_group().cloned()) else { return };
+    let (settings, camera, mesh_view, target, pipeline, mut history) = view.into_inner();
+    let Some(gpu) = gpu else { return };
+    let Some(pipeline) = cache.get_render_pipeline(pipeline.0) else { return };
+    let (Some(kinds), Some(lights)) = (gpu.kinds(), gpu.bind_group()) else { return };
     let casters = shadows.as_ref().map_or(Some(Vec::new()), |shadows| shadows.bindings());
     let Some(casters) = casters else { return };
     let has_new_shadows = shadows.as_ref().is_some_and(|shadows| shadows.updated.has_changed);
@@ -278,40 +236,26 @@ pub fn draw(
         let ops = Operations { load: LoadOp::Clear(default()), store: StoreOp::Store };
         Some(RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops })
     };
-    let draw = |context: &mut RenderContext, label, attachments: &[_], pipeline, lights: &BindGroup| {
-        let mut pass = context.begin_tracked_render_pass(RenderPassDescriptor {
-            label: Some(label),
-            color_attachments: attachments,
-            depth_stencil_attachment: None,
-            timestamp_writes: None,
-            occlusion_query_set: None,
-            multiview_mask: None,
-        });
-        if let Some(viewport) = &camera.viewport {
-            pass.set_camera_viewport(viewport);
-        }
-        pass.set_render_pipeline(pipeline);
-        pass.set_bind_group(0, &mesh_view.main, &mesh_view.main_offsets);
-        pass.set_bind_group(1, &mesh_view.binding_array, &[]);
-        pass.set_bind_group(2, &own, &[]);
-        pass.set_bind_group(3, lights, &[]);
-        pass.draw(0..3, 0..1);
-    };
-    if let Some(mark) = mark {
-        let [marks, cuts] = gpu.cut_bind_groups(pipelines.shaders.shadows.is_some());
-        gpu.set_cut_view(extracted.world_from_view.translation(), pixel_size(extracted, camera));
-        draw(&mut context, "girandole marks", &[write(&frame.present.dist)], mark, &marks);
-        gpu.build_cuts(&mut context);
-        lights = cuts;
+    let mut pass = context.begin_tracked_render_pass(RenderPassDescriptor {
+        label: Some("girandole pass"),
+        color_attachments: &[
+            Some(target.get_color_attachment()),
+            write(&frame.present.mean),
+            write(&frame.present.dist),
+        ],
+        depth_stencil_attachment: None,
+        timestamp_writes: None,
+        occlusion_query_set: None,
+        multiview_mask: None,
+    });
+    if let Some(viewport) = &camera.viewport {
+        pass.set_camera_viewport(viewport);
     }
-    let attachments = [Some(target.get_color_attachment()), write(&frame.present.mean), write(&frame.present.dist)];
-    draw(&mut context, "girandole pass", &attachments, lit, &lights);
+    pass.set_render_pipeline(pipeline);
+    pass.set_bind_group(0, &mesh_view.main, &mesh_view.main_offsets);
+    pass.set_bind_group(1, &mesh_view.binding_array, &[]);
+    pass.set_bind_group(2, &own, &[]);
+    pass.set_bind_group(3, lights, &[]);
+    pass.draw(0..3, 0..1);
     stats.count_pass();
-}
-
-/// The size of a pixel at a distance of a metre, in metres; 0, which no cells follow, without a perspective.
-fn pixel_size(view: &ExtractedView, camera: &ExtractedCamera) -> f32 {
-    let has_perspective = view.clip_from_view.w_axis.w == 0.0;
-    let rows = camera.physical_viewport_size.map_or(0, |size| size.y);
-    if has_perspective && rows > 0 { 2.0 / (view.clip_from_view.y_axis.y * rows as f32) } else { 0.0 }
 }

@@ -88,6 +88,8 @@ fn girandole_fragment(@builtin(position) position: vec4<f32>) -> GirandoleOutput
     let pixel = light_hash(u32(texel.x) ^ light_hash(u32(texel.y)));
     let seed = pixel ^ light_hash(girandole_view.frame ^ light_hash(girandole_view.seed));
 
+    // Its cell has a cut from the next frame on.
+    light_mark(girandole_shading_point(surface));
     var estimate = girandole_estimate(surface, seed);
     if !girandole_is_finite(vec4(estimate, 0.0)) {
         estimate = vec3(0.0);

@@ -9,7 +9,10 @@ use bevy::render::render_resource::SpecializedRenderPipelines;
 use bevy::render::renderer::{RenderDevice, RenderGraph, RenderGraphSystems};
 use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems};
 use bevy::shader::Shader;
+use girandole::gpu::GpuOptions;
+use girandole::{CutOptions, VisibilityOptions};
 
+use crate::gpu::LightOptions;
 use crate::names::{self, GirandoleNames};
 use crate::pass::{PassPipelines, PassShaders};
 use crate::posing::PoseShader;
@@ -25,9 +28,16 @@ pub struct GirandolePlugin {
     /// Whether entities with a mesh cast shadows from the plugin's lights. It takes memory for trees over all
     /// triangles, and a shadow ray for each sample. Ray queries trace the rays on devices that have them.
     pub shadows: bool,
+    /// The cells whose points choose lights from one cut: 67 MB of GPU memory by default, which suits a picture of
+    /// 1920 × 1080 pixels. See `docs/cuts.md`.
+    pub cuts: CutOptions,
+    /// The cells that learn from shadow rays which lights reach them: 31 MB of GPU memory by default. Where
+    /// walls hide most lights, noise falls to half; where nearly all is seen, a sample takes a little longer. Without
+    /// shadows nothing is learnt. See `docs/cuts.md`.
+    pub learning: Option<VisibilityOptions>,
     /// Whether the pass imports the same modules as applications do. Otherwise it is one text, in which
-    /// candidates are weighted by Bevy's BRDF and pixels share cuts. Importing is noisier and without
-    /// shadows, and is meant for tests of the modules.
+    /// candidates are weighted by Bevy's BRDF. Importing is noisier and without shadows, and is meant for tests of the
+    /// modules.
     pub importing: bool,
     /// Whether another renderer draws the scene by ray tracing, and only asks for lights: see
     /// [`GirandoleNames`](crate::GirandoleNames). Then the lights of a mesh are its triangles, which no texture cuts;
@@ -37,7 +47,14 @@ pub struct GirandolePlugin {
 
 impl Default for GirandolePlugin {
     fn default() -> Self {
-        Self { shadows: true, importing: false, ray_traced: false }
+        Self {
+            shadows: true,
+            // Cells at the edges of surfaces have few pixels.
+            cuts: CutOptions::default().with_min_marks(2),
+            learning: Some(VisibilityOptions::default()),
+            importing: false,
+            ray_traced: false,
+        }
     }
 }
 
@@ -48,7 +65,7 @@ pub enum GirandoleSystems {
     Upload,
     /// In [`RenderGraph`]: lights are written on the GPU, by the plugin and by passes of the application.
     WriteLights,
-    /// In [`RenderGraph`]: the build of the top level is recorded. Passes that sample come later.
+    /// In [`RenderGraph`]: the builds of the top level and of cuts are recorded. Passes that sample come later.
     BuildTop,
     /// In [`Core3d`]: the light is added to the picture of a camera.
     Draw,
@@ -97,7 +114,7 @@ impl Plugin for GirandolePlugin {
                     gpu::prepare.in_set(GirandoleSystems::Upload).in_set(RenderSystems::PrepareResources),
                     posing::prepare.in_set(RenderSystems::PrepareResources).after(gpu::prepare),
                     history::prepare.in_set(RenderSystems::PrepareResources),
-                    pass::specialize.in_set(RenderSystems::Prepare).after(gpu::prepare),
+                    (pass::specialize, gpu::follow_camera).in_set(RenderSystems::Prepare).after(gpu::prepare),
                 ),
             )
             .configure_sets(
@@ -109,7 +126,6 @@ impl Plugin for GirandolePlugin {
                 (
                     posing::record.in_set(GirandoleSystems::WriteLights),
                     gpu::build_top.in_set(GirandoleSystems::BuildTop),
-                    gpu::fold_visibility.after(RenderGraphSystems::Render).before(RenderGraphSystems::Submit),
                 ),
             )
             .add_systems(
@@ -142,19 +158,11 @@ impl Plugin for GirandolePlugin {
         let rays = app.world().get_resource::<RenderDevice>().map_or_else(ShadowRays::default, ShadowRays::of);
         let shadows = self.has_shadows().then_some(rays);
         let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
-        let pass_shaders = match self.importing {
-            true => PassShaders {
-                alone: [shader::importing(), shader::joined(false, None, true)].map(|text| shaders.add(text)),
-                sharing: None,
-                shadows,
-            },
-            false => {
-                let [alone, sharing] = [false, true].map(|shares_cuts| {
-                    [false, true].map(|is_heat_map| shaders.add(shader::joined(shares_cuts, shadows, is_heat_map)))
-                });
-                PassShaders { alone, sharing: Some((shaders.add(shader::marking()), sharing)), shadows }
-            }
-        };
+        let light = if self.importing { shader::importing() } else { shader::joined(shadows, false) };
+        let texts = [light, shader::joined(shadows, true)].map(|text| shaders.add(text));
+        let pass_shaders = PassShaders { texts, shadows };
+        let mut options = GpuOptions::default().with_cuts(self.cuts);
+        options.learning = self.learning.filter(|_| shadows.is_some());
         let pose_shader = PoseShader(shaders.add(shader::posing()));
         let modules = Modules { _handles: shader::modules(rays).map(|module| shaders.add(module)) };
         app.insert_resource(modules);
@@ -162,7 +170,7 @@ impl Plugin for GirandolePlugin {
             app.insert_resource(Casters::new(rays));
         }
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
-        render_app.insert_resource(pass_shaders).insert_resource(pose_shader);
+        render_app.insert_resource(pass_shaders).insert_resource(pose_shader).insert_resource(LightOptions(options));
         if shadows.is_some() {
             render_app.insert_resource(GirandoleShadows::new(rays));
         }

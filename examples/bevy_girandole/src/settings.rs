@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use bevy::camera::Exposure;
 use bevy::prelude::*;
-use girandole::{CutOptions, FrameBudget, VisibilityOptions};
+use girandole::FrameBudget;
 
 use crate::shadows::ShadowRays;
 
@@ -15,7 +15,7 @@ use crate::shadows::ShadowRays;
 pub struct RayTraced(pub bool);
 
 /// Settings that may change in any frame.
-#[derive(Resource, Clone)]
+#[derive(Resource, Clone, Default)]
 pub struct GirandoleSettings {
     /// The time that a frame may spend on rebuilds of light trees.
     pub budget: FrameBudget,
@@ -26,28 +26,6 @@ pub struct GirandoleSettings {
     /// chosen. Bevy's emissive colours are in units of the picture, so what they emit depends on the
     /// exposure of the camera. The picture is right for any exposure; noise is lowest for this one.
     pub exposure: Exposure,
-    /// How neighbouring pixels share cuts. A sample then takes about half of the time; its noise is lower with one
-    /// candidate and many lights, and may be higher with several candidates. The cells follow the pixels of the first
-    /// camera with a perspective. With `None`, or on a device that binds fewer than 20 storage buffers in a stage
-    /// (18 with ray queries, 16 without shadows), every pixel splits for itself. See `docs/cuts.md`.
-    pub cuts: Option<CutOptions>,
-    /// Whether shared cuts learn from shadow rays which lights reach which places: 31 MB of GPU memory by default. Where
-    /// walls hide most lights, noise falls to half; where nearly all is seen, a sample takes a little longer. It needs
-    /// shared cuts and shadows. See `docs/cuts.md`.
-    pub visibility: Option<VisibilityOptions>,
-}
-
-impl Default for GirandoleSettings {
-    fn default() -> Self {
-        Self {
-            budget: FrameBudget::default(),
-            all_lights: false,
-            exposure: Exposure::default(),
-            // Cells at the edges of surfaces have few pixels.
-            cuts: Some(CutOptions::default().with_min_marks(2)),
-            visibility: Some(VisibilityOptions::default()),
-        }
-    }
 }
 
 /// What the plugin did for the last frame.

@@ -114,7 +114,7 @@ fn girandole_numbers(seed: u32) -> GirandoleNumbers {
 }
 
 // Whether there are lights. To be asked at the start of a shader that draws some: it also keeps Mesa 26's llvmpipe, which
-// merges reads of two buffers, from a read through no buffer when no invocation is left in a loop.
+// merges reads of several buffers, from a read through no buffer when no invocation is left in a loop.
 fn girandole_is_there() -> bool {
-    return min(arrayLength(&light_top), arrayLength(&light_nodes)) > 0u;
+    return min(min(arrayLength(&light_top), arrayLength(&light_nodes)), arrayLength(&light_cuts.quads)) > 0u;
 }

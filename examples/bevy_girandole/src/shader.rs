@@ -41,15 +41,12 @@ fn extensions(rays: Option<ShadowRays>) -> &'static str {
 }
 
 /// The pass in one text. Candidates are kept in proportion to the light that Bevy's BRDF reflects
-/// of them. With `shares_cuts`, they come from the cuts of cells; with `shadows`, a ray looks whether the kept one is
-/// seen, and with both, what it finds is learnt. With `is_heat_map`, it shows how they are chosen.
-pub fn joined(shares_cuts: bool, shadows: Option<ShadowRays>, is_heat_map: bool) -> Shader {
+/// of them. With `shadows`, a ray looks whether the kept one is seen, and what it finds is learnt. With `is_heat_map`, it
+/// shows how they are chosen.
+pub fn joined(shadows: Option<ShadowRays>, is_heat_map: bool) -> Shader {
     let hook = TargetHook::new("girandole_target", "LightingInput").expect("both are names");
     let parts = ShaderParts::default().with_target(hook);
-    let parts = if shares_cuts { parts.with_cuts() } else { parts };
-    // What is learnt is read when cuts are built.
-    let learns = shares_cuts && shadows.is_some();
-    let parts = if learns { parts.with_learning() } else { parts };
+    let parts = if shadows.is_some() { parts.with_learning() } else { parts };
     let parts = if is_heat_map { parts.with_heat_map() } else { parts };
     let library = plan::wgsl_with(LIGHTS_GROUP, effects(), &parts);
     let parts = [
@@ -58,26 +55,13 @@ pub fn joined(shares_cuts: bool, shadows: Option<ShadowRays>, is_heat_map: bool)
         include_str!("shade.wgsl"),
         shadows.map_or("", shadow),
         if shadows.is_some() { include_str!("seen.wgsl") } else { UNSHADOWED },
-        if learns { include_str!("learn.wgsl") } else { include_str!("unlearnt.wgsl") },
         include_str!("joined.wgsl"),
         include_str!("pixel.wgsl"),
         include_str!("pass.wgsl"),
         if is_heat_map { include_str!("heat.wgsl") } else { include_str!("light.wgsl") },
     ];
-    let path = match (shares_cuts, is_heat_map) {
-        (false, false) => "girandole::pass",
-        (true, false) => "girandole::cut_pass",
-        (false, true) => "girandole::heat_pass",
-        (true, true) => "girandole::cut_heat_pass",
-    };
+    let path = if is_heat_map { "girandole::heat_pass" } else { "girandole::pass" };
     module(path, extensions(shadows), &[SHADING_IMPORTS, PASS_IMPORTS], &parts.concat())
-}
-
-/// The pass that marks the cells of pixels.
-pub fn marking() -> Shader {
-    let library = plan::wgsl_of_marks(LIGHTS_GROUP, effects());
-    let parts = [&library, include_str!("surface.wgsl"), include_str!("pixel.wgsl"), include_str!("mark.wgsl")];
-    module("girandole::marks", "", &[SHADING_IMPORTS, PASS_IMPORTS], &parts.concat())
 }
 
 /// The same pass, which imports the modules. Candidates are kept by Girandole's own estimate of what

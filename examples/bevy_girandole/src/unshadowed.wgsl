@@ -2,3 +2,5 @@
 fn girandole_is_seen(surface: LightingInput, light: LightSample) -> bool {
     return true;
 }
+
+fn girandole_note(at: LightShadingPoint, light: LightSample, is_seen: bool, seed: u32) {}

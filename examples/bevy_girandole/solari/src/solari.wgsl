@@ -1,7 +1,9 @@
 // Which light a point should sample, in the names of bevy_solari: the index of a light in `light_sources` shifted by 16
 // bits, with the triangle of a mesh in the lower bits.
 
-import girandole::{LightShadingPoint, LIGHT_DIRECTIONAL, light_glossy_point, light_nodes, light_pick, light_pmf, light_top};
+import girandole::{
+    LightShadingPoint, LIGHT_DIRECTIONAL, light_cuts, light_glossy_point, light_nodes, light_pick, light_pmf, light_top,
+};
 
 const GIRANDOLE_NO_LIGHT: u32 = 0xffffffffu;
 
@@ -33,9 +35,9 @@ fn girandole_solari_point(
 }
 
 // Whether there are lights. To be asked at the start of a kernel: it also keeps Mesa 26's llvmpipe, which merges reads of
-// two buffers, from a read through no buffer when no invocation is left in a loop.
+// several buffers, from a read through no buffer when no invocation is left in a loop.
 fn girandole_is_there() -> bool {
-    return min(arrayLength(&light_top), arrayLength(&light_nodes)) > 0u;
+    return min(min(arrayLength(&light_top), arrayLength(&light_nodes)), arrayLength(&light_cuts.quads)) > 0u;
 }
 
 // A word of the names; GIRANDOLE_NO_LIGHT beyond `count` words from `first` on.

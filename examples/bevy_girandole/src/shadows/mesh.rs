@@ -35,14 +35,6 @@ impl ShadowRays {
             false => Self::Software,
         }
     }
-
-    /// The storage buffers that shadow rays take up in a stage.
-    pub(crate) fn storage_buffers(self) -> u32 {
-        match self {
-            Self::Software => 2,
-            Self::RayQuery => 0,
-        }
-    }
 }
 
 /// A `vec4<u32>` of the shader.

@@ -1,7 +1,7 @@
 //! Heat maps show how lights are chosen, in place of the picture.
 
 use bevy::prelude::*;
-use bevy_girandole::{Estimate, GirandoleLight, GirandoleSettings};
+use bevy_girandole::{Estimate, GirandoleLight};
 use girandole::plan::HeatMap;
 
 use crate::harness::{HEIGHT, Picture, Setup, WIDTH, app, pictures, set_camera, settle};
@@ -32,7 +32,9 @@ fn ground_and_lamp(app: &mut App) -> Entity {
     app.world_mut().spawn((lamp, GirandoleLight, Transform::from_xyz(0.0, 2.0, 0.0))).id()
 }
 
-fn shows_what_is_known_of_one_lamp(mut app: App) {
+#[test]
+fn heat_maps_show_what_is_known_of_one_lamp() {
+    let mut app = app(Setup::default());
     let lamp = ground_and_lamp(&mut app);
     let lit = picture(&mut app, Estimate::Sampled);
     assert!(lit[GROUND].max_element() > 0.0);
@@ -45,6 +47,7 @@ fn shows_what_is_known_of_one_lamp(mut app: App) {
     let lights = picture(&mut app, Estimate::HeatMap(HeatMap::Lights));
     assert!(lights[GROUND].min_element() > 0.09, "its colour is one of bright ones: {}", lights[GROUND]);
     let cuts = picture(&mut app, Estimate::HeatMap(HeatMap::Cuts));
+    assert!(cuts[GROUND].min_element() > 0.09, "its cell has a cut: {}", cuts[GROUND]);
     assert!(!is(cuts[GROUND], lights[GROUND]) && !is(cuts[GROUND], lit[GROUND]), "{}", cuts[GROUND]);
 
     app.world_mut().get_mut::<Transform>(lamp).unwrap().translation.y = -2.0;
@@ -57,12 +60,4 @@ fn shows_what_is_known_of_one_lamp(mut app: App) {
     let again = picture(&mut app, Estimate::Sampled);
     let difference = lit.iter().zip(&again).map(|(a, b)| (a - b).abs().max_element()).fold(0.0, f32::max);
     assert!(difference < 2.0e-3 * lit[GROUND].max_element(), "no colour stays in the mean: {difference}");
-}
-
-#[test]
-fn heat_maps_show_what_is_known_of_one_lamp() {
-    shows_what_is_known_of_one_lamp(app(Setup::default()));
-    let mut alone = app(Setup::default());
-    alone.world_mut().resource_mut::<GirandoleSettings>().cuts = None;
-    shows_what_is_known_of_one_lamp(alone);
 }

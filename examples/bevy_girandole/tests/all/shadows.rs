@@ -5,7 +5,7 @@ use std::f32::consts::FRAC_PI_4;
 use bevy::light::NotShadowCaster;
 use bevy::math::Affine3A;
 use bevy::prelude::*;
-use bevy_girandole::{Estimate, GirandoleCamera, GirandoleLight, GirandolePlugin, GirandoleSettings};
+use bevy_girandole::{Estimate, GirandoleCamera, GirandoleLight, GirandolePlugin};
 
 use crate::harness::{HEIGHT, Picture, Setup, WIDTH, app, pictures, report, settle};
 
@@ -150,17 +150,10 @@ fn shadows_are_where_geometry_says_and_follow_what_casts_them() {
     let round = picture(&mut app);
     check("a sphere", (Solid::Sphere(0.99), &placed), &round, &plain);
 
-    // With and without what is learnt, and with pixels that share no cuts.
-    let defaults = GirandoleSettings::default();
-    assert!(defaults.cuts.is_some() && defaults.visibility.is_some());
-    for settings in [
-        GirandoleSettings { visibility: None, ..defaults.clone() },
-        GirandoleSettings { cuts: None, ..defaults.clone() },
-        defaults,
-    ] {
-        app.insert_resource(settings);
-        assert_eq!(picture(&mut app), round);
-    }
+    let mut unlearnt = floor_of(Setup { plugin: GirandolePlugin { learning: None, ..default() }, ..default() });
+    add(&mut unlearnt, Sphere::new(1.0).mesh().ico(12).expect("small"), placed);
+    settle(&mut unlearnt);
+    assert_eq!(picture(&mut unlearnt), round);
 }
 
 #[test]

@@ -24,7 +24,7 @@ use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::pbr::DefaultOpaqueRendererMethod;
 use bevy::post_process::bloom::Bloom;
 use bevy::prelude::*;
-use bevy_girandole::{Estimate, GirandoleCamera, GirandolePlugin, GirandoleSettings};
+use bevy_girandole::{Estimate, GirandoleCamera, GirandolePlugin};
 
 use options::Options;
 
@@ -42,16 +42,12 @@ fn main() -> AppExit {
     } else {
         window::add_plugins(&mut app, &options);
     }
-    app.add_plugins(GirandolePlugin { shadows: !options.no_shadows, ..default() });
+    let defaults = GirandolePlugin::default();
+    let learning = defaults.learning.filter(|_| !options.no_learning);
+    app.add_plugins(GirandolePlugin { shadows: !options.no_shadows, learning, ..defaults });
     if let Err(message) = dump::add_systems(&mut app, &options) {
         eprintln!("{message}");
         return AppExit::error();
-    }
-    if options.no_learning {
-        app.world_mut().resource_mut::<GirandoleSettings>().visibility = None;
-    }
-    if options.no_cuts {
-        app.world_mut().resource_mut::<GirandoleSettings>().cuts = None;
     }
     app.insert_resource(DefaultOpaqueRendererMethod::deferred())
         .insert_resource(ClearColor(Color::linear_rgb(0.0006, 0.0008, 0.002)))

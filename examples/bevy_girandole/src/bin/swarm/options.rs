@@ -14,7 +14,6 @@ pub const USAGE: &str = "Options:
   --no-shadows     nothing casts shadows
   --no-ray-queries traces shadow rays in software, without a window
   --no-learning    shadows teach nothing
-  --no-cuts        pixels share no cuts
   --bevy-lights    leaves the lamps to Bevy
   --headless       draws without a window
   --frames N       frames to draw without a window (24)
@@ -35,7 +34,6 @@ pub struct Options {
     pub moving_frames: u32,
     pub heat_map: Option<HeatMap>,
     pub size: [u32; 2],
-    pub no_cuts: bool,
     pub bevy_lights: bool,
     pub headless: bool,
     pub frames: u32,
@@ -58,7 +56,6 @@ impl Default for Options {
             moving_frames: 12,
             heat_map: None,
             size: [960, 540],
-            no_cuts: false,
             bevy_lights: false,
             headless: false,
             frames: 24,
@@ -92,7 +89,6 @@ impl Options {
                 "--no-shadows" => options.no_shadows = true,
                 "--no-ray-queries" => options.no_ray_queries = true,
                 "--no-learning" => options.no_learning = true,
-                "--no-cuts" => options.no_cuts = true,
                 "--bevy-lights" => options.bevy_lights = true,
                 "--headless" => options.headless = true,
                 _ => return Err(format!("{word} is not an option.\n{USAGE}")),
