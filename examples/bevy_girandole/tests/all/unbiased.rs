@@ -147,18 +147,14 @@ fn the_mean_of_many_frames_is_the_sum_over_all_lights() {
     });
     let last = pictures(&mut app, FRAMES).pop().expect("there are frames");
     let history = means(&[last.clone(), last]).mean;
-    let mut squares = 0.0;
-    for cell in 0..history.len() {
-        for channel in 0..3 {
-            let all = exhaustive.mean[cell][channel];
-            let error_sq =
-                single.error_sq[cell][channel] + exhaustive.error_sq[cell][channel] + (ROUNDING * all).powi(2);
-            let difference = history[cell][channel] - all;
-            squares += (difference * difference / error_sq.max(f64::MIN_POSITIVE)).min(9.0);
-        }
-    }
+    let errors = single.error_sq.iter().flatten().zip(exhaustive.error_sq.iter().flatten());
+    let pairs = history.iter().flatten().zip(exhaustive.mean.iter().flatten());
+    let squares = pairs.zip(errors).map(|((ours, all), (ours_sq, all_sq))| {
+        let error_sq = ours_sq + all_sq + (ROUNDING * all).powi(2);
+        ((ours - all).powi(2) / error_sq.max(f64::MIN_POSITIVE)).min(9.0)
+    });
     // A mean over 12 frames has 3 in place of 1.
-    let mean_square = squares / (3 * history.len()) as f64;
+    let mean_square = squares.sum::<f64>() / (3 * history.len()) as f64;
     assert!(mean_square < 2.0, "history: {mean_square}");
 }
 
