@@ -28,7 +28,7 @@ fn counted(world: &LightWorld) -> HashMap<Effects, u64> {
     for instance in world.instances() {
         let linear = world.placement(instance).expect("it lives").linear;
         let gram = linear.transpose() * linear;
-        let is_rigid = gram.abs_diff_eq(Mat3::IDENTITY, 1.0e-4) && linear.determinant() > 0.0;
+        let is_rigid = gram.abs_diff_eq(Mat3::IDENTITY, 4.0e-6) && linear.determinant() > 0.0;
         let factor = world.factor(instance).expect("it lives");
         if world.is_enabled(instance) == Some(false) || factor == Vec3::ZERO || linear == Mat3::ZERO {
             continue;
