@@ -19,6 +19,10 @@ var<workgroup> parents: array<u32, 32>;
 var<workgroup> fluxes: array<u32, 64>;
 // Bits of the children that may send light.
 var<workgroup> lit: array<u32, 32>;
+// How much the points disagree about the children of each node.
+var<workgroup> disagreements: array<f32, 32>;
+// A byte for each contested node, and the bits of its children that are candidates.
+var<workgroup> contested: array<vec2<u32>, LIGHT_CONTESTED>;
 var<workgroup> exchanged: array<vec4<f32>, 64>;
 var<workgroup> greatest: atomic<u32>;
 // The next node, and the child that it is; or STOP.
@@ -27,6 +31,8 @@ var<workgroup> job: u32;
 // What weights by points and by the middle are multiplied by, what is added to all, and what directional
 // lights bring over what trees do.
 var<workgroup> parts: vec4<f32>;
+// What candidates bring that are not contested, in lux.
+var<workgroup> rest_lux: f32;
 
 // Twin of `unscrambled`.
 fn cell_unscrambled(scrambled: u32) -> u32 {
@@ -300,7 +306,7 @@ fn cut_build(
     }
     workgroupBarrier();
     let sun = directional * inverse;
-    exchanged[lane].w = select(0.0, sun * sun, view < CENTER && slot == 0u);
+    let squares_of_sun = select(0.0, sun * sun, view < CENTER && slot == 0u);
 
     // Each invocation has four children. Their weights are the roots of mean squared shares.
     let node = lane / 2u;
@@ -308,39 +314,101 @@ fn cut_build(
     var weights = vec4(0.0);
     var center = vec4(0.0);
     var is_lit = vec4(0u);
+    var disagreement = 0.0;
     if node < count {
         for (var i = 0u; i < 4u; i++) {
             let at = node * 64u + first_slot + i;
+            var sum = 0.0;
             var squares = 0.0;
             for (var k = 0u; k < CENTER; k++) {
+                sum += importance[at + k * LIGHT_WIDTH];
                 squares += importance[at + k * LIGHT_WIDTH] * importance[at + k * LIGHT_WIDTH];
             }
             weights[i] = sqrt(squares / f32(point_count));
+            disagreement += max(weights[i] - sum / f32(point_count), 0.0);
             center[i] = importance[at + CENTER * LIGHT_WIDTH];
             is_lit[i] = (lit[node] >> (first_slot + i)) & 1u;
         }
     }
+    exchanged[lane] = vec4(
+        disagreement, (weights.x + weights.y) + (weights.z + weights.w), squares_of_sun,
+        select(0.0, all, view < CENTER && slot == 0u),
+    );
+    workgroupBarrier();
+    // For lane 0: all weights, and the sums of what directional lights bring and of all light at the points, squared.
+    var whole = vec3(0.0);
+    if lane == 0u {
+        for (var i = 0u; i < 64u; i++) {
+            let of_lane = exchanged[i];
+            whole += vec3(of_lane.yz, of_lane.w * of_lane.w);
+        }
+    }
+    // The nodes about whose children the points disagree most are contested.
+    if lane < LIGHT_SHARED_NODES {
+        disagreements[lane] = exchanged[2u * lane].x + exchanged[2u * lane + 1u].x;
+        let name = LIGHT_SHARED_NODES - 1u;
+        keys[lane] = (bitcast<u32>(disagreements[lane]) & ~name) | (name - lane);
+    }
+    if lane < LIGHT_CONTESTED {
+        contested[lane] = vec2(0u);
+    }
+    workgroupBarrier();
+    if lane < count {
+        var rank = 0u;
+        var others = 0.0;
+        for (var i = 0u; i < count; i++) {
+            let is_less = keys[i] <= keys[lane];
+            rank += select(1u, 0u, is_less);
+            others += select(0.0, disagreements[i], is_less);
+        }
+        if rank < LIGHT_CONTESTED && others >= LIGHT_DISAGREEMENT {
+            contested[rank] = vec2(lane, lit[lane]);
+        }
+    }
+    workgroupBarrier();
+    var contested_bits = 0u;
+    var named = vec2(0u);
+    for (var k = 0u; k < LIGHT_CONTESTED; k++) {
+        contested_bits |= select(0u, 1u << contested[k].x, contested[k].y != 0u);
+        named |= contested[k] << vec2(8u * k);
+    }
+    if ((contested_bits >> node) & 1u) != 0u {
+        weights = vec4(0.0);
+        center = vec4(0.0);
+        is_lit = vec4(0u);
+    }
+    var rest = 0.0;
+    for (var i = 0u; i < count; i++) {
+        rest += select(importance[i * 64u + lane], 0.0, ((contested_bits >> i) & 1u) != 0u);
+    }
     let lit_lanes = vec4<f32>(is_lit);
     exchanged[lane] = vec4(
         (weights.x + weights.y) + (weights.z + weights.w), (center.x + center.y) + (center.z + center.w),
-        (lit_lanes.x + lit_lanes.y) + (lit_lanes.z + lit_lanes.w), exchanged[lane].w,
+        (lit_lanes.x + lit_lanes.y) + (lit_lanes.z + lit_lanes.w), rest * all,
     );
     workgroupBarrier();
     if lane == 0u {
-        var all_lanes = vec4(0.0);
-        for (var i = 0u; i < 64u; i++) {
-            all_lanes += exchanged[i];
+        var sums_of_lanes = vec3(0.0);
+        var rest_sq = 0.0;
+        for (var i = 0u; i <= CENTER; i++) {
+            var at_point = vec4(0.0);
+            for (var k = 0u; k < LIGHT_WIDTH; k++) {
+                at_point += exchanged[i * LIGHT_WIDTH + k];
+            }
+            sums_of_lanes += at_point.xyz;
+            rest_sq += select(0.0, at_point.w * at_point.w, i < CENTER);
         }
-        let sun_lux = sqrt(all_lanes.w / f32(point_count));
-        let sun_part = clamp(sun_lux / (sun_lux + all_lanes.x), LIGHT_MIN_SIDE, 1.0 - LIGHT_MIN_SIDE);
+        let root = sqrt(vec3(whole.yz, rest_sq) / f32(point_count));
+        let sun_part = clamp(root.x / (root.x + whole.x), LIGHT_MIN_SIDE, 1.0 - LIGHT_MIN_SIDE);
         let has_sun = light_params.directional_count != 0u;
-        let has_light = all_lanes.z > 0.0 && all_lanes.x + sun_lux > 0.0;
+        let has_light = (contested_bits != 0u || sums_of_lanes.z > 0.0) && whole.x + root.x > 0.0;
+        rest_lux = select(0.0, max(root.z, LIGHT_MIN_SIDE * root.y), sums_of_lanes.z > 0.0);
         parts = select(
             vec4(0.0),
             vec4(
-                select(0.0, (1.0 - LIGHT_EVEN - LIGHT_CENTER) / all_lanes.x, all_lanes.x > 0.0),
-                select(0.0, LIGHT_CENTER / all_lanes.y, all_lanes.y > 0.0),
-                LIGHT_EVEN / all_lanes.z, select(0.0, sun_part / (1.0 - sun_part), has_sun),
+                select(0.0, (1.0 - LIGHT_EVEN - LIGHT_CENTER) / sums_of_lanes.x, sums_of_lanes.x > 0.0),
+                select(0.0, LIGHT_CENTER / sums_of_lanes.y, sums_of_lanes.y > 0.0),
+                LIGHT_EVEN / max(sums_of_lanes.z, 1.0), select(0.0, sun_part / (1.0 - sun_part), has_sun),
             ),
             has_light,
         );
@@ -409,11 +477,12 @@ fn cut_build(
         light_cuts.quads[row + LIGHT_ROW_STATE] = vec4(name, age, toward, row_sky());
     }
     if lane == 63u {
-        light_cuts.quads[row] = vec4(count, point_count, bitcast<u32>(shared_parts.w), sum_at_end);
+        light_cuts.quads[row] =
+            vec4(count | (point_count << 16u), bitcast<u32>(rest_lux), bitcast<u32>(shared_parts.w), sum_at_end);
         if shared_parts.z > 0.0 {
             atomicStore(&light_marks[slot_at + 3u], point_count);
             let slot = (slot_at - LIGHT_CUT_HEAD) / LIGHT_SLOT_WORDS;
-            light_cuts.quads[1u + slot] = vec4(atomicLoad(&light_marks[slot_at]), row, 0u, 0u);
+            light_cuts.quads[1u + slot] = vec4(atomicLoad(&light_marks[slot_at]), row, named);
         }
         for (var i = 0u; i < LIGHT_CELL_POINTS; i++) {
             atomicStore(&light_marks[slot_at + 9u + i], 0u);

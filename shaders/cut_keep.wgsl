@@ -48,6 +48,17 @@ fn keep_place(child: u32) -> KeepPlace {
     return KeepPlace(light_place_below(above, bits), true);
 }
 
+// Twin of `SharedCut::is_contested`.
+fn keep_is_contested(contested: vec2<u32>, node: u32, slot: u32) -> bool {
+    for (var k = 0u; k < LIGHT_CONTESTED; k++) {
+        let bytes = extractBits(contested, 8u * k, 8u);
+        if bytes.x == node && ((bytes.y >> slot) & 1u) != 0u {
+            return true;
+        }
+    }
+    return false;
+}
+
 @compute @workgroup_size(64)
 fn cut_keep(
     @builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) group: vec3<u32>,
@@ -66,7 +77,8 @@ fn cut_keep(
     }
     let cell = row_cell(at);
     let row = row_quad(keep_word(at + 2u));
-    let count = light_cuts.quads[row].x;
+    let count = light_cuts.quads[row].x & 0xffffu;
+    let contested = light_cuts.quads[1u + (at - LIGHT_CUT_HEAD) / LIGHT_SLOT_WORDS].zw;
     let state_at = row + LIGHT_ROW_STATE;
     if lane < LIGHT_SHARED_NODES / 2u {
         let pair = light_cuts.quads[row + LIGHT_ROW_NODES + lane];
@@ -134,7 +146,7 @@ fn cut_keep(
             vec4(first.instance, first.index, second.instance, second.index);
     }
 
-    // Compare names and fluxes.
+    // Compare names and fluxes. Points weigh contested children by what they are now.
     let node = lane / 2u;
     let first_slot = 4u * (lane % 2u);
     names[lane] = 0u;
@@ -158,7 +170,8 @@ fn cut_keep(
             let child = node * LIGHT_WIDTH + first_slot + i;
             if units == 0u {
                 let is_opened = ((atomicLoad(&opened[child / 32u]) >> (child % 32u)) & 1u) != 0u;
-                if is_lit && (!is_opened || has_jumped) {
+                let is_contested = keep_is_contested(contested, node, first_slot + i);
+                if is_lit && !is_contested && (!is_opened || has_jumped) {
                     atomicStore(&faults, 1u);
                 }
             } else {

@@ -5,6 +5,9 @@
 struct LightCut {
     // The row of its cell, as in light_shared_cut; 0 for the roots of the trees.
     row: u32,
+    // Contested nodes, as in light_shared_cut, and what all other candidates of the row weigh: 1 without such nodes.
+    contested: vec2<u32>,
+    rest: f32,
     // What all trees bring, on the scale of the illuminance by directional lights.
     total: f32,
     // Without a row: LIGHT_ROOT_OF_TOP if the top level has lights, and LIGHT_ROOT_OF_SKY if the point sees the sky.
@@ -26,16 +29,25 @@ fn light_walk_lux(packed: LightPackedChild, local: LightLocalShadingPoint, view:
     return light_rough(packed, local, view);
 }
 
-// What a walk chooses one of a node's children by. `local` is the shading point in the node's space.
+const LIGHT_ALL_CHILDREN: u32 = 0xffu;
+
+// A node, and the bits of the children to choose from.
+struct LightFrom {
+    place: LightPlace,
+    children: u32,
+}
+
+// What a walk chooses one of a node's children by, for those with a bit in `children`. `local` is the shading point in
+// the node's space.
 fn light_rough_weights(
-    place: LightPlace, shading_point: LightShadingPoint, local: LightLocalShadingPoint,
+    place: LightPlace, shading_point: LightShadingPoint, local: LightLocalShadingPoint, children: u32,
 ) -> LightLanes {
     let in_top = place.instance == LIGHT_NO_INSTANCE;
     let at = place.index * light_params.node_stride;
     let view = light_node_view(light_quad(in_top, at), local);
-    var met = 0xffu;
+    var met = children;
     // #if MASKS
-    met = light_met_children(in_top, place.index, shading_point.mask);
+    met &= light_met_children(in_top, place.index, shading_point.mask);
     // #endif
     // #if COUNTS
     light_nodes_read++;
@@ -79,9 +91,12 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
         return;
     }
     // #if ROWS
-    (*cut).row = light_shared_cut(shading_point);
-    if (*cut).row != 0u {
-        (*cut).total = light_shared_total((*cut).row, directional_lux);
+    let shared_cut = light_shared_cut(shading_point);
+    if shared_cut.x != 0u {
+        (*cut).row = shared_cut.x;
+        (*cut).contested = shared_cut.yz;
+        (*cut).total = light_shared_total(shared_cut.x, directional_lux);
+        (*cut).rest = select(1.0, bitcast<f32>(light_cuts.quads[shared_cut.x].y), shared_cut.z != 0u);
         return;
     }
     // #endif
@@ -95,13 +110,22 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
     (*cut).total = f32(countOneBits((*cut).roots)) * select(1.0, directional_lux, directional_lux > 0.0);
 }
 
+// #if ROWS
+// The next contested node, and the bits of its children that are candidates; 0 after the last one.
+fn light_next_contested(row: u32, contested: ptr<function, vec2<u32>>) -> LightFrom {
+    let bytes = *contested & vec2(0xffu);
+    *contested >>= vec2(8u);
+    return LightFrom(light_row_node(row, bytes.x), bytes.y);
+}
+// #endif
+
 // The probability of each root, without a row.
 fn light_root_pmf(roots: u32) -> f32 {
     return 1.0 / max(f32(countOneBits(roots)), 1.0);
 }
 
 // Chooses a light, or returns a pmf of 0. The numbers of `start_outer` decide in the cut and the top level, those
-// of `start_inner` in the tree of an instance. Twin of `descend`.
+// of `start_inner` in the tree of an instance. Twin of `descend` and, with a row, of `WeighedCut::choose`.
 fn light_descend(
     cut: ptr<function, LightCut>, shading_point: LightShadingPoint, start_outer: LightDice, start_inner: LightDice,
 ) -> LightPick {
@@ -112,6 +136,9 @@ fn light_descend(
     var inner = start_inner;
     var pmf = 1.0;
     var place = LightPlace(LIGHT_NO_INSTANCE, 0u);
+    // What candidates weigh so far, and the contested nodes that are still to be weighed.
+    var sum = (*cut).rest;
+    var contested = (*cut).contested;
     if (*cut).row != 0u {
         let chosen = light_choose_shared((*cut).row, outer.u);
         place = chosen.place;
@@ -132,28 +159,47 @@ fn light_descend(
     var local: LightLocalShadingPoint;
     // No instance has this slot.
     var local_instance = LIGHT_NO_INSTANCE - 1u;
-    while (place.index & LIGHT_LEAF) == 0u {
-        if place.instance != local_instance {
-            local = light_local_to(place.instance, shading_point);
-            local_instance = place.instance;
+    loop {
+        let is_contested = contested.y != 0u;
+        if !is_contested && (place.index & LIGHT_LEAF) != 0u {
+            break;
         }
-        let lanes = light_rough_weights(place, shading_point, local);
-        let total = light_sum(lanes);
-        if total <= 0.0 {
+        var now = LightFrom(place, LIGHT_ALL_CHILDREN);
+        // #if ROWS
+        if is_contested {
+            now = light_next_contested((*cut).row, &contested);
+        }
+        // #endif
+        if now.place.instance != local_instance {
+            local = light_local_to(now.place.instance, shading_point);
+            local_instance = now.place.instance;
+        }
+        let lanes = light_rough_weights(now.place, shading_point, local, now.children);
+        let of_node = light_sum(lanes);
+        sum = select(0.0, sum, is_contested) + of_node;
+        if sum <= 0.0 {
+            if is_contested {
+                continue;
+            }
             return LightPick(0u, 0u, 0.0);
         }
-        let in_top = place.instance == LIGHT_NO_INSTANCE;
-        let point = select(inner.u, outer.u, in_top) * total;
+        let by_outer = is_contested || now.place.instance == LIGHT_NO_INSTANCE;
+        let point = select(inner.u, outer.u, by_outer) * sum;
+        // What was chosen before stays, or a child takes its place.
+        let stays = is_contested && point >= of_node && sum > of_node;
         let lane = light_choose_lane(lanes, 0.0, point);
-        let child_pmf = light_choice_pmf(lane.weight, total);
-        pmf = light_joint_pmf(pmf, child_pmf);
-        let offset = (point - lane.before) / total;
-        if in_top {
-            outer = light_remap(outer, offset, child_pmf);
+        let weight = select(lane.weight, sum - of_node, stays);
+        let part = light_choice_pmf(weight, sum);
+        let offset = (point - select(lane.before, of_node, stays)) / sum;
+        pmf = select(light_joint_pmf(pmf, part), part, is_contested && !stays);
+        if by_outer {
+            outer = light_remap(outer, offset, part);
         } else {
-            inner = light_remap(inner, offset, child_pmf);
+            inner = light_remap(inner, offset, part);
         }
-        place = light_child_place(place, lane.slot);
+        if !stays {
+            place = light_child_place(now.place, lane.slot);
+        }
     }
     return LightPick(place.instance, place.index & ~LIGHT_LEAF, pmf);
 }
@@ -173,8 +219,13 @@ fn light_climb(
         return 0.0;
     }
     var place = LightPlace(slot_of_instance, 0u);
-    var local = light_local_to_tree(slot_of_instance, shading_point);
+    var local: LightLocalShadingPoint;
+    // No instance has this slot.
+    var local_instance = LIGHT_NO_INSTANCE - 1u;
     var pmf = 1.0;
+    // What all candidates weigh, once no contested nodes are left.
+    var sum = (*cut).rest;
+    var contested = (*cut).contested;
     // #if PREVIOUS
     // Birth numbers repeat in the end, and then the walk may lead anywhere.
     var steps = 0u;
@@ -186,41 +237,62 @@ fn light_climb(
             return 0.0;
         }
         // #endif
-        if place.instance != LIGHT_NO_INSTANCE && light_leaves_tree(up) {
-            // #if SKY
-            if (*cut).row == 0u && place.instance == light_params.sky {
-                let is_seen = ((*cut).roots & LIGHT_ROOT_OF_SKY) != 0u;
-                return select(0.0, light_joint_pmf(pmf, light_root_pmf((*cut).roots)), is_seen);
-            }
-            // #endif
-            up = light_place_above(place.instance, up);
-            place.instance = LIGHT_NO_INSTANCE;
-            local = light_local_to_top(shading_point);
-            // A dark part has no leaf.
-            if up == LIGHT_NO_PARENT {
-                return 0.0;
-            }
-        }
-        let in_top = place.instance == LIGHT_NO_INSTANCE;
-        place.index = up / LIGHT_WIDTH;
-        if !in_top {
-            place.index += light_node_base(place.instance);
-        }
-        let slot = up % LIGHT_WIDTH;
+        let is_contested = contested.y != 0u;
+        var now = LightFrom(place, LIGHT_ALL_CHILDREN);
+        // Whether the walk may begin at the node.
+        var is_start = false;
         // #if ROWS
-        if (*cut).row != 0u {
-            let shared_pmf = light_shared_pmf((*cut).row, place, slot);
-            if shared_pmf >= 0.0 {
-                return light_joint_pmf(pmf, shared_pmf);
-            }
+        if is_contested {
+            now = light_next_contested((*cut).row, &contested);
         }
         // #endif
-        let lanes = light_rough_weights(place, shading_point, local);
-        let four = select(lanes.first, lanes.last, slot >= 4u);
-        pmf = light_joint_pmf(pmf, light_choice_pmf(four[slot % 4u], light_sum(lanes)));
-        if pmf <= 0.0 {
-            return 0.0;
+        if !is_contested {
+            if place.instance != LIGHT_NO_INSTANCE && light_leaves_tree(up) {
+                // #if SKY
+                if (*cut).row == 0u && place.instance == light_params.sky {
+                    let is_seen = ((*cut).roots & LIGHT_ROOT_OF_SKY) != 0u;
+                    return select(0.0, light_joint_pmf(pmf, light_root_pmf((*cut).roots)), is_seen);
+                }
+                // #endif
+                up = light_place_above(place.instance, up);
+                place.instance = LIGHT_NO_INSTANCE;
+                // A dark part has no leaf.
+                if up == LIGHT_NO_PARENT {
+                    return 0.0;
+                }
+            }
+            place.index = up / LIGHT_WIDTH;
+            if place.instance != LIGHT_NO_INSTANCE {
+                place.index += light_node_base(place.instance);
+            }
+            now.place = place;
+            // #if ROWS
+            if (*cut).row != 0u {
+                let index = light_row_index((*cut).row, place);
+                is_start = light_is_contested((*cut).contested, index, up % LIGHT_WIDTH);
+                if !is_start && index != LIGHT_SHARED_NODES {
+                    let shared_pmf = light_shared_pmf((*cut).row, index, up % LIGHT_WIDTH);
+                    return light_joint_pmf(pmf, light_joint_pmf(light_choice_pmf((*cut).rest, sum), shared_pmf));
+                }
+            }
+            // #endif
         }
+        if now.place.instance != local_instance {
+            local = light_local_to(now.place.instance, shading_point);
+            local_instance = now.place.instance;
+        }
+        let lanes = light_rough_weights(now.place, shading_point, local, now.children);
+        if is_contested {
+            sum += light_sum(lanes);
+            continue;
+        }
+        let slot = up % LIGHT_WIDTH;
+        let four = select(lanes.first, lanes.last, slot >= 4u);
+        pmf = light_joint_pmf(pmf, light_choice_pmf(four[slot % 4u], select(light_sum(lanes), sum, is_start)));
+        if is_start || pmf <= 0.0 {
+            return pmf;
+        }
+        let in_top = place.instance == LIGHT_NO_INSTANCE;
         up = light_parent(in_top, place.index);
         // The root of the top level is in every row.
         if in_top && up == LIGHT_NO_PARENT {

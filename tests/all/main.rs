@@ -6,6 +6,7 @@ mod added_lights;
 mod allocations;
 mod appearance;
 mod catalogue;
+mod cells_that_fit;
 mod concurrency;
 mod decisions;
 mod dependencies;

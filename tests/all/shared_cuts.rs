@@ -251,36 +251,6 @@ fn mean_sigma(sampler: &LightSampler<'_>, at: &[ShadingPoint]) -> f64 {
 }
 
 #[test]
-fn lamps_close_to_a_floor_have_little_noise_in_the_cells_of_a_near_camera() {
-    let mut rng = Rng(181);
-    let far = |rng: &mut Rng| {
-        Light::point(rng.position(50.0) * Vec3::new(1.0, 0.05, 1.0) + 5.5 * Vec3::Y, Vec3::splat(100.0))
-    };
-    let mut lights: Vec<Light> = (0..400).map(|_| far(&mut rng)).collect();
-    let near = |i: usize| Vec3::new(0.31 * (i % 3) as f32 - 0.28, 0.1, 0.31 * (i / 3) as f32 - 0.33);
-    lights.extend((0..9).map(|i| Light::point(near(i), Vec3::splat(10.0))));
-    let mut world = LightWorld::new();
-    let tree = world.add_tree(LightTree::new(lights).expect("valid"));
-    world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
-    world.update(FrameBudget::UNLIMITED);
-    let mut floor = |count: usize| -> Vec<ShadingPoint> {
-        let at = |rng: &mut Rng| rng.position(0.5) * Vec3::new(1.0, 0.0, 1.0);
-        (0..count).map(|_| ShadingPoint::surface(at(&mut rng), Vec3::Y)).collect()
-    };
-    let (marked, at) = (floor(200_000), floor(300));
-    let over_own = |eye: Option<DVec3>| {
-        let mut cuts = CutTable::default();
-        // Pixels of 1080 rows with 60 degrees.
-        eye.into_iter().for_each(|eye| cuts.set_view(eye, 0.00107));
-        build(&mut cuts, &world, &marked);
-        mean_sigma(&world.sampler().with_cuts(&cuts), &at) / mean_sigma(&world.sampler(), &at)
-    };
-    let [near, still] = [Some(2.0 * DVec3::Y), None].map(over_own);
-    // Here 1.55 and 9.9.
-    assert!(near < 1.7 && still > 3.0 * near, "{near} {still}");
-}
-
-#[test]
 fn a_coarser_cell_stands_in_where_a_cell_was_not_marked() {
     let mut rng = Rng(182);
     let world = rng.world(40, 30, 5, 20.0);

@@ -17,6 +17,7 @@ use crate::keys::LightId;
 use crate::plan::cuts::layout::{CutPlaces, HEAD, ROW_FROM, ROW_NODES, ROW_QUADS, ROW_SUMS, SLOT_WORDS, STATE_AT};
 use crate::plan::text;
 use crate::sampling::counts::CandidateCount;
+use crate::sampling::cuts::shared::Contested;
 use crate::sampling::cuts::shared::NodeId;
 use crate::sampling::cuts::table::CutTable;
 use crate::sampling::cuts::{CutOptions, camera};
@@ -187,25 +188,34 @@ impl Rig {
         let [words, marks] = self.tables();
         let slots = marks[HEAD as usize..].chunks_exact(SLOT_WORDS as usize).take(places.slots as usize);
         // What shaders look up, and where its row begins.
-        let shown = words[4..].chunks_exact(4).map(|slot| [slot[0], slot[1]]);
+        let shown = words[4..].chunks_exact(4);
         let row_of = |slot: &[u32]| places.first_row + (slot[2] - 1) * ROW_QUADS;
         let used = slots.zip(shown).filter(|(slot, shown)| {
             let is_used = slot[0] != 0 && slot[3] != 0;
-            assert_eq!(*shown, if is_used { [slot[0], row_of(slot)] } else { [0; 2] }, "shaders see what is built");
+            let known = if is_used { [slot[0], row_of(slot)] } else { [0; 2] };
+            assert_eq!(shown[..2], known, "shaders see what is built");
             is_used
         });
-        used.map(|(slot, _)| {
+        used.map(|(slot, shown)| {
             assert!(slot[1] == 0 && slot[9..].iter().all(|word| *word == 0), "marks are forgotten: {slot:?}");
             let start = 4 * row_of(slot) as usize;
             let row = &words[start..start + 4 * ROW_QUADS as usize];
-            let nodes = &row[4 * ROW_NODES as usize..][..2 * row[0] as usize];
+            let nodes = &row[4 * ROW_NODES as usize..][..2 * (row[0] & 0xffff) as usize];
             let sums = &row[4 * ROW_SUMS as usize..4 * ROW_FROM as usize];
             let ends: Vec<u32> = sums.chunks_exact(16).map(|block| block[15]).collect();
             assert_eq!(row[4..20], ends, "the ends of blocks");
             assert!(row[3] == sums[sums.len() - 1] && row[3] <= crate::sampling::cuts::UNITS);
             let cell = [slot[4], slot[5], slot[6], slot[7], slot[8]];
             let nodes = nodes.chunks_exact(2).map(|node| [node[0], node[1]]).collect();
-            let row = Row { nodes, sums: sums.to_vec(), points: row[1], directional: f32::from_bits(row[2]) };
+            let byte = |word: u32, k: usize| word.to_le_bytes()[k];
+            let row = Row {
+                nodes,
+                sums: sums.to_vec(),
+                points: row[0] >> 16,
+                directional: f32::from_bits(row[2]),
+                contested: [0, 1, 2, 3].map(|k| Contested { node: byte(shown[2], k), children: byte(shown[3], k) }),
+                rest: f32::from_bits(row[1]),
+            };
             (cell, row)
         })
         .collect()
@@ -230,6 +240,8 @@ struct Row {
     nodes: Vec<[u32; 2]>,
     sums: Vec<u32>,
     points: u32,
+    contested: [Contested; 4],
+    rest: f32,
     directional: f32,
 }
 
@@ -344,7 +356,7 @@ fn the_gpu_builds_the_cuts_that_the_cpu_builds_and_chooses_the_same_lights() {
     assert!(report.built > 100 && report.rare > 20 && report.refused == 0, "{report:?}");
 
     let cuts = rig.cuts(options());
-    let (mut alike, mut total) = (0, 0);
+    let (mut alike, mut total, mut contested) = (0, 0, 0);
     let grid = options().grid(camera(EYE.as_dvec3(), pixel), DVec3::ZERO);
     // The first node of each instance's tree in the buffer of nodes. The GPU gives the nodes of the top
     // level other numbers.
@@ -366,11 +378,14 @@ fn the_gpu_builds_the_cuts_that_the_cpu_builds_and_chooses_the_same_lights() {
             && row.nodes.iter().zip(&cut.nodes).all(|(a, b)| is_node(*a, b))
             && cut.points as u32 == row.points
             && (cut.directional - row.directional).abs() <= 1.0e-3 * cut.directional
+            && cut.contested == row.contested
+            && (cut.rest - row.rest).abs() <= 1.0e-3 * cut.rest
             && sums.clone().all(|(a, b)| a.abs_diff(*b) <= crate::sampling::cuts::UNITS / 4096)
             && row.sums[WIDTH * cut.count..].iter().all(|sum| *sum == cut.total());
         alike += usize::from(is_alike);
+        contested += usize::from(cut.contested[0].children != 0);
     }
-    assert!(total > 1500 && alike * 50 >= total * 49, "{alike} of {total}");
+    assert!(total > 1500 && alike * 50 >= total * 49 && contested > 300, "{alike} of {total}, {contested}");
 
     assert_exact(&outputs);
     let sampler = world.sampler().with_cuts(&table);
@@ -380,8 +395,9 @@ fn the_gpu_builds_the_cuts_that_the_cpu_builds_and_chooses_the_same_lights() {
     assert!(without > chosen.len() / 3, "cuts matter: {without}");
 }
 
-/// The nodes that a sample weighs, and one of eight candidates: 0.45 and 3.7 where a cell has a cut. A candidate of the
-/// cut itself takes no node, but four bytes of one. The build of a cell weighs up to 256 nodes.
+/// The nodes that a sample weighs, and one of eight candidates: 3.2 and 25 where a cell has a cut; 0.45 and 3.7 without
+/// contested nodes, which nearly all of these cells have, two metres wide and with lamps in them. A candidate of the cut
+/// itself takes no node, but four bytes of one. The build of a cell weighs up to 256 nodes.
 #[test]
 fn choices_from_a_cell_read_few_nodes() {
     let mut world = glossy_world();
@@ -410,7 +426,7 @@ fn choices_from_a_cell_read_few_nodes() {
         at.iter().zip(found).filter(|(input, _)| has_cut(input)).map(|(_, found)| found).collect();
     let mean = |i: usize| known.iter().map(|found| f64::from(found[i])).sum::<f64>() / known.len() as f64;
     assert!(known.len() > 1500 && mean(2) > 0.5 && mean(3) > 0.5);
-    assert!(mean(0) < 0.5 && mean(1) < 4.0, "{} {}", mean(0), mean(1));
+    assert!(mean(0) < 3.6 && mean(1) < 26.0, "{} {}", mean(0), mean(1));
 }
 
 #[test]

@@ -8,7 +8,7 @@ use crate::math::simd::{VectorJob, with_vectors};
 use crate::sampling::cut::{MIN_DOUBT, NO_INSTANCE, TreeView, seen_importances};
 use crate::sampling::cuts::cell::POINTS;
 use crate::sampling::cuts::keep::{SKY_ROOT, below, flux_step, name};
-use crate::sampling::cuts::shared::{MIN_SIDE, NodeId, SHARED_NODES, SharedCut, SkyState, UNITS};
+use crate::sampling::cuts::shared::{CONTESTED, Contested, MIN_SIDE, NodeId, SHARED_NODES, SharedCut, SkyState, UNITS};
 use crate::sampling::sample::LightSampler;
 use crate::shading::importance::{
     ChildImportances, UNRESOLVED_DOUBT, resolved_sum, scale_unresolved, unresolved_scale, unresolved_sum,
@@ -23,6 +23,10 @@ pub(crate) const MIN_SHARED_DOUBT: f32 = 0.25 * MIN_DOUBT;
 
 /// What the deviation of a candidate's shares counts, relative to the doubt about it.
 pub(crate) const DEVIATION: f32 = 2.0;
+
+/// Nodes are contested while what all others disagree by, the sum of the roots of mean squared shares beyond their
+/// means, is at least this.
+pub(crate) const DISAGREEMENT: f32 = 0.01;
 
 /// The part of the samples that is spread evenly over all candidates, so that none is ever starved.
 pub(crate) const EVEN: f32 = 0.01;
@@ -255,9 +259,9 @@ impl<'a> Sketch<'_, 'a, '_> {
     }
 
     /// Turns importances into shares of all light at each point, in which unresolved candidates have at
-    /// most as much as all others. Returns the shares of directional lights.
-    fn shares(&mut self) -> [f32; VIEWS] {
-        let mut directional = [0.0; VIEWS];
+    /// most as much as all others. Returns all light at each point, and the shares of directional lights.
+    fn shares(&mut self) -> [[f32; VIEWS]; 2] {
+        let (mut all, mut directional) = ([0.0; VIEWS], [0.0; VIEWS]);
         for view in self.views() {
             let others = self.total(view);
             let opened = &mut self.opened[..self.count];
@@ -269,32 +273,57 @@ impl<'a> Sketch<'_, 'a, '_> {
                 let weights = scale_unresolved(&opened.importance[view], scale);
                 opened.importance[view] = weights.map(|weight| weight * inverse);
             }
-            directional[view] = self.directional[view] * inverse;
+            (all[view], directional[view]) = (total, self.directional[view] * inverse);
         }
-        directional
+        [all, directional]
+    }
+
+    /// The root of the mean square of what each point of the cell has.
+    fn root_mean_square(&self, of: impl Fn(usize) -> f32) -> f32 {
+        let count = self.cell.points.len();
+        ((0..count).map(|view| of(view) * of(view)).sum::<f32>() / count as f32).sqrt()
+    }
+
+    /// The nodes about whose children the points disagree most, from shares and the roots of their mean squares.
+    fn contested(&self, weights: &[Lanes; SHARED_NODES]) -> [Contested; CONTESTED] {
+        let scale = 1.0 / self.cell.points.len() as f32;
+        let mut keys = [0; SHARED_NODES];
+        let mut disagreements = [0.0; SHARED_NODES];
+        for (index, opened) in self.opened[..self.count].iter().enumerate() {
+            for slot in 0..WIDTH {
+                let sum: f32 = (0..self.cell.points.len()).map(|view| opened.importance[view][slot]).sum();
+                disagreements[index] += (weights[index][slot] - sum * scale).max(0.0);
+            }
+            // The last bits name the node, so that no two are equal.
+            let bits = SHARED_NODES as u32 - 1;
+            keys[index] = (disagreements[index].to_bits() & !bits) | (bits - index as u32);
+        }
+        let mut contested = [Contested::default(); CONTESTED];
+        for index in 0..self.count {
+            let is_less = |other: &usize| keys[*other] <= keys[index];
+            let rank = self.count - (0..self.count).filter(is_less).count();
+            let others: f32 = (0..self.count).filter(is_less).map(|other| disagreements[other]).sum();
+            if rank < CONTESTED && others >= DISAGREEMENT {
+                contested[rank] = Contested { node: index as u8, children: self.opened[index].lit };
+            }
+        }
+        contested
     }
 
     /// Writes the cut.
     #[inline(always)]
     fn finish(mut self, cut: &mut SharedCut) {
         cut.count = 0;
-        let directional = self.shares();
-        let count = self.cell.points.len();
-        let root_mean_square = |share: &dyn Fn(usize) -> f32| {
-            ((0..count).map(|view| share(view) * share(view)).sum::<f32>() / count as f32).sqrt()
-        };
+        let [all, directional] = self.shares();
         let mut weights = [[0.0; WIDTH]; SHARED_NODES];
-        let (mut sum, mut center, mut lit) = (0.0, 0.0, 0);
         for (weights, opened) in weights.iter_mut().zip(&self.opened[..self.count]) {
-            for slot in 0..WIDTH {
-                weights[slot] = root_mean_square(&|view| opened.importance[view][slot]);
-                sum += weights[slot];
-                center += opened.importance[POINTS][slot];
+            for (slot, weight) in weights.iter_mut().enumerate() {
+                *weight = self.root_mean_square(|view| opened.importance[view][slot]);
             }
-            lit += opened.lit.count_ones();
         }
-        let sun = root_mean_square(&|view| directional[view]);
-        if lit == 0 || sum + sun <= 0.0 {
+        let sum: f32 = weights.as_flattened().iter().sum();
+        let sun = self.root_mean_square(|view| directional[view]);
+        if self.opened[..self.count].iter().all(|opened| opened.lit == 0) || sum + sun <= 0.0 {
             return;
         }
         cut.directional = match self.sampler.world.directional_lights().next() {
@@ -304,9 +333,29 @@ impl<'a> Sketch<'_, 'a, '_> {
             }
             None => 0.0,
         };
+        cut.contested = self.contested(&weights);
+        for Contested { node, children } in cut.contested {
+            let opened = &mut self.opened[usize::from(node)];
+            for slot in (0..WIDTH).filter(|slot| children >> slot & 1 == 1) {
+                weights[usize::from(node)][slot] = 0.0;
+                opened.importance.iter_mut().for_each(|lanes| lanes[slot] = 0.0);
+            }
+            opened.lit &= !children;
+        }
+        let opened = &self.opened[..self.count];
+        let lit: u32 = opened.iter().map(|opened| opened.lit.count_ones()).sum();
+        let share = |view: usize| opened.iter().map(|opened| opened.importance[view].iter().sum::<f32>()).sum::<f32>();
+        cut.rest = match lit {
+            0 => 0.0,
+            _ => {
+                let least = MIN_SIDE * self.root_mean_square(|view| all[view]);
+                self.root_mean_square(|view| share(view) * all[view]).max(least)
+            }
+        };
+        let (sum, center): (f32, f32) = (weights.as_flattened().iter().sum(), share(POINTS));
         let inverse = |part: f32, sum: f32| if sum > 0.0 { part / sum } else { 0.0 };
         let by_points = inverse(1.0 - EVEN - CENTER, sum);
-        let (by_center, even) = (inverse(CENTER, center), EVEN / lit as f32);
+        let (by_center, even) = (inverse(CENTER, center), EVEN / lit.max(1) as f32);
         let mut total = 0;
         for (index, opened) in self.opened[..self.count].iter().enumerate() {
             cut.nodes[index] = opened.id;

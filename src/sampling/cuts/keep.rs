@@ -107,6 +107,7 @@ impl SharedCut {
                 let steps = i32::from(flux_step(record.flux[slot]).wrapping_sub(self.flux[index][slot]) as i8);
                 let is_kept = match (units, is_lit) {
                     (0, false) => true,
+                    (0, true) if self.is_contested(index, slot) => true,
                     (0, true) => steps.unsigned_abs() < FLUX_JUMP && self.from[1..self.count].contains(&(child as u8)),
                     (_, false) => units as f32 <= least,
                     (_, true) => {

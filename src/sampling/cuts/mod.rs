@@ -16,7 +16,7 @@ pub(crate) mod shared;
 pub(crate) mod table;
 
 #[cfg(feature = "gpu-plan")]
-pub(crate) use build::{CENTER, CHILD_BITS, DEVIATION, EVEN, MIN_SHARED_DOUBT};
+pub(crate) use build::{CENTER, CHILD_BITS, DEVIATION, DISAGREEMENT, EVEN, MIN_SHARED_DOUBT};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use cell::{
     COARSE_MARKS, COARSER, GLOSS_SHIFT, LEVELS, PLACE_BITS, POINTS, RANDOM_BITS, REFLECTANCES, ROUGHNESS_STEPS,
@@ -27,4 +27,4 @@ pub(crate) use cell::{Camera, CutGrid};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use options::{CutOptions, PROBES, camera, slots};
 #[cfg(feature = "gpu-plan")]
-pub(crate) use shared::{MIN_SIDE, SHARED_NODES, UNITS};
+pub(crate) use shared::{CONTESTED, MIN_SIDE, SHARED_NODES, UNITS};

@@ -1,11 +1,12 @@
 //! Samples from the cuts that cells share.
 
-use crate::math::dice::Dice;
-use crate::sampling::cut::{Candidates, Choice, CutSource, InstanceTrees, TreeView};
-use crate::sampling::cuts::shared::{MIN_SIDE, NodeId, SharedCut};
+use crate::math::dice::{Dice, choice_pmf, joint_pmf};
+use crate::sampling::cut::{Candidates, Choice, CutSource, InstanceTrees, TreeView, choose_lane};
+use crate::sampling::cuts::shared::{CONTESTED, Contested, MIN_SIDE, NodeId, SharedCut};
 use crate::sampling::cuts::table::{CutTable, CutsInUse};
 use crate::sampling::roots::seen_rough_weights;
 use crate::sampling::sample::LightSampler;
+use crate::shading::importance::running_sums;
 use crate::shading::shading_point::ShadingPoint;
 use crate::tree::{ChildRef, Lanes, Node, WIDTH};
 
@@ -25,48 +26,130 @@ impl<'a> PlacedCut<'a, '_> {
     }
 }
 
-impl<'a> CutSource<'a> for PlacedCut<'a, '_> {
-    type Cut = Self;
+impl<'a, 's> CutSource<'a> for PlacedCut<'a, 's> {
+    type Cut = WeighedCut<'a, 's>;
 
-    fn cut(self, _: &impl InstanceTrees<'a>) -> Self {
-        self
+    #[inline(always)]
+    fn cut(self, trees: &impl InstanceTrees<'a>) -> WeighedCut<'a, 's> {
+        let mut lanes = [[0.0; WIDTH]; CONTESTED];
+        let mut sum = if self.cut.contested[0].children == 0 { 1.0 } else { self.cut.rest };
+        for (k, contested) in self.cut.contested.iter().enumerate().take_while(|(_, other)| other.children != 0) {
+            let id = self.cut.nodes[usize::from(contested.node)];
+            let Some(tree) = self.tree(id) else { continue };
+            let Some(record) = tree.nodes.get(id.node as usize) else { continue };
+            lanes[k] = contested.among(seen_rough_weights(&tree, id.node, record, trees));
+            sum += running_sums(&lanes[k])[WIDTH - 1];
+        }
+        WeighedCut { placed: self, lanes, sum }
     }
 }
 
-impl<'a> Candidates<'a> for PlacedCut<'a, '_> {
+impl Contested {
+    /// Whether a child of a node is one of the candidates.
+    pub fn has(&self, node: usize, slot: usize) -> bool {
+        usize::from(self.node) == node && self.children >> slot & 1 == 1
+    }
+
+    /// The weights of the children that are candidates.
+    fn among(self, weights: Lanes) -> Lanes {
+        std::array::from_fn(|slot| if self.children >> slot & 1 == 1 { weights[slot] } else { 0.0 })
+    }
+}
+
+/// A shared cut at a point that has weighed the children of contested nodes.
+pub(crate) struct WeighedCut<'a, 's> {
+    placed: PlacedCut<'a, 's>,
+    lanes: [Lanes; CONTESTED],
+    /// What all candidates weigh.
+    sum: f32,
+}
+
+impl<'a> WeighedCut<'a, '_> {
+    /// What the candidates weigh that the cell has weighed: all of it without contested nodes.
+    fn rest(&self) -> f32 {
+        if self.placed.cut.contested[0].children == 0 { 1.0 } else { self.placed.cut.rest }
+    }
+
+    fn contested(&self) -> impl Iterator<Item = &Contested> {
+        self.placed.cut.contested.iter().take_while(|contested| contested.children != 0)
+    }
+
+    /// The probability of a child of one of the nodes.
+    fn child_pmf(&self, node: usize, slot: usize) -> f32 {
+        let cut = self.placed.cut;
+        match cut.contested.iter().position(|other| other.has(node, slot)) {
+            Some(k) => choice_pmf(self.lanes[k][slot], self.sum),
+            None if self.rest() > 0.0 => {
+                let [_, units] = cut.units(node * WIDTH + slot);
+                joint_pmf(choice_pmf(self.rest(), self.sum), units as f32 / cut.total() as f32)
+            }
+            None => 0.0,
+        }
+    }
+
+    /// Chooses among the candidates that the cell has weighed.
+    fn choose_shared(&self, dice: &mut Dice) -> Option<Choice<'a>> {
+        let cut = self.placed.cut;
+        let (sums, total) = (cut.sums(), cut.total());
+        let point = dice.point(total as f32);
+        let unit = (point as u32).min(total.checked_sub(1)?);
+        let child = sums.partition_point(|sum| *sum <= unit);
+        let [before, units] = cut.units(child);
+        let pmf = units as f32 / total as f32;
+        dice.remap((point - before as f32) / total as f32, pmf);
+        let id = cut.nodes[child / WIDTH];
+        let tree = self.placed.tree(id)?;
+        let child = tree.nodes.get(id.node as usize)?.child(child % WIDTH)?;
+        Some(Choice { tree, child, pmf })
+    }
+}
+
+impl<'a> Candidates<'a> for WeighedCut<'a, '_> {
     /// On the scale of the point's own directional lights, so that the part of samples that goes to them
     /// is that of the cell.
     fn total(&self) -> f32 {
-        if self.cut.total() == 0 {
+        let PlacedCut { cut, directional_lux, .. } = self.placed;
+        if cut.count == 0 {
             0.0
-        } else if self.directional_lux > 0.0 {
-            self.directional_lux / self.cut.directional.max(MIN_SIDE)
+        } else if directional_lux > 0.0 {
+            directional_lux / cut.directional.max(MIN_SIDE)
         } else {
             1.0
         }
     }
 
+    /// Chooses among the candidates that the cell has weighed; the children of each contested node may then take the
+    /// place of what was chosen before.
     fn choose(&self, dice: &mut Dice) -> Option<Choice<'a>> {
-        let (sums, total) = (self.cut.sums(), self.cut.total());
-        if total == 0 {
-            return None;
+        let mut choice = self.choose_shared(dice);
+        let mut sum = self.rest();
+        for (contested, lanes) in self.contested().zip(&self.lanes) {
+            let sums = running_sums(lanes);
+            let (of_node, before) = (sums[WIDTH - 1], sum);
+            sum += of_node;
+            if sum <= 0.0 {
+                continue;
+            }
+            let point = dice.point(sum);
+            if point >= of_node && before > 0.0 {
+                let part = choice_pmf(before, sum);
+                dice.remap((point - of_node) / sum, part);
+                choice = choice.map(|choice| Choice { pmf: joint_pmf(choice.pmf, part), ..choice });
+                continue;
+            }
+            let (slot, offset) = choose_lane(lanes, &sums, point);
+            let pmf = choice_pmf(lanes[slot], sum);
+            dice.remap(offset / sum, pmf);
+            let id = self.placed.cut.nodes[usize::from(contested.node)];
+            let tree = self.placed.tree(id)?;
+            choice = Some(Choice { tree, child: tree.nodes.get(id.node as usize)?.child(slot)?, pmf });
         }
-        let point = dice.point(total as f32);
-        let unit = (point as u32).min(total - 1);
-        let child = sums.partition_point(|sum| *sum <= unit);
-        let [before, units] = self.cut.units(child);
-        let pmf = units as f32 / total as f32;
-        dice.remap((point - before as f32) / total as f32, pmf);
-        let id = self.cut.nodes[child / WIDTH];
-        let tree = self.tree(id)?;
-        Some(Choice { child: tree.nodes.get(id.node as usize)?.child(child % WIDTH)?, tree, pmf })
+        choice
     }
 
     fn pmf(&self, tree: &TreeView<'a>, node: u32, slot: usize) -> Option<f32> {
-        let id = NodeId { instance: tree.instance, node };
-        let index = self.cut.nodes[..self.cut.count].iter().position(|other| *other == id)?;
-        let [_, units] = self.cut.units(index * WIDTH + slot);
-        Some(units as f32 / self.cut.total() as f32)
+        let (cut, id) = (self.placed.cut, NodeId { instance: tree.instance, node });
+        cut.nodes[..cut.count].iter().position(|other| *other == id).map(|index| self.child_pmf(index, slot))
     }
 
     /// By [rough estimates](rough_weights).
@@ -76,13 +159,14 @@ impl<'a> Candidates<'a> for PlacedCut<'a, '_> {
     }
 
     fn visit(&self, mut visit: impl FnMut(&TreeView<'a>, ChildRef, f32)) {
-        for (index, id) in self.cut.nodes[..self.cut.count].iter().enumerate() {
-            let Some(tree) = self.tree(*id) else { continue };
+        let cut = self.placed.cut;
+        for (index, id) in cut.nodes[..cut.count].iter().enumerate() {
+            let Some(tree) = self.placed.tree(*id) else { continue };
             let Some(record) = tree.nodes.get(id.node as usize) else { continue };
             for slot in 0..WIDTH {
-                let [_, units] = self.cut.units(index * WIDTH + slot);
-                if let Some(child) = record.child(slot).filter(|_| units > 0) {
-                    visit(&tree, child, units as f32 / self.cut.total() as f32);
+                let pmf = self.child_pmf(index, slot);
+                if let Some(child) = record.child(slot).filter(|_| pmf > 0.0) {
+                    visit(&tree, child, pmf);
                 }
             }
         }

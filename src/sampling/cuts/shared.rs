@@ -15,6 +15,18 @@ pub(crate) const UNITS: u32 = 1 << 24;
 /// Neither then depends on what the cell's points see.
 pub(crate) const MIN_SIDE: f32 = 0.01;
 
+/// The contested nodes of a cut, at most.
+pub(crate) const CONTESTED: usize = 4;
+
+/// A node about whose children the points of a cell disagree. Each point weighs them itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Contested {
+    /// Counted in the order in which nodes were split.
+    pub node: u8,
+    /// Bits of the children that are candidates; 0 where there is no contested node.
+    pub children: u8,
+}
+
 /// A node of a world: the slot of an instance, or [`NO_INSTANCE`](crate::sampling::cut::NO_INSTANCE) for the top
 /// level, and the index of the
 /// node in its tree.
@@ -53,8 +65,11 @@ pub(crate) struct SharedCut {
     pub sky: SkyState,
     /// The direction from a glossy cell to the eye; 0 for a matte one.
     pub toward: Vec3,
-    /// The running sums of the units of all children of all nodes. A child without flux has none, and
-    /// neither has one that was split.
+    pub contested: [Contested; CONTESTED],
+    /// What all other candidates bring to a point, in lux.
+    pub rest: f32,
+    /// The running sums of the units of all children of all nodes. A child without flux has none, nor has
+    /// one that was split or is contested.
     pub sums: [[u32; WIDTH]; SHARED_NODES],
     /// The illuminance by directional lights over that by the trees, by which a sample chooses between
     /// the two. 0 if there are no directional lights.
@@ -73,6 +88,8 @@ impl Default for SharedCut {
             age: 0,
             sky: SkyState::default(),
             toward: Vec3::ZERO,
+            contested: [Contested::default(); CONTESTED],
+            rest: 0.0,
             sums: [[0; WIDTH]; SHARED_NODES],
             directional: 0.0,
         }
@@ -80,6 +97,11 @@ impl Default for SharedCut {
 }
 
 impl SharedCut {
+    /// Whether each point weighs a child itself.
+    pub fn is_contested(&self, node: usize, slot: usize) -> bool {
+        self.contested.iter().any(|other| other.has(node, slot))
+    }
+
     /// The running sums in one piece.
     pub fn sums(&self) -> &[u32] {
         self.sums[..self.count].as_flattened()
