@@ -147,7 +147,8 @@ fn stored(machine: &Machine, instances: u32) -> Result<(GpuLights, GpuLights), W
     world.set_origin_mode(OriginMode::Grid)?;
     // Updates divide trees among leaves of the top level, which both layouts must have alike.
     world.update(FrameBudget::UNLIMITED);
-    let all = upload(machine, &world, Effects::all());
+    // Neither a sky nor profiles: these have no part in what is timed here.
+    let all = upload(machine, &world, Effects::all() - Effects::SKY - Effects::PORTALS - Effects::PROFILES);
     world.set_solid_angle_sampling(false);
     world.set_glossy_sampling(false);
     world.set_segment_sampling(false);
