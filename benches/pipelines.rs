@@ -43,8 +43,11 @@ fn hit(i: u32) -> f32 {
     return s.radiance.x * s.pmf / s.pdf;
 }
 
-fn weighed_then(i: u32) -> f32 {
-    return light_pmf_previous(place(i), bitcast<u32>(values[i + 2u].x), bitcast<u32>(values[i + 2u].y));
+fn kept(i: u32) -> f32 {
+    let pick = LightPick(bitcast<u32>(values[i + 2u].x), bitcast<u32>(values[i + 2u].y), 1.0);
+    let now = light_sample_picked(place(i), pick, values[i + 2u].zw);
+    let then = light_sample_picked_previous(place(i), pick, values[i + 2u].zw);
+    return now.pmf * now.radiance.x + then.pmf * then.radiance.x;
 }
 
 @compute @workgroup_size(1)
@@ -68,14 +71,11 @@ const CASES: [(&str, &str); 9] = [
         "two samples and two probabilities",
         "sum += sampled(at); sum += weighed(at + 3u); sum += sampled(at + 6u); sum += weighed(at + 9u);",
     ),
+    ("a sample, and a kept one now and in the last frame", "sum += sampled(at); sum += kept(at + 3u);"),
     (
-        "a sample, a probability, and that of the last frame",
-        "sum += sampled(at); sum += weighed(at + 3u); sum += weighed_then(at + 6u);",
-    ),
-    (
-        "the same, and a sample of eight candidates, a hit, and each probability twice",
-        "sum += sampled(at); sum += resampled(at + 3u); sum += hit(at + 6u); sum += weighed(at + 9u); \
-         sum += weighed(at + 12u); sum += weighed_then(at + 15u); sum += weighed_then(at + 18u);",
+        "the same, a sample of eight candidates, a hit, and two probabilities",
+        "sum += sampled(at); sum += kept(at + 3u); sum += resampled(at + 6u); sum += hit(at + 9u); \
+         sum += weighed(at + 12u); sum += weighed(at + 15u);",
     ),
 ];
 

@@ -90,7 +90,6 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
     if light_params.slots == 0u {
         return;
     }
-    // #if ROWS
     let shared_cut = light_shared_cut(shading_point);
     if shared_cut.x != 0u {
         (*cut).row = shared_cut.x;
@@ -99,7 +98,6 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
         (*cut).rest = select(1.0, bitcast<f32>(light_cuts.quads[shared_cut.x].y), shared_cut.z != 0u);
         return;
     }
-    // #endif
     for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
         let is_lit = light_has_flux(light_packed_child(true, 0u, slot));
         (*cut).roots |= select(0u, LIGHT_ROOT_OF_TOP, is_lit);
@@ -110,14 +108,12 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
     (*cut).total = f32(countOneBits((*cut).roots)) * select(1.0, directional_lux, directional_lux > 0.0);
 }
 
-// #if ROWS
 // The next contested node, and the bits of its children that are candidates; 0 after the last one.
 fn light_next_contested(row: u32, contested: ptr<function, vec2<u32>>) -> LightFrom {
     let bytes = *contested & vec2(0xffu);
     *contested >>= vec2(8u);
     return LightFrom(light_row_node(row, bytes.x), bytes.y);
 }
-// #endif
 
 // The probability of each root, without a row.
 fn light_root_pmf(roots: u32) -> f32 {
@@ -165,11 +161,9 @@ fn light_descend(
             break;
         }
         var now = LightFrom(place, LIGHT_ALL_CHILDREN);
-        // #if ROWS
         if is_contested {
             now = light_next_contested((*cut).row, &contested);
         }
-        // #endif
         if now.place.instance != local_instance {
             local = light_local_to(now.place.instance, shading_point);
             local_instance = now.place.instance;
@@ -226,26 +220,14 @@ fn light_climb(
     // What all candidates weigh, once no contested nodes are left.
     var sum = (*cut).rest;
     var contested = (*cut).contested;
-    // #if PREVIOUS
-    // Birth numbers repeat in the end, and then the walk may lead anywhere.
-    var steps = 0u;
-    // #endif
     loop {
-        // #if PREVIOUS
-        steps++;
-        if steps > LIGHT_MAX_STEPS {
-            return 0.0;
-        }
-        // #endif
         let is_contested = contested.y != 0u;
         var now = LightFrom(place, LIGHT_ALL_CHILDREN);
         // Whether the walk may begin at the node.
         var is_start = false;
-        // #if ROWS
         if is_contested {
             now = light_next_contested((*cut).row, &contested);
         }
-        // #endif
         if !is_contested {
             if place.instance != LIGHT_NO_INSTANCE && light_leaves_tree(up) {
                 // #if SKY
@@ -266,7 +248,6 @@ fn light_climb(
                 place.index += light_node_base(place.instance);
             }
             now.place = place;
-            // #if ROWS
             if (*cut).row != 0u {
                 let index = light_row_index((*cut).row, place);
                 is_start = light_is_contested((*cut).contested, index, up % LIGHT_WIDTH);
@@ -275,7 +256,6 @@ fn light_climb(
                     return light_joint_pmf(pmf, light_joint_pmf(light_choice_pmf((*cut).rest, sum), shared_pmf));
                 }
             }
-            // #endif
         }
         if now.place.instance != local_instance {
             local = light_local_to(now.place.instance, shading_point);

@@ -125,12 +125,6 @@ fn light_draw(
 // Returns the probability with which light_pick and light_sample choose a light; 0 for one that is not there.
 // `instance` is the slot of its instance, or 0xffffffff for directional lights.
 fn light_pmf(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32 {
-    // #if PREVIOUS
-    // There was no such light, or another.
-    if any(light_births(instance, light) != light_present_births(instance, light)) {
-        return 0.0;
-    }
-    // #endif
     var directional_lux = 0.0;
     // #if DIRECTIONAL
     let lux = light_directional_lux_of(shading_point, light);
@@ -177,7 +171,13 @@ fn light_factored(incident: LightIncident, slot: u32, instance: LightInstance) -
 // Chooses a point on a light that the engine names. Its pmf is 0 for one that is not there.
 fn light_sample_picked(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample {
     var known = pick;
-    known.pmf = select(pick.pmf, 0.0, light_find_any(pick.instance, pick.light) == LIGHT_NO_LIGHT);
+    var is_there = light_find_any(pick.instance, pick.light) != LIGHT_NO_LIGHT;
+    // #if PREVIOUS
+    // There was no such light, or another.
+    is_there = is_there
+        && all(light_births(pick.instance, pick.light) == light_present_births(pick.instance, pick.light));
+    // #endif
+    known.pmf = select(0.0, pick.pmf, is_there);
     return light_sample_drawn(shading_point, known, u);
 }
 

@@ -8,8 +8,8 @@ impl GpuLights {
     /// take as much memory as those of the present frame, and an upload begins with copies of what
     /// the upload before it changed.
     ///
-    /// Shaders with [`LightShader::with_previous`](super::LightShader::with_previous) then return the
-    /// probabilities of the last frame. Upload once in each frame, also if nothing has changed: a
+    /// Shaders with [`LightShader::with_previous`](super::LightShader::with_previous) then
+    /// return its samples. Upload once in each frame, also if nothing has changed: a
     /// frame is what lies between two uploads.
     pub fn keep_previous(&mut self, is_kept: bool) {
         self.planner.keep_previous(is_kept);

@@ -132,7 +132,7 @@ pub struct LightShader {
     /// What the text has besides the functions above.
     pub parts: ShaderParts,
     /// The number of the bind group with the lights of the last frame, if the text has
-    /// `light_pmf_previous`: see [`LightShader::with_previous`].
+    /// `light_sample_picked_previous`: see [`LightShader::with_previous`].
     pub previous_group: Option<u32>,
     /// The layout of the bind group, for compute and fragment stages.
     pub layout: wgpu::BindGroupLayout,
@@ -155,13 +155,12 @@ impl LightShader {
         Self { wgsl, effects, ..self.clone() }
     }
 
-    /// Returns the same shader with the probabilities of the last frame, which samplers that reuse
-    /// samples from frame to frame need:
+    /// Returns the same shader with the lights of the last frame, which renderers that reuse samples
+    /// from frame to frame need:
     ///
     /// ```wgsl
-    /// // The probability of a light in the last frame, as light_pmf returned it then; 0 for a light
-    /// // that did not exist.
-    /// fn light_pmf_previous(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
+    /// // As light_sample_picked, of the light as it was in the last frame. The pmf is 0 for a light that did not exist.
+    /// fn light_sample_picked_previous(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample
     /// ```
     ///
     /// `group` is the number of a second bind group:
@@ -172,8 +171,7 @@ impl LightShader {
     /// The shading point is relative to the origin that the world had then
     /// ([`LightWorld::origin`](crate::LightWorld::origin)). The function compares what
     /// `light_generation` returns now and returned then, so a light that was added, that came with
-    /// another tree or instance, or that is hidden now has a probability of 0. Shared cuts are left out: it is the
-    /// probability of a point whose cell has none.
+    /// another tree or instance, or that is hidden now has a pmf of 0.
     #[must_use]
     pub fn with_previous(self, group: u32) -> Self {
         let effects = self.effects;
@@ -315,7 +313,7 @@ mod tests {
                 let learns = block.contains("light_record_visibility");
                 let hook = TargetHook::new("engine_target", "EngineSurface").expect("identifiers");
                 let target = block.contains("light_resample_by").then_some(hook);
-                let previous = block.contains("light_pmf_previous").then(|| text::wgsl_previous(2, effects));
+                let previous = block.contains("light_sample_picked_previous").then(|| text::wgsl_previous(2, effects));
                 let heat_map = block.contains("light_heat_map");
                 let parts = ShaderParts { target, learns, heat_map, ..ShaderParts::default() };
                 let text = match block.contains("light_put_") {

@@ -37,7 +37,7 @@ mod tests {
             let directives: Vec<&str> = module.lines().filter(|line| line.contains('#')).collect();
             assert_eq!(directives, ["#define_import_path girandole"], "{effects:?}");
             assert!(!module.contains("naga_oil"));
-            assert!(module.contains("\nfn light_sample(") && module.contains("\nfn light_pmf_previous("));
+            assert!(module.contains("\nfn light_sample(") && module.contains("\nfn light_sample_picked_previous("));
         }
     }
 }

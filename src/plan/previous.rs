@@ -1,4 +1,4 @@
-//! The buffers of the last frame, for probabilities as they were then.
+//! The buffers of the last frame, for lights as they were then.
 //!
 //! Each plan begins with copies of the buffers that the plan before it changed. So a pool that rests
 //! costs nothing, and a plan may change all buffers freely afterwards.

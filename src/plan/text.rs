@@ -112,33 +112,26 @@ impl ShaderParts {
     }
 }
 
-/// Returns the text that adds `light_pmf_previous` to the text of [`wgsl`]. `group` is the group of the
+/// Returns the text that adds `light_sample_picked_previous` to the text of [`wgsl`]. `group` is the group of the
 /// buffers of the last frame: [`LightPlanner::previous_bindings`](super::LightPlanner::previous_bindings).
 ///
 /// ```wgsl
-/// // The probability of a light in the last frame, as light_pmf returned it then. 0 for a light that
-/// // did not exist.
-/// fn light_pmf_previous(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
+/// // As light_sample_picked, of the light as it was in the last frame. The pmf is 0 for a light that did not exist.
+/// fn light_sample_picked_previous(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample
 /// ```
 ///
 /// The shading point is in the space of the last frame's [`LightWorld::origin`]. Lights
-/// and placements are those of the last frame. Shared cuts are left out: it is the probability of a point
-/// whose cell has none.
+/// and placements are those of the last frame.
 ///
 /// [`LightWorld::origin`]: crate::LightWorld::origin
 #[must_use]
 pub fn wgsl_previous(group: u32, effects: Effects) -> String {
     let text = functions(group, effects, Extras { previous: true, ..Extras::default() }, None);
-    // Shaders name the constants that they use.
-    let steps = format!("const LIGHT_MAX_STEPS: u32 = {MAX_STEPS}u;\n");
     let parameters = "instance: u32, light: u32";
     let body = "return light_births(instance, light);";
     let present = format!("fn light_present_births({parameters}) -> vec3<u32> {{\n    {body}\n}}\n");
-    steps + &present + &renamed(&text, "light_pmf", "_previous")
+    present + &renamed(&text, "light_sample_picked", "_previous")
 }
-
-/// Nodes that a walk through the buffers of the last frame climbs at most, in both levels together.
-const MAX_STEPS: u32 = 1024;
 
 /// Code of a text that does not depend on effects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -166,7 +159,6 @@ impl Extras {
             "COUNTS" => Some(self.counts),
             "LEARNS" => Some(self.learns),
             "PREVIOUS" => Some(self.previous),
-            "ROWS" => Some(!self.previous),
             "BUILDS" => Some(self.builds),
             _ => None,
         }
@@ -731,7 +723,7 @@ mod tests {
                     return argument.scale * s.radiance.x;
                 }
                 fn light_sample(at: gi_LightShadingPoint) -> f32 {
-                    return gi_light_sample(at, vec4(0.5)).pmf + gi_light_pmf_previous(at, 0u, 0u);
+                    return gi_light_sample(at, vec4(0.5)).pmf + gi_light_sample_picked_previous(at, gi_LightPick(), vec2(0.5)).pmf;
                 }";
             let plain = module_names(
                 &(text.clone()

@@ -49,7 +49,7 @@ impl<'w> Changes<'w> {
     /// grid ([`OriginMode`](crate::OriginMode)).
     ///
     /// Subtract the shift from every position relative to the origin that was kept from earlier
-    /// frames. To ask for probabilities of the last frame, add it to a present position.
+    /// frames. To ask for lights of the last frame, add it to a present position.
     pub fn origin_shift(&self) -> Option<DVec3> {
         let shift = self.present.origin - self.since.origin;
         (self.since.number > 0 && shift != DVec3::ZERO).then_some(shift)

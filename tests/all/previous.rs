@@ -1,4 +1,4 @@
-//! The probabilities of the last frame.
+//! The lights of the last frame.
 
 use std::collections::HashMap;
 
@@ -24,8 +24,11 @@ const TEXT: &str = "
         }
         let q = queries[id.x];
         let at = light_surface_point(q.position, vec3(0.0, 1.0, 0.0));
+        let pick = LightPick(q.instance, q.light, 1.0);
+        let now = light_sample_picked(at, pick, vec2(0.5));
+        let then = light_sample_picked_previous(at, pick, vec2(0.5));
         answers[id.x] = vec4(
-            light_pmf(at, q.instance, q.light), light_pmf_previous(at, q.instance, q.light),
+            now.pmf * now.radiance.y, then.pmf * then.radiance.y,
             f32(light_generation(q.instance, q.light)), 0.0,
         );
     }
@@ -92,7 +95,7 @@ impl Asker {
         Self { device, queue, lights, own, pipeline }
     }
 
-    /// Uploads a frame and asks for the probabilities of lights: now, and in the last frame.
+    /// Uploads a frame and asks for the radiance of lights: now, and in the last frame. Then for their generation.
     fn frame(&mut self, world: &mut LightWorld, queries: &[Query]) -> Vec<[f32; 4]> {
         let Self { device, queue, lights, own, pipeline } = self;
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -177,11 +180,11 @@ impl Names {
 }
 
 #[test]
-fn the_last_frames_probabilities_are_those_that_it_had() {
+fn the_last_frames_lights_are_those_that_it_had() {
     let (mut asker, mut world, mut rng) = (Asker::new(), LightWorld::new(), Rng(71));
     let (mut instances, mut names): (Vec<InstanceKey>, _) = (Vec::new(), Names::default());
     let mut suns = Vec::new();
-    // The queries of the last frame, which lights they meant then, and their probabilities.
+    // The queries of the last frame, which lights they meant then, and their radiance.
     type Asked = Vec<(Query, Option<(u64, u64)>, f32)>;
     let mut before: Asked = Vec::new();
     let (mut compared, mut new) = (0, 0);
@@ -266,11 +269,11 @@ fn the_last_frames_probabilities_are_those_that_it_had() {
             assert_eq!(generation.unwrap_or(0) as f32, now[2], "round {round}: {query:?}");
             assert!(generation.is_some() || now[0] == 0.0, "round {round}: {query:?}");
         }
-        for ((query, then, pmf), now) in before.iter().zip(&answers) {
+        for ((query, then, radiance), now) in before.iter().zip(&answers) {
             let is_same = then.is_some() && *then == names.of(query, &world);
-            compared += usize::from(is_same && *pmf > 0.0);
+            compared += usize::from(is_same && *radiance > 0.0);
             new += usize::from(!is_same && now[0] > 0.0);
-            assert_eq!(now[1], if is_same { *pmf } else { 0.0 }, "round {round}: {query:?}");
+            assert_eq!(now[1], if is_same { *radiance } else { 0.0 }, "round {round}: {query:?}");
         }
         let asked = queries.iter().zip(&answers).skip(before.len());
         before = asked.map(|(query, now)| (*query, names.of(query, &world), now[0])).collect();
@@ -285,8 +288,8 @@ fn before_the_first_frame_there_were_no_lights() {
     let key = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
     let query = Query { position: [0.0; 3], instance: world.slot(key).expect("it lives"), light: 0, padding: [0; 3] };
     let answers: Vec<_> = (0..3).map(|_| asker.frame(&mut world, &[query])[0]).collect();
-    let probabilities: Vec<_> = answers.iter().map(|answer| [answer[0], answer[1]]).collect();
-    assert_eq!(probabilities, [[1.0, 0.0], [1.0, 1.0], [1.0, 1.0]]);
+    let radiances: Vec<_> = answers.iter().map(|answer| [answer[0], answer[1]]).collect();
+    assert_eq!(radiances, [[1.0, 0.0], [1.0, 1.0], [1.0, 1.0]]);
 }
 
 #[test]

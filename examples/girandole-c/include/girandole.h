@@ -1486,7 +1486,7 @@ GirandoleStatus girandole_planner_set_limits(struct GirandolePlanner *planner,
                                              uint64_t tree_memory,
                                              uint64_t frame_bytes);
 
-// Sets whether the buffers of the last frame are kept for light_pmf_previous (1) or dropped (0), from the
+// Sets whether the buffers of the last frame are kept for light_sample_picked_previous (1) or dropped (0), from the
 // next plan on.
 GirandoleStatus girandole_planner_keep_previous(struct GirandolePlanner *planner, uint32_t is_kept);
 
@@ -1674,7 +1674,7 @@ GirandoleStatus girandole_kernel_shader(uint32_t index,
 //
 //   effects       bits of GIRANDOLE_EFFECT_*: at least those of girandole_planner_effects
 //   group         the group of the bindings in WGSL, and by default the space in HLSL: 0 to 254
-//   has_previous  1 for light_pmf_previous too, which binds the buffers of the last frame at group + 1; else 0
+//   has_previous  1 for light_sample_picked_previous too, which binds the buffers of the last frame at group + 1; else 0
 //   target        WGSL, HLSL or MSL; its entry_point must be NULL. SPIR-V has no texts to include: join the
 //                 WGSL text with your own and pass both to girandole_translate
 //

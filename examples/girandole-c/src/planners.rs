@@ -74,7 +74,7 @@ pub unsafe extern "C" fn girandole_planner_set_limits(
     })
 }
 
-/// Sets whether the buffers of the last frame are kept for light_pmf_previous (1) or dropped (0), from the
+/// Sets whether the buffers of the last frame are kept for light_sample_picked_previous (1) or dropped (0), from the
 /// next plan on.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_planner_keep_previous(

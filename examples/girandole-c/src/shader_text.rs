@@ -87,7 +87,7 @@ pub(crate) const LAST_GROUP: u32 = 254;
 ///
 ///   effects       bits of GIRANDOLE_EFFECT_*: at least those of girandole_planner_effects
 ///   group         the group of the bindings in WGSL, and by default the space in HLSL: 0 to 254
-///   has_previous  1 for light_pmf_previous too, which binds the buffers of the last frame at group + 1; else 0
+///   has_previous  1 for light_sample_picked_previous too, which binds the buffers of the last frame at group + 1; else 0
 ///   target        WGSL, HLSL or MSL; its entry_point must be NULL. SPIR-V has no texts to include: join the
 ///                 WGSL text with your own and pass both to girandole_translate
 ///
@@ -207,9 +207,17 @@ mod tests {
         for language in [GIRANDOLE_LANGUAGE_WGSL, GIRANDOLE_LANGUAGE_HLSL, GIRANDOLE_LANGUAGE_MSL] {
             for effects in [0, GIRANDOLE_ALL_EFFECTS] {
                 let text = text(effects, 1, true, language);
-                for name in
-                    ["surface_point", "sample", "resample", "pick", "pmf", "pdf", "hash", "pmf_previous", "mark"]
-                {
+                for name in [
+                    "surface_point",
+                    "sample",
+                    "resample",
+                    "pick",
+                    "pmf",
+                    "pdf",
+                    "hash",
+                    "sample_picked_previous",
+                    "mark",
+                ] {
                     assert!(text.contains(&format!(" light_{name}(")), "light_{name} in language {language}");
                 }
                 for name in ["Sample", "ShadingPoint", "Reservoir"] {

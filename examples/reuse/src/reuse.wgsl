@@ -9,9 +9,6 @@ struct Frame {
     @align(16) most_frames: vec4<f32>,
 }
 
-// The least target of a sample, in lux.
-const LEAST = 0.001;
-
 // A kept sample: a light, the numbers that choose the point on it, and a weight instead of 1 / pmf.
 struct Kept {
     instance: u32,
@@ -21,7 +18,7 @@ struct Kept {
     u: vec2<f32>,
     // How many frames it stands for.
     frames: f32,
-    // The illuminance by this sample, in lux.
+    // What the picture shows: the illuminance by this sample times its weight, in lux.
     lux: f32,
 }
 
@@ -50,33 +47,19 @@ fn is_occluded(origin: vec3<f32>, direction: vec3<f32>, max_dist: f32) -> bool {
     return is_hit;
 }
 
-struct Value {
-    // The illuminance in lux. A renderer multiplies it by its BRDF.
-    lux: f32,
-    // What the sample is kept in proportion to: a tenth of the illuminance where it is in shadow, for it may
-    // come into the light. Greater than 0 wherever the light has a probability: so a light may be kept
-    // exactly if light_pmf_previous is greater than 0.
-    target_lux: f32,
+// The target of a sample that was picked with a pmf of 1: what it brings to the point, in lux. A renderer multiplies
+// by its BRDF.
+fn unshadowed(at: LightShadingPoint, s: LightSample) -> f32 {
+    return select(0.0, s.radiance.y * dot(at.normal, s.direction) / s.pdf, s.pmf > 0.0);
 }
 
-// The value of a sample whose light was picked with probability 1.
-fn value_of(at: LightShadingPoint, instance: u32, light: u32, u: vec2<f32>) -> Value {
-    let s = light_sample_picked(at, LightPick(instance, light, 1.0), u);
-    if s.pmf <= 0.0 {
-        return Value(0.0, LEAST);
+// The same with shadows.
+fn shadowed(at: LightShadingPoint, s: LightSample) -> f32 {
+    let lux = unshadowed(at, s);
+    if lux <= 0.0 || is_occluded(at.position, s.direction, 0.999 * s.dist) {
+        return 0.0;
     }
-    let unshadowed = s.radiance.y * dot(at.normal, s.direction) / s.pdf;
-    let is_lit = !is_occluded(at.position, s.direction, 0.999 * s.dist);
-    return Value(select(0.0, unshadowed, is_lit), LEAST + unshadowed * select(0.1, 1.0, is_lit));
-}
-
-// With how many samples times which probability the frames of a kept sample count, for a light and its
-// probability now. That is 0 for a light that was not there. If the probability has risen, others have gone,
-// and the noise that this leaves makes the frames count less: see docs/reuse.md.
-fn pmf_of_kept(at: LightShadingPoint, frames: f32, pick: LightPick) -> f32 {
-    let pmf_then = light_pmf_previous(at, pick.instance, pick.light);
-    let risen = frames * max(pick.pmf - pmf_then, 0.0);
-    return frames * pmf_then * (pmf_then / max(pmf_then + risen, 1e-30));
+    return lux;
 }
 
 @compute @workgroup_size(64)
@@ -88,51 +71,57 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     let at = light_surface_point(vec3(x, 0.0, z), vec3(0.0, 1.0, 0.0));
     let place = id.y * groups.x * 64u + id.x;
     random_state = light_hash(place ^ light_hash(frame.number));
+    light_mark(at);
     let then = kept[place];
     var now: Kept;
 
-    // New samples. They share what they stand for with the kept sample: in proportion to the probability
-    // now, and to that of the last frame for each of the frames that the kept sample stands for.
+    // One of the new samples, in proportion to what they bring without shadows. Its weight is 1 / pmf if it is the only
+    // one.
     var total = 0.0;
+    var kept_lux = 0.0;
     for (var i = 0u; i < frame.candidates; i++) {
         let pick = light_pick(at, vec2(random(), random()));
         let u = vec2(random(), random());
         let choice = random();
-        if pick.pmf > 0.0 {
-            let value = value_of(at, pick.instance, pick.light, u);
-            let pmf_then = pmf_of_kept(at, then.frames, pick);
-            let weight = value.target_lux / (f32(frame.candidates) * (pick.pmf + pmf_then));
+        let lux = unshadowed(at, light_sample_picked(at, pick, u));
+        if lux > 0.0 {
+            let weight = lux / (f32(frame.candidates) * pick.pmf);
             total += weight;
             if choice * total < weight {
-                now = Kept(pick.instance, pick.light, 0u, value.target_lux, u, 0.0, value.lux);
+                now = Kept(pick.instance, pick.light, 0u, 0.0, u, 0.0, 0.0);
+                kept_lux = lux;
             }
         }
     }
-    // The kept sample, unless another light has its name now. Its light is evaluated as it is now.
-    let choice = random();
-    if then.weight > 0.0 && light_generation(then.instance, then.light) == then.generation {
-        let value = value_of(at, then.instance, then.light, then.u);
-        let pmf = light_pmf(at, then.instance, then.light);
-        let pmf_then = pmf_of_kept(at, then.frames, LightPick(then.instance, then.light, pmf));
-        let share = pmf_then / (pmf + pmf_then);
-        let weight = select(0.0, share * value.target_lux * then.weight, pmf_then > 0.0);
+    // That sample and the kept one share what lights bring: in proportion to the target now, and to that of the last
+    // frame for each of the frames that the kept sample stands for. Both know shadows.
+    let frames = min(then.frames, frame.most_frames[id.y]);
+    if total > 0.0 {
+        let pick = LightPick(now.instance, now.light, 1.0);
+        let lux = shadowed(at, light_sample_picked(at, pick, now.u));
+        let lux_then = shadowed(at, light_sample_picked_previous(at, pick, now.u));
+        total *= select(0.0, lux / (lux + frames * lux_then) * (lux / kept_lux), lux > 0.0);
+        kept_lux = lux;
+    }
+    // The kept sample, unless another light has its name now.
+    if then.weight > 0.0 && frames > 0.0 && light_generation(then.instance, then.light) == then.generation {
+        let pick = LightPick(then.instance, then.light, 1.0);
+        let lux = shadowed(at, light_sample_picked(at, pick, then.u));
+        let lux_then = shadowed(at, light_sample_picked_previous(at, pick, then.u));
+        let share = frames * lux_then / (lux + frames * lux_then);
+        let weight = select(0.0, share * lux * then.weight, lux > 0.0);
         total += weight;
-        if choice * total < weight {
-            now = Kept(then.instance, then.light, 0u, value.target_lux, then.u, 0.0, value.lux);
+        if random() * total < weight {
+            now = then;
+            kept_lux = lux;
         }
     }
+    now.weight = 0.0;
+    now.lux = total;
     if total > 0.0 {
-        now.weight = total / now.weight;
-        now.lux *= now.weight;
+        now.weight = total / kept_lux;
         now.generation = light_generation(now.instance, now.light);
     }
-    // The frames that last, by a light that was picked for this alone: if they depended on the samples
-    // above, the picture would be biased.
-    var lasting = then.frames;
-    let other = light_pick(at, vec2(random(), random()));
-    if other.pmf > 0.0 {
-        lasting = min(lasting, pmf_of_kept(at, then.frames, other) / other.pmf);
-    }
-    now.frames = min(lasting + 1.0, frame.most_frames[id.y]);
+    now.frames = min(frames + 1.0, frame.most_frames[id.y]);
     kept[place] = now;
 }
