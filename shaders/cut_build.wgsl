@@ -332,15 +332,14 @@ fn cut_build(
     }
     exchanged[lane] = vec4(
         disagreement, (weights.x + weights.y) + (weights.z + weights.w), squares_of_sun,
-        select(0.0, all, view < CENTER && slot == 0u),
+        select(0.0, all / f32(point_count), view < CENTER && slot == 0u),
     );
     workgroupBarrier();
-    // For lane 0: all weights, and the sums of what directional lights bring and of all light at the points, squared.
+    // For lane 0: all weights, and the sums of what directional lights bring, squared, and of all light at the points.
     var whole = vec3(0.0);
     if lane == 0u {
         for (var i = 0u; i < 64u; i++) {
-            let of_lane = exchanged[i];
-            whole += vec3(of_lane.yz, of_lane.w * of_lane.w);
+            whole += exchanged[i].yzw;
         }
     }
     // The nodes about whose children the points disagree most are contested.
@@ -384,25 +383,19 @@ fn cut_build(
     let lit_lanes = vec4<f32>(is_lit);
     exchanged[lane] = vec4(
         (weights.x + weights.y) + (weights.z + weights.w), (center.x + center.y) + (center.z + center.w),
-        (lit_lanes.x + lit_lanes.y) + (lit_lanes.z + lit_lanes.w), rest * all,
+        (lit_lanes.x + lit_lanes.y) + (lit_lanes.z + lit_lanes.w), rest * (all / f32(point_count)),
     );
     workgroupBarrier();
     if lane == 0u {
-        var sums_of_lanes = vec3(0.0);
-        var rest_sq = 0.0;
-        for (var i = 0u; i <= CENTER; i++) {
-            var at_point = vec4(0.0);
-            for (var k = 0u; k < LIGHT_WIDTH; k++) {
-                at_point += exchanged[i * LIGHT_WIDTH + k];
-            }
-            sums_of_lanes += at_point.xyz;
-            rest_sq += select(0.0, at_point.w * at_point.w, i < CENTER);
+        var sums_of_lanes = vec4(0.0);
+        for (var i = 0u; i < 64u; i++) {
+            sums_of_lanes += vec4(exchanged[i].xyz, select(0.0, exchanged[i].w, i < CENTER * LIGHT_WIDTH));
         }
-        let root = sqrt(vec3(whole.yz, rest_sq) / f32(point_count));
-        let sun_part = clamp(root.x / (root.x + whole.x), LIGHT_MIN_SIDE, 1.0 - LIGHT_MIN_SIDE);
+        let sun_lux = sqrt(whole.y / f32(point_count));
+        let sun_part = clamp(sun_lux / (sun_lux + whole.x), LIGHT_MIN_SIDE, 1.0 - LIGHT_MIN_SIDE);
         let has_sun = light_params.directional_count != 0u;
-        let has_light = (contested_bits != 0u || sums_of_lanes.z > 0.0) && whole.x + root.x > 0.0;
-        rest_lux = select(0.0, max(root.z, LIGHT_MIN_SIDE * root.y), sums_of_lanes.z > 0.0);
+        let has_light = (contested_bits != 0u || sums_of_lanes.z > 0.0) && whole.x + sun_lux > 0.0;
+        rest_lux = select(0.0, max(sums_of_lanes.w, LIGHT_MIN_SIDE * whole.z), sums_of_lanes.z > 0.0);
         parts = select(
             vec4(0.0),
             vec4(

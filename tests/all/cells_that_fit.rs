@@ -56,10 +56,10 @@ fn noise(lights: Vec<Light>, [eye, target]: [Vec3; 2], trace: &Trace) -> [f64; 2
     [0, 1].map(|k| (squares.iter().map(|of| of[k]).sum::<f64>() / squares.len() as f64).sqrt())
 }
 
-fn street() -> Vec<Light> {
+fn street(factor: f32) -> Vec<Light> {
     let mut rng = Rng(2);
     (0..400)
-        .map(|_| Light::point(rng.position(50.0) * vec3(1.0, 0.05, 1.0) + 5.5 * Vec3::Y, Vec3::splat(100.0)))
+        .map(|_| Light::point(rng.position(50.0) * vec3(1.0, 0.05, 1.0) + 5.5 * Vec3::Y, Vec3::splat(100.0 * factor)))
         .collect()
 }
 
@@ -74,15 +74,31 @@ fn ball(center: Vec3, radius: f32, eye: Vec3, ray: Vec3) -> Option<[f32; 2]> {
     (rest > 0.0).then(|| [along - rest.sqrt(), along + rest.sqrt()])
 }
 
-/// Lamps of 10 candela, 10 cm above a street, 31 cm from each other.
+/// A street, and lamps of 10 candela, 10 cm above it and 31 cm from each other.
+fn low_lamps(factor: f32) -> Vec<Light> {
+    let lamps = (0..100).map(|i| vec3(0.31 * (i % 10) as f32 - 1.55, 0.1, 0.31 * (i / 10) as f32 - 1.55));
+    street(factor).into_iter().chain(lamps.map(|at| Light::point(at, Vec3::splat(10.0 * factor)))).collect()
+}
+
+fn noise_of_low_lamps(lights: Vec<Light>, distance: f32) -> [f64; 2] {
+    noise(lights, [vec3(0.0, 0.4 * distance, distance), Vec3::ZERO], &|eye, ray, _| plane(0.0, eye, ray))
+}
+
 #[test]
 fn lamps_nearer_than_the_edge_of_a_cell_do_not_raise_the_noise() {
-    for (distance, most) in [(1.5, 1.0), (5.0, 1.0), (20.0, 1.0), (60.0, 1.0)] {
-        let lamps = (0..100).map(|i| vec3(0.31 * (i % 10) as f32 - 1.55, 0.1, 0.31 * (i / 10) as f32 - 1.55));
-        let lights = street().into_iter().chain(lamps.map(|at| Light::point(at, Vec3::splat(10.0)))).collect();
-        let eye = vec3(0.0, 0.4 * distance, distance);
-        let [own, cells] = noise(lights, [eye, Vec3::ZERO], &|eye, ray, _| plane(0.0, eye, ray));
-        assert!(cells <= most * own, "{distance} m: {own} {cells}");
+    for distance in [1.5, 5.0, 20.0, 60.0] {
+        let [own, cells] = noise_of_low_lamps(low_lamps(1.0), distance);
+        assert!(cells <= own, "{distance} m: {own} {cells}");
+    }
+}
+
+/// What the others bring is kept in lux.
+#[test]
+fn contested_nodes_share_with_the_others_at_any_brightness() {
+    let [_, usual] = noise_of_low_lamps(low_lamps(1.0), 20.0);
+    for factor in [1.0e-12, 1.0e13] {
+        let [_, scaled] = noise_of_low_lamps(low_lamps(factor), 20.0);
+        assert!((scaled / usual - 1.0).abs() < 0.01, "{factor}: {scaled} {usual}");
     }
 }
 
@@ -98,7 +114,7 @@ fn leaves_have_no_more_noise_than_with_cuts_of_their_own() {
             let depth = near + 0.5 * (far - near) * rng.unit();
             Some(ShadingPoint::surface(eye + depth * ray, if normal.dot(ray) > 0.0 { -normal } else { normal }))
         };
-        let [own, cells] = noise(street(), [vec3(0.0, 1.7, distance), crown], &trace);
+        let [own, cells] = noise(street(1.0), [vec3(0.0, 1.7, distance), crown], &trace);
         assert!(cells <= most * own, "{distance} m: {own} {cells}");
     }
 }
@@ -119,7 +135,7 @@ fn small_balls_have_hardly_more_noise_than_with_cuts_of_their_own() {
                 None => plane(0.0, eye, ray),
             }
         };
-        let [own, cells] = noise(street(), [vec3(0.0, 0.5 * distance, distance), Vec3::ZERO], &trace);
+        let [own, cells] = noise(street(1.0), [vec3(0.0, 0.5 * distance, distance), Vec3::ZERO], &trace);
         assert!(cells <= most * own, "{radius} m from {distance} m: {own} {cells}");
     }
 }

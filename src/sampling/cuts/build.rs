@@ -348,8 +348,10 @@ impl<'a> Sketch<'_, 'a, '_> {
         cut.rest = match lit {
             0 => 0.0,
             _ => {
-                let least = MIN_SIDE * self.root_mean_square(|view| all[view]);
-                self.root_mean_square(|view| share(view) * all[view]).max(least)
+                // Not root mean squares, since squares of lux may leave f32.
+                let count = self.cell.points.len();
+                let mean = |lux: &dyn Fn(usize) -> f32| (0..count).map(|view| lux(view) / count as f32).sum::<f32>();
+                mean(&|view| share(view) * all[view]).max(MIN_SIDE * mean(&|view| all[view]))
             }
         };
         let (sum, center): (f32, f32) = (weights.as_flattened().iter().sum(), share(POINTS));
