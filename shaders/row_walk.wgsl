@@ -139,7 +139,9 @@ fn light_descend(
         let chosen = light_choose_shared((*cut).row, outer.u);
         place = chosen.place;
         pmf = chosen.pmf;
-        outer = light_remap(outer, chosen.offset, pmf);
+        if pmf > 0.0 {
+            outer = light_remap(outer, chosen.offset, pmf);
+        }
     }
     // #if SKY
     if ((*cut).roots & LIGHT_ROOT_OF_SKY) != 0u {
@@ -170,7 +172,8 @@ fn light_descend(
         }
         let lanes = light_rough_weights(now.place, shading_point, local, now.children);
         let of_node = light_sum(lanes);
-        sum = select(0.0, sum, is_contested) + of_node;
+        let before = select(0.0, sum, is_contested);
+        sum = before + of_node;
         if sum <= 0.0 {
             if is_contested {
                 continue;
@@ -180,9 +183,9 @@ fn light_descend(
         let by_outer = is_contested || now.place.instance == LIGHT_NO_INSTANCE;
         let point = select(inner.u, outer.u, by_outer) * sum;
         // What was chosen before stays, or a child takes its place.
-        let stays = is_contested && point >= of_node && sum > of_node;
+        let stays = is_contested && point >= of_node && before > 0.0;
         let lane = light_choose_lane(lanes, 0.0, point);
-        let weight = select(lane.weight, sum - of_node, stays);
+        let weight = select(lane.weight, before, stays);
         let part = light_choice_pmf(weight, sum);
         let offset = (point - select(lane.before, of_node, stays)) / sum;
         pmf = select(light_joint_pmf(pmf, part), part, is_contested && !stays);

@@ -255,8 +255,7 @@ impl LightPlanner {
     /// The buffers that shaders bind, with the bytes that are in use and their sizes.
     fn present(&self) -> Option<[(BufferId, u64, u64); BUFFERS]> {
         let ShaderBuffers([_, top, nodes, instances, lights]) = self.bindings()?;
-        // Probabilities need no map of the sky.
-        let top_bytes = self.top.bytes_before_sky();
+        let top_bytes = self.top.bytes();
         Some([
             (top, top_bytes, top_bytes),
             (nodes, self.trees.nodes.used() * self.trees.nodes.stride(), self.trees.nodes.bytes()),

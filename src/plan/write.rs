@@ -120,7 +120,8 @@ impl Reservation<'_> {
         plan.report = report;
         planner.is_lost = false;
         planner.previous.changed([
-            !plan.top.is_empty(),
+            // Maps of the sky and profiles may have been written.
+            true,
             replaced[0] || report.nodes > 0 || planner.sources.is_active(),
             replaced[1] || report.instances > 0,
             replaced[2] || report.lights > 0 || changes.directionals || planner.sources.is_active(),

@@ -6,7 +6,7 @@ use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
 use girandole::{
     DirectionalLight, Effects, FrameBudget, InstanceKey, Light, LightId, LightTree, LightWorld, ORIGIN_GRID,
-    OriginMode, Placement, Policy, TreeKey, wgpu,
+    OriginMode, Placement, Policy, Sky, TreeKey, wgpu,
 };
 use wgpu::util::DeviceExt;
 
@@ -279,6 +279,25 @@ fn the_last_frames_lights_are_those_that_it_had() {
         before = asked.map(|(query, now)| (*query, names.of(query, &world), now[0])).collect();
     }
     assert!(compared > 2000 && new > 50, "{compared} {new}");
+}
+
+#[test]
+fn the_sky_of_the_last_frame_is_as_bright_as_it_was() {
+    let (mut asker, mut world) = (Asker::new(), LightWorld::new());
+    let sky = world.set_sky(Sky::from_fn(8, |toward| Vec3::splat(2.0 + toward.x)).expect("a sound map"));
+    let (instance, count) = {
+        let tree = world.instance_tree(sky).expect("it lives");
+        (world.slot(sky).expect("it lives"), world.tree(tree).expect("it lives").lights().len() as u32)
+    };
+    let queries: Vec<_> =
+        (0..count).map(|light| Query { position: [0.0; 3], instance, light, padding: [0; 3] }).collect();
+    let [first, second] = [(); 2].map(|()| asker.frame(&mut world, &queries));
+    assert!(first.iter().filter(|answer| answer[0] > 0.0).count() as u32 > count / 3);
+    assert!(first.iter().zip(&second).all(|(first, second)| first[1] == 0.0 && second[1] == first[0]));
+    // Dimmer, and the last frame has the sky as it was.
+    world.set_factor(sky, Vec3::splat(0.5)).expect("valid");
+    let third = asker.frame(&mut world, &queries);
+    assert!(third.iter().zip(&second).all(|(third, second)| third[1] == second[0] && 2.0 * third[0] == second[0]));
 }
 
 #[test]

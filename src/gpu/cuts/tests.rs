@@ -14,18 +14,19 @@ use crate::effects::Effects;
 use crate::gpu::LightShader;
 use crate::instance::placement::Placement;
 use crate::keys::LightId;
+use crate::light::Light;
 use crate::plan::cuts::layout::{CutPlaces, HEAD, ROW_FROM, ROW_NODES, ROW_QUADS, ROW_SUMS, SLOT_WORDS, STATE_AT};
 use crate::plan::text;
+use crate::policy::Policy;
 use crate::sampling::counts::CandidateCount;
-use crate::sampling::cuts::shared::Contested;
-use crate::sampling::cuts::shared::NodeId;
+use crate::sampling::cuts::shared::{Contested, NodeId};
 use crate::sampling::cuts::table::CutTable;
 use crate::sampling::cuts::{CutOptions, camera};
 use crate::sampling::sample::{LightSample, LightSampler};
 use crate::scheduler::FrameBudget;
 use crate::shading::gloss::Gloss;
 use crate::shading::shading_point::ShadingPoint;
-use crate::tree::WIDTH;
+use crate::tree::{LightTree, WIDTH};
 use crate::visibility::{VisibilityOptions, VisibilityTable};
 use crate::world::LightWorld;
 
@@ -395,6 +396,40 @@ fn the_gpu_builds_the_cuts_that_the_cpu_builds_and_chooses_the_same_lights() {
     assert!(without > chosen.len() / 3, "cuts matter: {without}");
 }
 
+/// Three lamps between the points of large cells: each point weighs all of them itself, so no cell has units.
+#[test]
+fn cells_whose_candidates_are_all_contested_choose_as_on_the_cpu() {
+    let mut world = LightWorld::new();
+    let lamps = (0..3).map(|i| Light::point(Vec3::new(i as f32, 0.3, 0.5 * i as f32), Vec3::splat(1.0 + i as f32)));
+    let tree = world.add_tree(LightTree::new(lamps.collect()).expect("valid"));
+    world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+    world.update(FrameBudget::UNLIMITED);
+    let mut rig = Rig::new(Effects::all(), options());
+    rig.lights.upload(&world).expect("room enough");
+    let mut table = CutTable::new(options());
+    let input = |i: u32, seed: u32| Input {
+        position: [unit(seed + 9 * i) * 4.0 - 1.0, 0.0, unit(seed + 9 * i + 1) * 4.0 - 1.0],
+        roughness: -1.0,
+        normal: [0.0, 1.0, 0.0],
+        mask: u32::MAX,
+        view: [0.0; 3],
+        more_padding: 0,
+        u: [2, 3, 4, 5].map(|k| unit(seed + 9 * i + k)),
+    };
+    let [marked, chosen] = [0, 900_000].map(|seed| (0..3000).map(|i| input(i, seed)).collect::<Vec<_>>());
+    mark(&world, &table, &marked);
+    table.build(world.sampler());
+    let sampler = world.sampler().with_cuts(&table);
+    let has_no_units = |input: &Input| {
+        sampler.shared_cut(&point(input), 0.0).is_some_and(|placed| placed.cut.total() == 0 && placed.cut.count > 0)
+    };
+    let all_contested = chosen.iter().filter(|input| has_no_units(input)).count();
+    let outputs = rig.run(&marked, &chosen);
+    assert_exact(&outputs);
+    let count = others(&sampler, &chosen, &outputs);
+    assert!(all_contested > 1000 && count <= chosen.len() / 100, "{all_contested} {count}");
+}
+
 /// The nodes that a sample weighs, and one of eight candidates: 3.2 and 25 where a cell has a cut; 0.45 and 3.7 without
 /// contested nodes, which nearly all of these cells have, two metres wide and with lamps in them. A candidate of the cut
 /// itself takes no node, but four bytes of one. The build of a cell weighs up to 256 nodes.
@@ -611,7 +646,7 @@ fn cells_keep_their_cuts_as_on_the_cpu_while_lights_move_come_and_go() {
             5 => {
                 let tree = world.instance_tree(keys[5]).expect("it lives");
                 let placement = world.placement(keys[5]).expect("it lives");
-                world.add_instance(tree, placement, crate::policy::Policy::Static).expect("valid");
+                world.add_instance(tree, placement, Policy::Static).expect("valid");
             }
             7 => world.set_factor(keys[6], Vec3::splat(20.0)).expect("valid"),
             9 => world.set_mask(keys[7], 2).expect("valid"),
