@@ -41,6 +41,9 @@ struct LightFrom {
 // the node's space.
 fn light_rough_weights(
     place: LightPlace, shading_point: LightShadingPoint, local: LightLocalShadingPoint, children: u32,
+    // #if LEARNS
+    learnt: LightCell,
+    // #endif
 ) -> LightLanes {
     let in_top = place.instance == LIGHT_NO_INSTANCE;
     let at = place.index * light_params.node_stride;
@@ -73,6 +76,9 @@ fn light_rough_weights(
         // #endif
         // #if MASKS
         lux *= light_seen_share(in_top, packed.child_bits, shading_point.mask);
+        // #endif
+        // #if LEARNS
+        lux *= light_visible_share(packed, view, place.instance, local, learnt);
         // #endif
         light_set_lane(&lanes, slot, lux);
     }
@@ -115,6 +121,25 @@ fn light_next_contested(row: u32, contested: ptr<function, vec2<u32>>) -> LightF
     return LightFrom(light_row_node(row, bytes.x), bytes.y);
 }
 
+// #if LEARNS
+// What the point has learnt, if it weighs contested nodes.
+fn light_cell_of_contested(contested: vec2<u32>, shading_point: LightShadingPoint) -> LightCell {
+    var learnt: LightCell;
+    learnt.row = LIGHT_NO_ROW;
+    if contested.y != 0u {
+        learnt = light_cell(shading_point);
+    }
+    return learnt;
+}
+
+// That, or nothing learnt for nodes below the row.
+fn light_learnt_where(is_contested: bool, learnt: LightCell) -> LightCell {
+    var known = learnt;
+    known.row = select(LIGHT_NO_ROW, learnt.row, is_contested);
+    return known;
+}
+// #endif
+
 // The probability of each root, without a row.
 fn light_root_pmf(roots: u32) -> f32 {
     return 1.0 / max(f32(countOneBits(roots)), 1.0);
@@ -135,6 +160,9 @@ fn light_descend(
     // What candidates weigh so far, and the contested nodes that are still to be weighed.
     var sum = (*cut).rest;
     var contested = (*cut).contested;
+    // #if LEARNS
+    let learnt = light_cell_of_contested(contested, shading_point);
+    // #endif
     if (*cut).row != 0u {
         let chosen = light_choose_shared((*cut).row, outer.u);
         place = chosen.place;
@@ -170,7 +198,12 @@ fn light_descend(
             local = light_local_to(now.place.instance, shading_point);
             local_instance = now.place.instance;
         }
-        let lanes = light_rough_weights(now.place, shading_point, local, now.children);
+        let lanes = light_rough_weights(
+            now.place, shading_point, local, now.children,
+            // #if LEARNS
+            light_learnt_where(is_contested, learnt),
+            // #endif
+        );
         let of_node = light_sum(lanes);
         let before = select(0.0, sum, is_contested);
         sum = before + of_node;
@@ -223,6 +256,9 @@ fn light_climb(
     // What all candidates weigh, once no contested nodes are left.
     var sum = (*cut).rest;
     var contested = (*cut).contested;
+    // #if LEARNS
+    let learnt = light_cell_of_contested(contested, shading_point);
+    // #endif
     loop {
         let is_contested = contested.y != 0u;
         var now = LightFrom(place, LIGHT_ALL_CHILDREN);
@@ -264,7 +300,12 @@ fn light_climb(
             local = light_local_to(now.place.instance, shading_point);
             local_instance = now.place.instance;
         }
-        let lanes = light_rough_weights(now.place, shading_point, local, now.children);
+        let lanes = light_rough_weights(
+            now.place, shading_point, local, now.children,
+            // #if LEARNS
+            light_learnt_where(is_contested || is_start, learnt),
+            // #endif
+        );
         if is_contested {
             sum += light_sum(lanes);
             continue;

@@ -32,12 +32,19 @@ impl<'a, 's> CutSource<'a> for PlacedCut<'a, 's> {
     #[inline(always)]
     fn cut(self, trees: &impl InstanceTrees<'a>) -> WeighedCut<'a, 's> {
         let mut lanes = [[0.0; WIDTH]; CONTESTED];
+        let is_contested = self.cut.contested[0].children != 0;
+        let learnt = if is_contested { self.sampler.learnt(self.shading_point) } else { None };
         let mut sum = if self.cut.contested[0].children == 0 { 1.0 } else { self.cut.rest };
         for (k, contested) in self.cut.contested.iter().enumerate().take_while(|(_, other)| other.children != 0) {
             let id = self.cut.nodes[usize::from(contested.node)];
             let Some(tree) = self.tree(id) else { continue };
             let Some(record) = tree.nodes.get(id.node as usize) else { continue };
-            lanes[k] = contested.among(seen_rough_weights(&tree, id.node, record, trees));
+            let mut weights = seen_rough_weights(&tree, id.node, record, trees);
+            if let Some(learnt) = &learnt {
+                let shares = learnt.shares(record, &tree.local, &self.sampler.world_of(&tree));
+                weights.iter_mut().zip(shares).for_each(|(weight, share)| *weight *= share);
+            }
+            lanes[k] = contested.among(weights);
             sum += running_sums(&lanes[k])[WIDTH - 1];
         }
         WeighedCut { placed: self, lanes, sum }
