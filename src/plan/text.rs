@@ -655,8 +655,9 @@ mod tests {
 
     const LEARNING_NAMES: &str = "light_learnt light_row_counts light_cell light_bin \
         light_child_bin light_learnt_share light_visible_share light_cell_of_contested light_learnt_where \
-        light_place_share light_toward_sample light_row_or_claim light_cell_key light_learnt_row light_row_to_record light_record_visibility LightCellKey LightCellKey.tag \
-        LightCellKey.bucket LightCell LightCell.key LightCell.block LightCell.row LightCell.from_center \
+        light_place_share light_toward_sample light_row_or_claim light_cell_key light_learnt_row \
+        light_row_to_record light_record_visibility LightCellKey LightCellKey.tag LightCellKey.bucket \
+        LightCell LightCell.key LightCell.block LightCell.row LightCell.from_center \
         LIGHT_NO_ROW LIGHT_WAYS LIGHT_MIN_IDLE LIGHT_BINS LIGHT_BIN_SHIFT LIGHT_COORDINATE_BITS \
         LIGHT_BLOCK_BITS LIGHT_LEARNT_BIT LIGHT_USED_BIT LIGHT_TABLE_HEAD LIGHT_MAX_DIST LIGHT_ROUNDING \
         LIGHT_BLOCK_MIDDLE";
