@@ -1488,7 +1488,8 @@ GirandoleStatus girandole_planner_set_limits(struct GirandolePlanner *planner,
 
 // Sets whether the buffers of the last frame are kept for light_sample_picked_previous (1) or dropped (0), from the
 // next plan on.
-GirandoleStatus girandole_planner_keep_previous(struct GirandolePlanner *planner, uint32_t is_kept);
+GirandoleStatus girandole_planner_keep_previous(struct GirandolePlanner *planner,
+                                                uint32_t is_kept);
 
 // Reports that a plan was not played, or only in part, so that the device may lack some of what was planned.
 // The next plan sends everything again, into the same buffers; pass it to girandole_cursor_skip_to.
