@@ -31,7 +31,7 @@ var<workgroup> job: u32;
 // What weights by points and by the middle are multiplied by, what is added to all, and what directional
 // lights bring over what trees do.
 var<workgroup> parts: vec4<f32>;
-// What candidates bring that are not contested, in lux.
+// What candidates bring that are not contested, in lux; 1 if none is.
 var<workgroup> rest_lux: f32;
 
 // Twin of `unscrambled`.
@@ -396,6 +396,7 @@ fn cut_build(
         let has_sun = light_params.directional_count != 0u;
         let has_light = (contested_bits != 0u || sums_of_lanes.z > 0.0) && whole.x + sun_lux > 0.0;
         rest_lux = select(0.0, max(sums_of_lanes.w, LIGHT_MIN_SIDE * whole.z), sums_of_lanes.z > 0.0);
+        rest_lux = select(rest_lux, 1.0, contested_bits == 0u);
         parts = select(
             vec4(0.0),
             vec4(

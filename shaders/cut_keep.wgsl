@@ -48,17 +48,6 @@ fn keep_place(child: u32) -> KeepPlace {
     return KeepPlace(light_place_below(above, bits), true);
 }
 
-// Twin of `SharedCut::is_contested`.
-fn keep_is_contested(contested: vec2<u32>, node: u32, slot: u32) -> bool {
-    for (var k = 0u; k < LIGHT_CONTESTED; k++) {
-        let bytes = extractBits(contested, 8u * k, 8u);
-        if bytes.x == node && ((bytes.y >> slot) & 1u) != 0u {
-            return true;
-        }
-    }
-    return false;
-}
-
 @compute @workgroup_size(64)
 fn cut_keep(
     @builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) group: vec3<u32>,
@@ -170,7 +159,7 @@ fn cut_keep(
             let child = node * LIGHT_WIDTH + first_slot + i;
             if units == 0u {
                 let is_opened = ((atomicLoad(&opened[child / 32u]) >> (child % 32u)) & 1u) != 0u;
-                let is_contested = keep_is_contested(contested, node, first_slot + i);
+                let is_contested = light_is_contested(contested, node, first_slot + i);
                 if is_lit && !is_contested && (!is_opened || has_jumped) {
                     atomicStore(&faults, 1u);
                 }

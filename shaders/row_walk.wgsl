@@ -101,7 +101,7 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
         (*cut).row = shared_cut.x;
         (*cut).contested = shared_cut.yz;
         (*cut).total = light_shared_total(shared_cut.x, directional_lux);
-        (*cut).rest = select(1.0, bitcast<f32>(light_cuts.quads[shared_cut.x].y), shared_cut.z != 0u);
+        (*cut).rest = bitcast<f32>(light_cuts.quads[shared_cut.x].y);
         return;
     }
     for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {

@@ -346,6 +346,7 @@ impl<'a> Sketch<'_, 'a, '_> {
         let lit: u32 = opened.iter().map(|opened| opened.lit.count_ones()).sum();
         let share = |view: usize| opened.iter().map(|opened| opened.importance[view].iter().sum::<f32>()).sum::<f32>();
         cut.rest = match lit {
+            _ if cut.contested[0].children == 0 => 1.0,
             0 => 0.0,
             _ => {
                 // Not root mean squares, since squares of lux may leave f32.

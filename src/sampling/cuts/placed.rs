@@ -32,10 +32,9 @@ impl<'a, 's> CutSource<'a> for PlacedCut<'a, 's> {
     #[inline(always)]
     fn cut(self, trees: &impl InstanceTrees<'a>) -> WeighedCut<'a, 's> {
         let mut lanes = [[0.0; WIDTH]; CONTESTED];
-        let is_contested = self.cut.contested[0].children != 0;
-        let learnt = if is_contested { self.sampler.learnt(self.shading_point) } else { None };
-        let mut sum = if self.cut.contested[0].children == 0 { 1.0 } else { self.cut.rest };
-        for (k, contested) in self.cut.contested.iter().enumerate().take_while(|(_, other)| other.children != 0) {
+        let learnt = self.cut.contested().next().and_then(|_| self.sampler.learnt(self.shading_point));
+        let mut sum = self.cut.rest;
+        for (contested, lanes) in self.cut.contested().zip(&mut lanes) {
             let id = self.cut.nodes[usize::from(contested.node)];
             let Some(tree) = self.tree(id) else { continue };
             let Some(record) = tree.nodes.get(id.node as usize) else { continue };
@@ -44,8 +43,8 @@ impl<'a, 's> CutSource<'a> for PlacedCut<'a, 's> {
                 let shares = learnt.shares(record, &tree.local, &self.sampler.world_of(&tree));
                 weights.iter_mut().zip(shares).for_each(|(weight, share)| *weight *= share);
             }
-            lanes[k] = contested.among(weights);
-            sum += running_sums(&lanes[k])[WIDTH - 1];
+            *lanes = contested.among(weights);
+            sum += running_sums(lanes)[WIDTH - 1];
         }
         WeighedCut { placed: self, lanes, sum }
     }
@@ -72,23 +71,14 @@ pub(crate) struct WeighedCut<'a, 's> {
 }
 
 impl<'a> WeighedCut<'a, '_> {
-    /// What the candidates weigh that the cell has weighed: all of it without contested nodes.
-    fn rest(&self) -> f32 {
-        if self.placed.cut.contested[0].children == 0 { 1.0 } else { self.placed.cut.rest }
-    }
-
-    fn contested(&self) -> impl Iterator<Item = &Contested> {
-        self.placed.cut.contested.iter().take_while(|contested| contested.children != 0)
-    }
-
     /// The probability of a child of one of the nodes.
     fn child_pmf(&self, node: usize, slot: usize) -> f32 {
         let cut = self.placed.cut;
         match cut.contested.iter().position(|other| other.has(node, slot)) {
             Some(k) => choice_pmf(self.lanes[k][slot], self.sum),
-            None if self.rest() > 0.0 => {
+            None if cut.rest > 0.0 => {
                 let [_, units] = cut.units(node * WIDTH + slot);
-                joint_pmf(choice_pmf(self.rest(), self.sum), units as f32 / cut.total() as f32)
+                joint_pmf(choice_pmf(cut.rest, self.sum), units as f32 / cut.total() as f32)
             }
             None => 0.0,
         }
@@ -129,8 +119,8 @@ impl<'a> Candidates<'a> for WeighedCut<'a, '_> {
     /// place of what was chosen before.
     fn choose(&self, dice: &mut Dice) -> Option<Choice<'a>> {
         let mut choice = self.choose_shared(dice);
-        let mut sum = self.rest();
-        for (contested, lanes) in self.contested().zip(&self.lanes) {
+        let mut sum = self.placed.cut.rest;
+        for (contested, lanes) in self.placed.cut.contested().zip(&self.lanes) {
             let sums = running_sums(lanes);
             let (of_node, before) = (sums[WIDTH - 1], sum);
             sum += of_node;

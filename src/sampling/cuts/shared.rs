@@ -66,7 +66,7 @@ pub(crate) struct SharedCut {
     /// The direction from a glossy cell to the eye; 0 for a matte one.
     pub toward: Vec3,
     pub contested: [Contested; CONTESTED],
-    /// What all other candidates bring to a point, in lux.
+    /// What all other candidates bring to a point, in lux; 1 if no node is contested.
     pub rest: f32,
     /// The running sums of the units of all children of all nodes. A child without flux has none, nor has
     /// one that was split or is contested.
@@ -97,6 +97,11 @@ impl Default for SharedCut {
 }
 
 impl SharedCut {
+    /// The contested nodes.
+    pub fn contested(&self) -> impl Iterator<Item = &Contested> {
+        self.contested.iter().take_while(|contested| contested.children != 0)
+    }
+
     /// Whether each point weighs a child itself.
     pub fn is_contested(&self, node: usize, slot: usize) -> bool {
         self.contested.iter().any(|other| other.has(node, slot))
