@@ -9,7 +9,7 @@
 
 #![allow(clippy::print_stdout, reason = "a table is what this program is for")]
 
-use girandole::gpu::GpuLights;
+use girandole::gpu::{GpuLights, GpuOptions};
 use girandole::{Effects, FrameBudget, LightWorld, wgpu};
 use std::time::SystemTime;
 use testbed::common::gpu;
@@ -35,7 +35,8 @@ fn weighed(i: u32) -> f32 {
 
 fn resampled(i: u32) -> f32 {
     let kept = light_resample(place(i), values[i + 2u], values[i].w, 8u);
-    return kept.chosen.radiance.x * kept.weight;
+    let s = light_reservoir_sample(place(i), kept);
+    return s.radiance.x / s.pmf;
 }
 
 fn hit(i: u32) -> f32 {
@@ -44,9 +45,9 @@ fn hit(i: u32) -> f32 {
 }
 
 fn kept(i: u32) -> f32 {
-    let pick = LightPick(bitcast<u32>(values[i + 2u].x), bitcast<u32>(values[i + 2u].y), 1.0);
-    let now = light_sample_picked(place(i), pick, values[i + 2u].zw);
-    let then = light_sample_picked_previous(place(i), pick, values[i + 2u].zw);
+    let kept = light_reservoir_of(bitcast<u32>(values[i + 2u].x), bitcast<u32>(values[i + 2u].y), values[i + 2u].zw);
+    let now = light_reservoir_sample(place(i), kept);
+    let then = light_reservoir_sample_previous(place(i), kept);
     return now.pmf * now.radiance.x + then.pmf * then.radiance.x;
 }
 
@@ -84,11 +85,9 @@ fn main() -> Result<(), String> {
     let is_bench = arguments.iter().any(|argument| argument == "--bench");
     let name = arguments.iter().find(|argument| !argument.starts_with("--"));
     let adapter = gpu::find_adapter(name.map(String::as_str))?;
-    // Ten of the library for two frames, and one of the engine.
-    let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 11, ..wgpu::Limits::default() };
-    let (device, queue) = gpu::open_device(&adapter, wgpu::Features::empty(), limits)?;
-    let mut lights = GpuLights::new(&device, &queue).map_err(|error| error.to_string())?;
-    lights.keep_previous(true);
+    let (device, queue) = gpu::open_device(&adapter, wgpu::Features::empty(), wgpu::Limits::default())?;
+    let options = GpuOptions::default().with_previous();
+    let mut lights = GpuLights::with_options(&device, &queue, options).map_err(|error| error.to_string())?;
     let mut encoder = device.create_command_encoder(&Default::default());
     lights.sync(&mut LightWorld::new(), FrameBudget::NONE, &mut encoder).map_err(|error| error.to_string())?;
     queue.submit([encoder.finish()]);
@@ -119,7 +118,7 @@ fn compile(
     effects: Effects,
     uses: &str,
 ) -> Result<f64, String> {
-    let shader = lights.shader(1, effects).with_previous(2);
+    let shader = lights.shader(1, effects);
     let nanoseconds = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_err(|error| error.to_string())?;
     let number = format!("{}.0", nanoseconds.subsec_nanos());
     let text = ENGINE.replace("USES", uses).replace("NUMBER", &number);
@@ -153,7 +152,7 @@ fn compile(
         source: wgpu::ShaderSource::Wgsl(shader.join(&text).into()),
     });
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        bind_group_layouts: &[Some(&own), Some(&shader.layout), Some(lights.previous_bind_group_layout())],
+        bind_group_layouts: &[Some(&own), Some(&shader.layout)],
         ..Default::default()
     });
     let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
@@ -169,7 +168,6 @@ fn compile(
     pass.set_pipeline(&pipeline);
     pass.set_bind_group(0, &group, &[]);
     pass.set_bind_group(1, lights.bind_group(), &[]);
-    pass.set_bind_group(2, lights.previous_bind_group(), &[]);
     pass.dispatch_workgroups(1, 1, 1);
     drop(pass);
     queue.submit([encoder.finish()]);

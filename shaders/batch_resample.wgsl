@@ -2,7 +2,7 @@
 // records it, behind request.wgsl.
 
 @group(1) @binding(0) var<storage, read> requests: array<Request>;
-@group(1) @binding(1) var<storage, read_write> samples: array<LightReservoir>;
+@group(1) @binding(1) var<storage, read_write> samples: array<LightSample>;
 // The number of candidates in x.
 @group(1) @binding(2) var<uniform> candidates: vec4<u32>;
 
@@ -14,5 +14,6 @@ fn batch_resample(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_wor
     }
     let shading_point = light_surface_point(requests[i].position, requests[i].normal);
     light_mark(shading_point);
-    samples[i] = light_resample(shading_point, requests[i].u, requests[i].choice, candidates.x);
+    let kept = light_resample(shading_point, requests[i].u, requests[i].choice, candidates.x);
+    samples[i] = light_reservoir_sample(shading_point, kept);
 }

@@ -117,7 +117,7 @@ fn estimate(
     let view = light_node_view(light_quad(in_top, at), local);
     var found = light_importance(packed, local, view);
     // #if LEARNS
-    found.lux *= light_visible_share(packed, view, place.instance, local, learnt);
+    found.lux *= light_child_share(packed, view, place.instance, local, learnt);
     // #endif
     // #if MASKS
     found.lux *= light_seen_share(in_top, packed.child_bits, mask);

@@ -78,7 +78,7 @@ fn light_rough_weights(
         lux *= light_seen_share(in_top, packed.child_bits, shading_point.mask);
         // #endif
         // #if LEARNS
-        lux *= light_visible_share(packed, view, place.instance, local, learnt);
+        lux *= light_child_share(packed, view, place.instance, local, learnt);
         // #endif
         light_set_lane(&lanes, slot, lux);
     }

@@ -20,8 +20,8 @@ struct LightSample {
     radiance: vec3<f32>,
     // Density per steradian for surfaces, 1 for lights without size.
     pdf: f32,
-    // The probability of this light. 0 if no light can reach the shading point, or if the chosen
-    // point sends nothing to it: count that as black.
+    // The probability of this light; of a reservoir 1 / weight in its place. 0 if no light can reach the
+    // shading point, or if the chosen point sends nothing to it: count that as black.
     pmf: f32,
     // The slot of the instance, or 0xffffffff for a directional light.
     instance: u32,
@@ -167,19 +167,6 @@ fn light_factored(incident: LightIncident, slot: u32, instance: LightInstance) -
     return factored;
 }
 // #endif
-
-// Chooses a point on a light that the engine names. Its pmf is 0 for one that is not there.
-fn light_sample_picked(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample {
-    var known = pick;
-    var is_there = light_find_any(pick.instance, pick.light) != LIGHT_NO_LIGHT;
-    // #if PREVIOUS
-    // There was no such light, or another.
-    is_there = is_there
-        && all(light_births(pick.instance, pick.light) == light_present_births(pick.instance, pick.light));
-    // #endif
-    known.pmf = select(0.0, pick.pmf, is_there);
-    return light_sample_drawn(shading_point, known, u);
-}
 
 // Chooses a point on a light that was picked. A pick with a pmf above 0 names a light that is there.
 fn light_sample_drawn(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample {

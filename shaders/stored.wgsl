@@ -15,6 +15,19 @@ fn light_quad(in_top: bool, at: u32) -> vec4<u32> {
     return light_nodes[at];
 }
 
+// 16 bytes of an instance, of a light, and how many of these there are. shaders/previous.wgsl has others.
+fn light_instance_quad(at: u32) -> vec4<u32> {
+    return light_instances[at];
+}
+
+fn light_record_quad(at: u32) -> vec4<u32> {
+    return light_records[at];
+}
+
+fn light_record_quads() -> u32 {
+    return arrayLength(&light_records);
+}
+
 // The child in a slot of a node, which begins at `at`. One branch for all that is read, so that the
 // reads do not wait for each other.
 fn light_packed_child(in_top: bool, at: u32, slot: u32) -> LightPackedChild {
@@ -109,8 +122,8 @@ fn light_child_bits(in_top: bool, index: u32, slot: u32) -> u32 {
 // A light; `index` counts from the start of the buffer.
 fn light_record(index: u32) -> LightRecord {
     let at = index * light_params.light_stride;
-    let first = light_records[at];
-    let second = light_records[at + 1u];
+    let first = light_record_quad(at);
+    let second = light_record_quad(at + 1u);
     var light: LightRecord;
     light.a = bitcast<vec3<f32>>(first.xyz);
     light.kind = first.w;
@@ -122,16 +135,16 @@ fn light_record(index: u32) -> LightRecord {
     // #if CONES | RANGES | AREAS | DIRECTIONAL | PROFILES
     if light_params.light_stride > LIGHT_POINT_STRIDE {
         // #if CONES | AREAS | DIRECTIONAL | PROFILES
-        light.b = bitcast<vec3<f32>>(light_records[at + 2u].xyz);
+        light.b = bitcast<vec3<f32>>(light_record_quad(at + 2u).xyz);
         // #endif
         // #if RANGES
-        light.range = bitcast<f32>(light_records[at + 2u].w);
+        light.range = bitcast<f32>(light_record_quad(at + 2u).w);
         // #endif
         // #if CONES | AREAS | PROFILES
-        light.c = bitcast<vec3<f32>>(light_records[at + 3u].xyz);
+        light.c = bitcast<vec3<f32>>(light_record_quad(at + 3u).xyz);
         // #endif
         // #if PROFILES
-        light.profile = light_records[at + 3u].w;
+        light.profile = light_record_quad(at + 3u).w;
         // #endif
     }
     // #endif
@@ -140,18 +153,18 @@ fn light_record(index: u32) -> LightRecord {
 
 // The place of a light's leaf in its tree.
 fn light_place(index: u32) -> u32 {
-    return light_records[index * light_params.light_stride + 1u].w;
+    return light_record_quad(index * light_params.light_stride + 1u).w;
 }
 
 // The instance in a slot, without its first part.
 fn light_instance(slot: u32) -> LightInstance {
     let at = slot * light_params.instance_stride;
-    let words = light_instances[at + LIGHT_INSTANCE_TREE];
+    let words = light_instance_quad(at + LIGHT_INSTANCE_TREE);
     var instance: LightInstance;
-    instance.to_world = light_rows(light_instances[at], light_instances[at + 1u], light_instances[at + 2u]);
+    instance.to_world = light_rows(light_instance_quad(at), light_instance_quad(at + 1u), light_instance_quad(at + 2u));
     // #if SECTORS
     if light_params.instance_sector < light_params.instance_stride {
-        let sector = bitcast<vec3<i32>>(light_instances[at + light_params.instance_sector].xyz);
+        let sector = bitcast<vec3<i32>>(light_instance_quad(at + light_params.instance_sector).xyz);
         instance.to_world = light_from_home(instance.to_world, sector, light_params.home);
     }
     // #endif
@@ -161,14 +174,14 @@ fn light_instance(slot: u32) -> LightInstance {
     instance.light_base = words.w;
     // #if NON_RIGID
     // #if CONES
-    instance.cos_turn = bitcast<f32>(light_instances[at + LIGHT_INSTANCE_PART].y);
-    instance.sin_turn = bitcast<f32>(light_instances[at + LIGHT_INSTANCE_PART].z);
+    instance.cos_turn = bitcast<f32>(light_instance_quad(at + LIGHT_INSTANCE_PART).y);
+    instance.sin_turn = bitcast<f32>(light_instance_quad(at + LIGHT_INSTANCE_PART).z);
     // #endif
     instance.to_local = light_rigid_to_local(instance.to_world);
     if light_params.instance_sector > LIGHT_RIGID_STRIDE + LIGHT_FACTOR_QUADS {
         let local = at + LIGHT_RIGID_STRIDE;
         instance.to_local =
-            light_rows(light_instances[local], light_instances[local + 1u], light_instances[local + 2u]);
+            light_rows(light_instance_quad(local), light_instance_quad(local + 1u), light_instance_quad(local + 2u));
     }
     // #endif
     // #if FACTORS
@@ -179,7 +192,7 @@ fn light_instance(slot: u32) -> LightInstance {
     // #endif
     // #if FACTORS | MASKS
     if light_has_factors(light_params.instance_sector) {
-        let last = light_instances[at + light_params.instance_sector - LIGHT_FACTOR_QUADS];
+        let last = light_instance_quad(at + light_params.instance_sector - LIGHT_FACTOR_QUADS);
         // #if FACTORS
         instance.factor = bitcast<vec3<f32>>(last.xyz);
         // #endif
@@ -193,7 +206,7 @@ fn light_instance(slot: u32) -> LightInstance {
 
 // The first node of an instance's tree.
 fn light_node_base(slot: u32) -> u32 {
-    return light_instances[slot * light_params.instance_stride + LIGHT_INSTANCE_TREE].z;
+    return light_instance_quad(slot * light_params.instance_stride + LIGHT_INSTANCE_TREE).z;
 }
 
 // Returns the 32 bits that the engine has given to an instance; 0 for LIGHT_DIRECTIONAL and for a
@@ -202,7 +215,7 @@ fn light_user_data(instance: u32) -> u32 {
     if instance >= light_params.slots {
         return 0u;
     }
-    return light_instances[instance * light_params.instance_stride + LIGHT_INSTANCE_PART].w;
+    return light_instance_quad(instance * light_params.instance_stride + LIGHT_INSTANCE_PART).w;
 }
 
 // Returns a number that changes when an instance and an index come to name another light, at least 1;
@@ -210,9 +223,44 @@ fn light_user_data(instance: u32) -> u32 {
 // of its lights or the reverse.
 // Twin of `LightWorld::generation`.
 fn light_generation(instance: u32, light: u32) -> u32 {
-    let births = light_births(instance, light);
-    let mixed = light_hash(births.x ^ light_hash(births.y));
-    return select(0u, max(mixed >> 8u, 1u), births.z != 0u);
+    let index = light_find_any(instance, light);
+    if index == LIGHT_NO_LIGHT {
+        return 0u;
+    }
+    return light_generation_at(instance, index);
+}
+
+// The same for a light that is there; `index` counts from the start of the buffer.
+fn light_generation_at(instance: u32, index: u32) -> u32 {
+    var of_instance = 0u;
+    if instance != LIGHT_DIRECTIONAL {
+        of_instance = light_instance_quad(instance * light_params.instance_stride + LIGHT_INSTANCE_TREE).x;
+    }
+    let of_light = light_record_quad(index * light_params.light_stride).w;
+    let births = vec2(of_instance, of_light) >> vec2(LIGHT_BIRTH_SHIFT);
+    return max(light_hash(births.x ^ light_hash(births.y)) >> 8u, 1u);
+}
+
+// Whether a light is there that once had a generation. Reads no node: lights of other trees have other birth numbers.
+fn light_is_same(instance: u32, light: u32, generation: u32) -> bool {
+    var index = light_params.directional_base + light;
+    if instance == LIGHT_DIRECTIONAL {
+        if light >= light_params.directional_count {
+            return false;
+        }
+    } else {
+        if instance >= light_params.slots {
+            return false;
+        }
+        let words = light_instance_quad(instance * light_params.instance_stride + LIGHT_INSTANCE_TREE);
+        let stands_in = (words.x & LIGHT_STANDS_IN) != 0u;
+        index = words.w + light;
+        if (words.x & LIGHT_LIVE) == 0u || stands_in != (light >= LIGHT_STAND_IN)
+            || index >= light_record_quads() / light_params.light_stride {
+            return false;
+        }
+    }
+    return light_generation_at(instance, index) == generation;
 }
 
 const LIGHT_NO_LIGHT: u32 = 0xffffffffu;
@@ -224,7 +272,7 @@ fn light_find(instance: u32, light: u32) -> u32 {
     if instance >= light_params.slots {
         return LIGHT_NO_LIGHT;
     }
-    let words = light_instances[instance * light_params.instance_stride + LIGHT_INSTANCE_TREE];
+    let words = light_instance_quad(instance * light_params.instance_stride + LIGHT_INSTANCE_TREE);
     if (words.x & LIGHT_LIVE) == 0u {
         return LIGHT_NO_LIGHT;
     }
@@ -240,27 +288,13 @@ fn light_find_any(instance: u32, light: u32) -> u32 {
     return light_find(instance, light);
 }
 
-// The birth numbers of an instance and of its light, and 1; all 0 where there is no such light.
-fn light_births(instance: u32, light: u32) -> vec3<u32> {
-    let index = light_find_any(instance, light);
-    if index == LIGHT_NO_LIGHT {
-        return vec3(0u);
-    }
-    var of_instance = 0u;
-    if instance != LIGHT_DIRECTIONAL {
-        of_instance = light_instances[instance * light_params.instance_stride + LIGHT_INSTANCE_TREE].x;
-    }
-    let of_light = light_records[index * light_params.light_stride].w;
-    return vec3(vec2(of_instance, of_light) >> vec2(LIGHT_BIRTH_SHIFT), 1u);
-}
-
 // Whether the lights of an instance are stand-ins. Then their indices begin at LIGHT_STAND_IN, and
 // the buffers do not hold the tree. Twin of `LightPlanner::stands_in`.
 fn light_stands_in(instance: u32) -> bool {
     if instance >= light_params.slots {
         return false;
     }
-    let flags = light_instances[instance * light_params.instance_stride + LIGHT_INSTANCE_TREE].x;
+    let flags = light_instance_quad(instance * light_params.instance_stride + LIGHT_INSTANCE_TREE).x;
     return (flags & LIGHT_STANDS_IN) != 0u;
 }
 
@@ -281,7 +315,7 @@ fn light_leaves_tree(place: u32) -> bool {
 
 // The place in the top level where it goes on.
 fn light_place_above(slot: u32, place: u32) -> u32 {
-    let first = light_instances[slot * light_params.instance_stride + LIGHT_INSTANCE_PART].x;
+    let first = light_instance_quad(slot * light_params.instance_stride + LIGHT_INSTANCE_PART).x;
     let index = select(place & ~LIGHT_OPENING, 0u, place == LIGHT_NO_PARENT);
     return light_top[light_params.parts + first + index].z;
 }

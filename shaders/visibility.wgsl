@@ -121,7 +121,7 @@ fn light_learnt_share(row: u32, bin: u32) -> f32 {
 }
 
 // The learnt share of a child; 1 where nothing is learnt. Twin of `LearntCell::shares`.
-fn light_visible_share(
+fn light_child_share(
     packed: LightPackedChild, view: LightNodeView, instance: u32, local: LightLocalShadingPoint, cell: LightCell,
 ) -> f32 {
     if cell.row == LIGHT_NO_ROW {

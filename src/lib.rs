@@ -189,7 +189,7 @@ pub use sampling::cuts::options::CutOptions;
 pub use sampling::cuts::table::{CutReport, CutTable};
 pub use sampling::emit::Incident;
 pub use sampling::quality::Quality;
-pub use sampling::resample::Reservoir;
+pub use sampling::reservoir::Reservoir;
 pub use sampling::sample::{LightPick, LightSample, LightSampler};
 pub use scheduler::FrameBudget;
 pub use shading::gloss::Gloss;

@@ -4,18 +4,18 @@
 /// The stages that may read the lights.
 const VISIBILITY: wgpu::ShaderStages = wgpu::ShaderStages::COMPUTE.union(wgpu::ShaderStages::FRAGMENT);
 
-/// The buffers of lights that shaders bind.
-pub(super) const LIGHTS: usize = 5;
-/// The same with the cuts and the marks of cells.
-pub(super) const ALL: usize = 7;
+/// The buffers that shaders bind: parameters, top level, nodes, instances, lights, cuts, marks, the last frame.
+pub(super) const ALL: usize = 8;
+/// The place of the marks among them.
+const MARKS: usize = 6;
 
-/// The layout of the first `count` buffers that shaders bind. `fragments_write` is as in
-/// [`GpuOptions`](super::GpuOptions).
+/// The layout of the first `count` buffers that shaders bind: all, or without the last frame. `fragments_write` is as
+/// in [`GpuOptions`](super::GpuOptions).
 pub(super) fn light_layout(device: &wgpu::Device, count: usize, fragments_write: bool) -> wgpu::BindGroupLayout {
     let written = if fragments_write { VISIBILITY } else { wgpu::ShaderStages::COMPUTE };
     let mut entries = vec![uniform_entry(0)];
     entries.extend((1..count as u32).map(|binding| storage_entry(binding, true)));
-    if let Some(marks) = entries.get_mut(ALL - 1) {
+    if let Some(marks) = entries.get_mut(MARKS) {
         *marks = entry(marks.binding, written, wgpu::BufferBindingType::Storage { read_only: false });
     }
     let label = Some("girandole lights");

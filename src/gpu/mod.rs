@@ -40,7 +40,6 @@ mod options;
 mod player;
 #[cfg(test)]
 mod poison;
-mod previous;
 mod probe;
 mod records;
 mod recorder;
@@ -61,7 +60,7 @@ mod variants;
 
 use std::fmt;
 
-use bindings::{ALL, LIGHTS, bind_lights, light_layout};
+use bindings::{ALL, bind_lights, light_layout};
 use candidates::CandidateTable;
 pub use error::GpuError;
 use error::{check_limits, largest_storage_buffer};
@@ -69,7 +68,7 @@ use kernel::RequestKernel;
 pub use options::GpuOptions;
 use player::Player;
 use recorder::Recorder;
-pub use records::{ReservoirRecord, SampleRecord, SampleRequest};
+pub use records::{SampleRecord, SampleRequest};
 pub use shader::LightShader;
 use source_link::SourceLink;
 pub use sync::SyncReport;
@@ -77,8 +76,8 @@ use top_status::TopStatus;
 
 use crate::effects::Effects;
 use crate::plan::pool::Growth;
-use crate::plan::{BufferId, Commands, KERNELS, Kernel, LightPlanner, PlanLimits, ShaderBuffers};
-pub use crate::plan::{GpuMemory, HeatMap, ShaderNameError, ShaderParts, TargetHook, UploadReport, wgsl, with_prefix};
+use crate::plan::{BufferId, Commands, KERNELS, Kernel, LightPlanner, PlanLimits};
+pub use crate::plan::{GpuMemory, HeatMap, ShaderNameError, ShaderParts, UploadReport, wgsl, with_prefix};
 use crate::world::{LightWorld, Revision};
 
 /// The lights of one [`LightWorld`] on a GPU: the buffers and the bind group that shaders read, and
@@ -121,6 +120,8 @@ pub struct GpuLights {
     /// The build of the top level after the last upload.
     top: Commands,
     top_status: TopStatus,
+    /// The layout of group 0 in these kernels, which know no last frame.
+    kernel_layout: wgpu::BindGroupLayout,
     sampling: RequestKernel,
     resampling: RequestKernel,
     candidates: CandidateTable,
@@ -135,15 +136,16 @@ pub struct GpuLights {
     /// The buffers that it was made for; `None` for zeros.
     bound: [Option<BufferId>; ALL],
     sources: SourceLink,
-    /// What shaders bind of the last frame, and its buffers; without them `dark` is bound.
-    previous: (Option<ShaderBuffers>, LightGroup),
+    /// Shaders read the lights of the last frame.
+    has_previous: bool,
 }
 
-/// A bind group with its layout.
+/// A bind group with its layout, and how many buffers it has.
 #[derive(Clone)]
 struct LightGroup {
     layout: wgpu::BindGroupLayout,
     bind_group: wgpu::BindGroup,
+    count: usize,
 }
 
 impl LightGroup {
@@ -151,11 +153,11 @@ impl LightGroup {
     fn new(device: &wgpu::Device, count: usize, fragments_write: bool, buffers: &[&wgpu::Buffer]) -> Self {
         let layout = light_layout(device, count, fragments_write);
         let bind_group = bind_lights(device, &layout, &buffers[..count]);
-        Self { layout, bind_group }
+        Self { layout, bind_group, count }
     }
 
-    fn rebind(&mut self, device: &wgpu::Device, count: usize, buffers: &[&wgpu::Buffer]) {
-        self.bind_group = bind_lights(device, &self.layout, &buffers[..count]);
+    fn rebind(&mut self, device: &wgpu::Device, buffers: &[&wgpu::Buffer]) {
+        self.bind_group = bind_lights(device, &self.layout, &buffers[..self.count]);
     }
 }
 
@@ -180,7 +182,7 @@ impl DarkBuffers {
     /// In the order of the bindings.
     fn buffers(&self) -> [&wgpu::Buffer; ALL] {
         let Self { params, storage, marks } = self;
-        [params, storage, storage, storage, storage, storage, marks]
+        [params, storage, storage, storage, storage, storage, marks, storage]
     }
 }
 
@@ -210,30 +212,35 @@ impl GpuLights {
     fn make(device: &wgpu::Device, queue: &wgpu::Queue, options: &GpuOptions) -> Result<Self, GpuError> {
         let candidates = CandidateTable::new(device, queue)?;
         let dark = DarkBuffers::new(device)?;
-        let group = |count| LightGroup::new(device, count, options.fragments_write, &dark.buffers());
-        let previous = (None, group(LIGHTS));
-        let group = group(ALL);
+        let count = if options.previous { ALL } else { ALL - 1 };
+        let group = LightGroup::new(device, count, options.fragments_write, &dark.buffers());
+        let kernel_layout = match options.previous {
+            true => light_layout(device, ALL - 1, options.fragments_write),
+            false => group.layout.clone(),
+        };
         let mut lights = Self {
             device: device.clone(),
             planner: LightPlanner::new(PlanLimits::new(largest_storage_buffer(device))),
             player: Player::new(device, queue),
             top: Commands::default(),
             top_status: TopStatus::new(),
-            sampling: RequestKernel::sampling(device, &group.layout),
-            resampling: RequestKernel::resampling(device, &group.layout),
+            sampling: RequestKernel::sampling(device, &kernel_layout),
+            resampling: RequestKernel::resampling(device, &kernel_layout),
+            kernel_layout,
             candidates,
             has_built_cuts: false,
             learns: options.learning.is_some(),
             is_dark: true,
             dark,
             group,
-            previous,
+            has_previous: options.previous,
             bound: [None; ALL],
             sources: SourceLink::new(device),
         };
         // Conversions and refits are rare, so their kernels are compiled when they are needed.
         let is_rare = |kernel: &&Kernel| matches!(kernel.stage(), "relayout" | "refit");
         KERNELS.iter().filter(|kernel| !is_rare(kernel)).for_each(|kernel| lights.player.compile(*kernel));
+        lights.planner.keep_previous(options.previous);
         lights.make_cells(options)?;
         lights.start()?;
         Ok(lights)
@@ -279,11 +286,11 @@ impl GpuLights {
         self.player.record(&mut recorder, &self.top);
         drop(recorder);
         self.record_readback(encoder);
-        self.planner.top_changed();
     }
 
     /// The layout of [`GpuLights::bind_group`], for the pipeline layouts of the engine's shaders: one uniform buffer, five
-    /// read-only storage buffers and one that is written, for compute and fragment stages.
+    /// read-only storage buffers and one that is written, for compute and fragment stages; with
+    /// [`GpuOptions::previous`] one more that is only read.
     pub fn bind_group_layout(&self) -> &wgpu::BindGroupLayout {
         &self.group.layout
     }
@@ -319,7 +326,7 @@ impl GpuLights {
     /// `effects` are the effects that the text has to support; with [`Effects::all`] it supports
     /// every world. With [`GpuOptions::learning`] it has `light_record_visibility` ([`ShaderParts::learns`]).
     pub fn shader(&self, group: u32, effects: Effects) -> LightShader {
-        let parts = ShaderParts { learns: self.learns, ..ShaderParts::default() };
+        let parts = ShaderParts { learns: self.learns, previous: self.has_previous, ..ShaderParts::default() };
         LightShader::new(group, effects, parts, self.group.layout.clone())
     }
 
@@ -330,10 +337,17 @@ impl GpuLights {
         if bound.iter().all(Option::is_none) || bound != self.bound {
             self.bound = bound;
             let mut group = self.group.clone();
-            group.rebind(&self.device, ALL, &self.buffers());
+            group.rebind(&self.device, &self.buffers());
             self.group = group;
         }
-        self.rebind_previous();
+    }
+
+    /// The bind group of the library's own kernels.
+    fn kernel_group(&self) -> wgpu::BindGroup {
+        match self.has_previous {
+            true => bind_lights(&self.device, &self.kernel_layout, &self.buffers()[..ALL - 1]),
+            false => self.group.bind_group.clone(),
+        }
     }
 
     /// The buffers that shaders bind, in the order of the layout; `None` for zeros. There are no cells while an
@@ -343,6 +357,7 @@ impl GpuLights {
         let Some(lights) = self.planner.bindings().filter(|_| !self.is_dark) else { return ids };
         let all = lights.iter().copied().chain(self.planner.cells().into_iter().flatten());
         ids.iter_mut().zip(all).for_each(|(id, bound)| *id = Some(bound));
+        ids[ALL - 1] = self.planner.previous();
         ids
     }
 

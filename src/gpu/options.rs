@@ -26,11 +26,17 @@ pub struct GpuOptions {
     /// `wgpu::DownlevelFlags::FRAGMENT_WRITABLE_STORAGE` need `false`. There, compute shaders do both, and
     /// fragment shaders choose lights as elsewhere.
     pub fragments_write: bool,
+    /// Whether the lights of the last frame are kept, for renderers that reuse samples from frame to frame: `false` by
+    /// default. Shaders then have `light_reservoir_sample_previous`
+    /// ([`ShaderParts::previous`](super::ShaderParts::previous)) and bind one more storage buffer, which holds
+    /// instances and lights a second time. Upload once in each frame, also if nothing has changed: a frame is what lies
+    /// between two uploads.
+    pub previous: bool,
 }
 
 impl Default for GpuOptions {
     fn default() -> Self {
-        Self { cuts: CutOptions::default(), learning: None, fragments_write: true }
+        Self { cuts: CutOptions::default(), learning: None, fragments_write: true, previous: false }
     }
 }
 
@@ -45,6 +51,12 @@ impl GpuOptions {
     #[must_use]
     pub fn with_learning(self, learning: VisibilityOptions) -> Self {
         Self { learning: Some(learning), ..self }
+    }
+
+    /// The same with the lights of the last frame.
+    #[must_use]
+    pub fn with_previous(self) -> Self {
+        Self { previous: true, ..self }
     }
 
     /// The same for devices on which fragment shaders write no storage.

@@ -199,7 +199,9 @@ impl Player {
     fn record_one(&mut self, recorder: &mut Recorder<'_>, command: Command<'_>) {
         match command {
             Command::Write { .. } => unreachable!("writes go through the queue"),
-            Command::Copy { from, to, bytes } => recorder.copy(self.buffer(from), self.buffer(to), bytes),
+            Command::Copy { from, to, offset, bytes } => {
+                recorder.copy(self.buffer(from), (self.buffer(to), offset), bytes);
+            }
             Command::Clear { buffer, offset, bytes } => recorder.clear(self.buffer(buffer), offset, bytes),
             Command::Dispatch { kernel, buffers, uniform_offset, workgroups } => {
                 #[cfg(test)]

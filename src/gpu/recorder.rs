@@ -58,9 +58,9 @@ impl<'a> Recorder<'a> {
     }
 
     /// Copies the first bytes of a buffer.
-    pub(crate) fn copy(&mut self, from: &wgpu::Buffer, to: &wgpu::Buffer, bytes: u64) {
+    pub(crate) fn copy(&mut self, from: &wgpu::Buffer, (to, offset): (&wgpu::Buffer, u64), bytes: u64) {
         self.pass = None;
-        self.encoder.copy_buffer_to_buffer(from, 0, to, 0, bytes);
+        self.encoder.copy_buffer_to_buffer(from, 0, to, offset, bytes);
     }
 
     /// Sets bytes of a buffer to zero.

@@ -62,24 +62,3 @@ pub struct SampleRecord {
     /// 1 for a light without size: a point, a spot or a directional light. Otherwise 0.
     pub is_delta: u32,
 }
-
-/// The candidate that was kept, with its weight: what [`GpuLights::resample`] writes for each
-/// request.
-///
-/// `brdf * cosine * chosen.radiance * weight` estimates the radiance that leaves the shading point,
-/// if nothing occludes the light.
-///
-/// 64 bytes; `LightReservoir` in `shaders/resample.wgsl`.
-///
-/// [`GpuLights::resample`]: super::GpuLights::resample
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct ReservoirRecord {
-    /// The candidate, with its own pmf and pdf.
-    pub chosen: SampleRecord,
-    /// Takes the place of `1 / (pmf * pdf)`; 0 if no candidate sends any light. See
-    /// [`Reservoir`](crate::Reservoir).
-    pub weight: f32,
-    /// Not written.
-    pub padding: [f32; 3],
-}

@@ -2,14 +2,15 @@
 
 use super::GpuLights;
 use super::bindings::records;
-use super::records::{ReservoirRecord, SampleRequest};
+use super::records::{SampleRecord, SampleRequest};
 use crate::sampling::counts::CandidateCount;
 
 impl GpuLights {
     /// Records a pass that draws `candidates` lights for each of the first `count` requests and
     /// keeps one, as [`LightSampler::resample`](crate::LightSampler::resample) does.
     ///
-    /// `requests` holds [`SampleRequest`]s; the pass writes [`ReservoirRecord`]s to `reservoirs`.
+    /// `requests` holds [`SampleRequest`]s; the pass writes [`SampleRecord`]s to `samples`, in which
+    /// `1 / weight` of the [`Reservoir`](crate::Reservoir) takes the place of the pmf.
     /// Both are storage buffers of the engine with room for `count` records.
     ///
     /// The top level must have been built since the last upload: see [`GpuLights::build_top`].
@@ -18,7 +19,7 @@ impl GpuLights {
         &self,
         encoder: &mut wgpu::CommandEncoder,
         requests: &wgpu::Buffer,
-        reservoirs: &wgpu::Buffer,
+        samples: &wgpu::Buffer,
         count: u32,
         candidates: CandidateCount,
     ) {
@@ -28,9 +29,9 @@ impl GpuLights {
         let pipeline = self.resampling.pipeline(self.effects());
         let own = [
             records(requests, count, size_of::<SampleRequest>()),
-            records(reservoirs, count, size_of::<ReservoirRecord>()),
+            records(samples, count, size_of::<SampleRecord>()),
             self.candidates.binding(candidates),
         ];
-        self.resampling.record(encoder, &pipeline, &self.group.bind_group, &own, count);
+        self.resampling.record(encoder, &pipeline, &self.kernel_group(), &own, count);
     }
 }

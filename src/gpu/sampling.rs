@@ -39,7 +39,7 @@ impl GpuLights {
     ) {
         let own =
             [records(requests, count, size_of::<SampleRequest>()), records(samples, count, size_of::<SampleRecord>())];
-        self.sampling.record(encoder, pipeline, &self.group.bind_group, &own, count);
+        self.sampling.record(encoder, pipeline, &self.kernel_group(), &own, count);
     }
 }
 

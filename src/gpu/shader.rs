@@ -1,8 +1,8 @@
 //! What an engine needs to call our functions from a shader of its own.
 
 use crate::effects::Effects;
+use crate::plan::ShaderParts;
 use crate::plan::text;
-use crate::plan::{ShaderParts, TargetHook};
 
 /// The WGSL text and the bind group layout that an engine's shader needs to choose lights.
 ///
@@ -27,15 +27,17 @@ use crate::plan::{ShaderParts, TargetHook};
 /// fn light_volume_point(position: vec3<f32>) -> LightShadingPoint
 /// // A segment of a ray through a medium: metres; unit; metres.
 /// fn light_segment(origin: vec3<f32>, direction: vec3<f32>, length: f32) -> LightShadingPoint
-/// struct LightPick { instance: u32, light: u32, pmf: f32 }
 /// struct LightSample {
 ///     direction: vec3<f32>, dist: f32, // unit, from the shading point; metres
 ///     radiance: vec3<f32>, pdf: f32, pmf: f32, // see below
 ///     instance: u32, light: u32, is_delta: u32,
 /// }
-/// // `chosen` has the pmf and pdf that light_sample would return, and `weight` takes the place of
-/// // 1 / (pmf * pdf). `weight` and `chosen.pmf` are 0 if no candidate is kept, and above 0 otherwise.
-/// struct LightReservoir { chosen: LightSample, weight: f32 }
+/// // A light that was kept, and the numbers of the point on it: 28 bytes, to be stored from frame to frame. `weight`
+/// // takes the place of 1 / pmf, and is 0 if no light is kept. `count` is how many draws it stands for. The engine sets
+/// // `reflected`. See `Reservoir`.
+/// struct LightReservoir {
+///     instance: u32, light: u32, generation: u32, numbers: u32, weight: f32, count: f32, reflected: f32,
+/// }
 /// // Made by the functions above. Shaders may read these two fields; the others depend on the effects,
 /// // and may change with any version. The normal is zero in a volume.
 /// struct LightShadingPoint { position: vec3<f32>, normal: vec3<f32>, /* ... */ }
@@ -45,14 +47,25 @@ use crate::plan::{ShaderParts, TargetHook};
 /// fn light_mark(shading_point: LightShadingPoint)
 /// // A light and a point on it.
 /// fn light_sample(shading_point: LightShadingPoint, u: vec4<f32>) -> LightSample
-/// // One of up to LIGHT_MAX_CANDIDATES samples, kept in proportion to its unshadowed light.
+/// // One of up to LIGHT_MAX_CANDIDATES candidates, kept in proportion to its unshadowed light.
 /// // `choice` is a fifth random number, which chooses among them.
 /// fn light_resample(
 ///     shading_point: LightShadingPoint, u: vec4<f32>, choice: f32, candidates: u32,
 /// ) -> LightReservoir
-/// // A light alone; then a point on a picked light, whose pmf must be above 0.
-/// fn light_pick(shading_point: LightShadingPoint, u: vec2<f32>) -> LightPick
-/// fn light_sample_picked(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample
+/// // The light of a reservoir at any point, as it is now; its pmf is 1 / weight, and 0 if nothing arrives.
+/// fn light_reservoir_sample(shading_point: LightShadingPoint, reservoir: LightReservoir) -> LightSample
+/// // One of two, at the point of `own`, by what the lights of both reflect there and at the point of `other`. `u`
+/// // chooses. See `Reservoir::merge`.
+/// fn light_reservoir_merge(
+///     own: LightReservoir, own_there: f32, other: LightReservoir, other_here: f32, u: f32,
+/// ) -> LightReservoir
+/// // A light that the engine names, with a weight of 1, and 0 if it is not there.
+/// fn light_reservoir_of(instance: u32, light: u32, u: vec2<f32>) -> LightReservoir
+/// // The numbers of candidate `i` of `count`, spread evenly, for an engine that merges candidates itself.
+/// fn light_candidate_numbers(u: vec4<f32>, i: u32, count: u32) -> vec4<f32>
+/// // The learnt share of rays toward a sample that are not blocked; 1 where nothing is learnt. Targets without
+/// // shadow rays are multiplied by it.
+/// fn light_visible_share(shading_point: LightShadingPoint, s: LightSample) -> f32
 /// // The probability of a light, and the density of a point on it.
 /// fn light_pmf(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
 /// fn light_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, point: vec3<f32>) -> f32
@@ -66,7 +79,7 @@ use crate::plan::{ShaderParts, TargetHook};
 /// // The 32 bits that the engine has given to an instance: see `LightWorld::set_user_data`.
 /// fn light_user_data(instance: u32) -> u32
 /// // With Effects::SEGMENTS only: where on its segment the last sample was taken, in metres from the
-/// // start; after light_resample, the one that was kept.
+/// // start.
 /// var<private> light_along: f32;
 /// // With Effects::SEGMENTS only: the distance along a segment for a given light, and its density.
 /// struct LightAlong { along: f32, pdf: f32 }
@@ -80,24 +93,22 @@ use crate::plan::{ShaderParts, TargetHook};
 /// fn light_hash(bits: u32) -> u32
 /// ```
 ///
-/// [`GpuOptions::learning`](super::GpuOptions::learning) adds a function that records
-/// which of the chosen lights are visible. [`LightShader::with_target`] adds `light_resample_by`,
-/// which weighs candidates by a function of the engine, and [`LightShader::with_heat_map`] adds
+/// [`GpuOptions::previous`](super::GpuOptions::previous) adds `light_reservoir_sample_previous`, for lights as they were
+/// in the last frame, and [`GpuOptions::learning`](super::GpuOptions::learning) a function that records
+/// which of the chosen lights are visible. [`LightShader::with_heat_map`] adds
 /// `light_heat_map`, which shows how lights are chosen.
 ///
 /// # Measures
 ///
 /// - `pmf` is the probability of the light among all lights, in [0, 1]. In a sample, 0 means that
-///   nothing arrives: `radiance` is 0, and all fields are finite, but `pdf` may be 0. The pick of
-///   `light_pick`, which `light_sample_picked` takes, has its
-///   probability in any case.
+///   nothing arrives: `radiance` is 0, and all fields are finite, but `pdf` may be 0. The light of a
+///   reservoir has `1 / weight` in its place, which may be above 1.
 /// - If `is_delta` is 0, `radiance` is in nits and `pdf` is a density per steradian, seen from the
 ///   shading point.
 /// - If `is_delta` is 1 (points, spots and directional lights), `radiance` is the illuminance in
 ///   lux of a surface that faces the light, and `pdf` is 1.
 /// - In both cases `brdf * cosine * radiance / (pmf * pdf)` estimates the radiance that leaves the
-///   shading point, if nothing occludes the light within `dist`. For a reservoir,
-///   `brdf * cosine * chosen.radiance * weight` does.
+///   shading point, if nothing occludes the light within `dist`.
 /// - For a segment, `pdf` is multiplied by the density of `light_along` per metre, and the estimate
 ///   is that of an integral over the segment.
 /// - `light_pdf` is per steradian, and includes the pmf. It is 0 for segments.
@@ -131,16 +142,13 @@ pub struct LightShader {
     pub effects: Effects,
     /// What the text has besides the functions above.
     pub parts: ShaderParts,
-    /// The number of the bind group with the lights of the last frame, if the text has
-    /// `light_sample_picked_previous`: see [`LightShader::with_previous`].
-    pub previous_group: Option<u32>,
     /// The layout of the bind group, for compute and fragment stages.
     pub layout: wgpu::BindGroupLayout,
 }
 
 impl LightShader {
     pub(super) fn new(group: u32, effects: Effects, parts: ShaderParts, layout: wgpu::BindGroupLayout) -> Self {
-        Self { wgsl: String::new(), group, effects, parts, previous_group: None, layout }.with_effects(effects)
+        Self { wgsl: String::new(), group, effects, parts, layout }.with_effects(effects)
     }
 
     /// Returns the same shader for other effects. This needs no [`GpuLights`](super::GpuLights), so it
@@ -148,78 +156,7 @@ impl LightShader {
     /// nothing.
     #[must_use]
     pub fn with_effects(&self, effects: Effects) -> Self {
-        let mut wgsl = text::wgsl_with(self.group, effects, &self.parts);
-        if let Some(group) = self.previous_group {
-            wgsl += &text::wgsl_previous(group, effects);
-        }
-        Self { wgsl, effects, ..self.clone() }
-    }
-
-    /// Returns the same shader with the lights of the last frame, which renderers that reuse samples
-    /// from frame to frame need:
-    ///
-    /// ```wgsl
-    /// // As light_sample_picked, of the light as it was in the last frame. The pmf is 0 for a light that did not exist.
-    /// fn light_sample_picked_previous(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample
-    /// ```
-    ///
-    /// `group` is the number of a second bind group:
-    /// [`GpuLights::previous_bind_group`](super::GpuLights::previous_bind_group), which needs
-    /// [`GpuLights::keep_previous`](super::GpuLights::keep_previous). A stage that calls the function
-    /// binds ten storage buffers, which is more than WebGPU's default limit.
-    ///
-    /// The shading point is relative to the origin that the world had then
-    /// ([`LightWorld::origin`](crate::LightWorld::origin)). The function compares what
-    /// `light_generation` returns now and returned then, so a light that was added, that came with
-    /// another tree or instance, or that is hidden now has a pmf of 0.
-    #[must_use]
-    pub fn with_previous(self, group: u32) -> Self {
-        let effects = self.effects;
-        Self { previous_group: Some(group), ..self }.with_effects(effects)
-    }
-
-    /// Returns the same shader with `light_resample_by`, which keeps candidates in proportion to a
-    /// function of the engine. [`TargetHook`] has the functions' parameters. A second call replaces
-    /// the function of the first.
-    ///
-    /// Only shaders that have this function pay for it. [`LightShader::with_effects`] keeps it.
-    ///
-    /// ```
-    /// use girandole::Effects;
-    /// use girandole::gpu::{GpuLights, ShaderNameError, TargetHook};
-    ///
-    /// const ENGINE: &str = "
-    /// struct Material { base_color: vec3<f32>, toward_eye: vec3<f32>, shininess: f32 }
-    ///
-    /// fn brdf(normal: vec3<f32>, direction: vec3<f32>, material: Material) -> vec3<f32> {
-    ///     let half_vector = normalize(direction + material.toward_eye);
-    ///     return material.base_color / 3.14 + pow(max(dot(normal, half_vector), 0.0), material.shininess);
-    /// }
-    ///
-    /// fn reflected(shading_point: LightShadingPoint, material: Material, candidate: LightSample) -> vec3<f32> {
-    ///     let cosine = max(dot(shading_point.normal, candidate.direction), 0.0);
-    ///     return brdf(shading_point.normal, candidate.direction, material) * cosine * candidate.radiance;
-    /// }
-    ///
-    /// fn reflected_luminance(shading_point: LightShadingPoint, material: Material, candidate: LightSample) -> f32 {
-    ///     return dot(reflected(shading_point, material, candidate), vec3(0.2126, 0.7152, 0.0722));
-    /// }
-    ///
-    /// fn direct_light(at: LightShadingPoint, material: Material, u: vec4<f32>, choice: f32) -> vec3<f32> {
-    ///     let kept = light_resample_by(at, material, u, choice, 8u);
-    ///     // An engine traces a shadow ray of length kept.chosen.dist here, if the weight is above 0.
-    ///     return reflected(at, material, kept.chosen) * kept.weight;
-    /// }";
-    ///
-    /// fn text(lights: &GpuLights) -> Result<String, ShaderNameError> {
-    ///     let hook = TargetHook::new("reflected_luminance", "Material")?;
-    ///     Ok(lights.shader(1, Effects::all()).with_target(hook).join(ENGINE))
-    /// }
-    /// ```
-    #[must_use]
-    pub fn with_target(self, hook: TargetHook) -> Self {
-        let effects = self.effects;
-        Self { parts: self.parts.clone().with_target(hook), ..self }.with_effects(effects)
+        Self { wgsl: text::wgsl_with(self.group, effects, &self.parts), effects, ..self.clone() }
     }
 
     /// The same with `light_record_visibility`: see [`ShaderParts::learns`](crate::plan::ShaderParts::learns).
@@ -293,6 +230,9 @@ mod tests {
         fn engine_sample_brdf(normal: vec3<f32>, v: vec2<f32>) -> vec3<f32> { return normal; }
         fn engine_is_occluded(from_: vec3<f32>, direction: vec3<f32>, dist: f32) -> bool { return false; }
         fn engine_shade(surface: EngineSurface, s: LightSample) -> vec4<f32> { return vec4(s.radiance, 1.0); }
+        fn engine_surface_then(pixel: vec2<u32>) -> EngineSurface { return EngineSurface(); }
+        fn engine_pixel_then(pixel: vec2<u32>) -> vec2<i32> { return vec2<i32>(pixel); }
+        fn engine_is_alike(a: EngineSurface, b: EngineSurface) -> bool { return true; }
         fn engine_trace(from_: vec3<f32>, direction: vec3<f32>) -> f32 { return 0.0; }
     ";
 
@@ -311,14 +251,12 @@ mod tests {
             let knows = |block: &&&str| effects.contains(Effects::SEGMENTS) || !block.contains("light_segment(");
             for block in blocks.iter().filter(knows) {
                 let learns = block.contains("light_record_visibility");
-                let hook = TargetHook::new("engine_target", "EngineSurface").expect("identifiers");
-                let target = block.contains("light_resample_by").then_some(hook);
-                let previous = block.contains("light_sample_picked_previous").then(|| text::wgsl_previous(2, effects));
+                let previous = block.contains("light_reservoir_sample_previous");
                 let heat_map = block.contains("light_heat_map");
-                let parts = ShaderParts { target, learns, heat_map, ..ShaderParts::default() };
+                let parts = ShaderParts { learns, heat_map, previous };
                 let text = match block.contains("light_put_") {
                     true => wgsl_of_sources(1),
-                    false => text::wgsl_with(1, effects, &parts) + &previous.unwrap_or_default() + STUBS,
+                    false => text::wgsl_with(1, effects, &parts) + STUBS,
                 };
                 let text = text + block;
                 let module =

@@ -18,12 +18,14 @@ pub enum Command<'a> {
         /// The new content, at least four bytes.
         bytes: &'a [u8],
     },
-    /// Copies the first bytes of a buffer to the start of another.
+    /// Copies the first bytes of a buffer to another.
     Copy {
         /// The source.
         from: BufferId,
         /// The destination, another buffer.
         to: BufferId,
+        /// The first byte of the destination, a multiple of 4.
+        offset: u64,
         /// How many, a multiple of 4.
         bytes: u64,
     },
@@ -76,7 +78,7 @@ pub struct Commands {
 #[derive(Clone, Debug)]
 enum StoredCommand {
     Write { buffer: BufferId, offset: u64, bytes: Range<usize> },
-    Copy { from: BufferId, to: BufferId, bytes: u64 },
+    Copy { from: BufferId, to: BufferId, offset: u64, bytes: u64 },
     Clear { buffer: BufferId, offset: u64, bytes: u64 },
     Dispatch { kernel: Kernel, buffers: Range<usize>, uniform_offset: u32, workgroups: [u32; 3] },
     DispatchIndirect { kernel: Kernel, buffers: Range<usize>, uniform_offset: u32, workgroups: BufferId },
@@ -109,7 +111,9 @@ impl Commands {
             StoredCommand::Write { buffer, offset, bytes } => {
                 Command::Write { buffer: *buffer, offset: *offset, bytes: &self.bytes[bytes.clone()] }
             }
-            StoredCommand::Copy { from, to, bytes } => Command::Copy { from: *from, to: *to, bytes: *bytes },
+            StoredCommand::Copy { from, to, offset, bytes } => {
+                Command::Copy { from: *from, to: *to, offset: *offset, bytes: *bytes }
+            }
             StoredCommand::Clear { buffer, offset, bytes } => {
                 Command::Clear { buffer: *buffer, offset: *offset, bytes: *bytes }
             }
@@ -166,10 +170,15 @@ impl Commands {
         self.write_with(buffer, offset, |all| all.extend_from_slice(bytes));
     }
 
-    /// Adds a copy; nothing if it has no bytes.
+    /// Adds a copy to the start of a buffer; nothing if it has no bytes.
     pub(crate) fn copy(&mut self, from: BufferId, to: BufferId, bytes: u64) {
+        self.copy_to(from, (to, 0), bytes);
+    }
+
+    /// Adds a copy to a place in a buffer; nothing if it has no bytes.
+    pub(crate) fn copy_to(&mut self, from: BufferId, (to, offset): (BufferId, u64), bytes: u64) {
         if bytes > 0 {
-            self.entries.push(StoredCommand::Copy { from, to, bytes });
+            self.entries.push(StoredCommand::Copy { from, to, offset, bytes });
         }
     }
 

@@ -34,15 +34,13 @@ impl PlanError {
     }
 }
 
-/// A name for shaders is not an ASCII identifier of WGSL. Code 900.
+/// No name of WGSL begins with the prefix. Code 900.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the {what} is {name:?}, which is not an ASCII identifier of WGSL")]
+#[error("the prefix is {prefix:?}, with which no name of WGSL begins")]
 #[non_exhaustive]
 pub struct ShaderNameError {
-    /// What is named: `"function"` or `"argument"` of a [`TargetHook`](super::TargetHook), or `"prefix"`.
-    pub what: &'static str,
-    /// The given name.
-    pub name: String,
+    /// The given prefix.
+    pub prefix: String,
 }
 
 impl ShaderNameError {
@@ -62,6 +60,6 @@ mod tests {
             [PlanError::Full { what: "nodes", needed: 2, limit: 1 }, PlanError::OutOfOrder { expected: 3, given: 5 }];
         assert_eq!(errors.map(|error| error.code()), [600, 604]);
         assert_eq!(errors[1].to_string(), "the plan with number 5 was given; number 3 comes next");
-        assert_eq!(ShaderNameError { what: "function", name: String::new() }.code(), 900);
+        assert_eq!(ShaderNameError { prefix: String::new() }.code(), 900);
     }
 }

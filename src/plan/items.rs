@@ -3,31 +3,36 @@
 use std::collections::{HashMap, HashSet};
 
 use super::error::ShaderNameError;
-use super::target_hook::is_identifier;
 
 /// Returns a copy of the function `root` under another name, with `suffix` added, that works on
 /// variables of its own.
 ///
-/// Copied with it are the variables that it uses, and the functions that it calls if they use
-/// variables, all with the suffix. Everything else is shared with the text: other functions,
-/// constants and types.
+/// `given` are the variables and functions that the caller has under the name with the suffix. Copied are the functions
+/// that use these and private variables, and such variables. Everything else is shared with the text: other
+/// functions, bindings, constants and types.
 ///
 /// The text has the form of this crate's files: each item begins at the start of a line and ends
 /// with a line `}` or with a semicolon.
-pub(super) fn renamed(text: &str, root: &str, suffix: &str) -> String {
+pub(super) fn renamed(text: &str, root: &str, suffix: &str, given: &[&str]) -> String {
     let items = items(text);
     let all: HashMap<&str, usize> = items.iter().enumerate().map(|(index, item)| (item.name, index)).collect();
-    let uses: Vec<Vec<usize>> =
-        items.iter().map(|item| words(item.text).filter_map(|(_, word)| all.get(word).copied()).collect()).collect();
+    let is_given = |item: &TextItem<'_>| given.contains(&item.name);
+    // What is given uses nothing else of the text.
+    let uses = items.iter().map(|item| match is_given(item) {
+        true => Vec::new(),
+        false => words(item.text).filter_map(|(_, word)| all.get(word).copied()).collect(),
+    });
+    let uses: Vec<Vec<usize>> = uses.collect();
     // From an item to those that it names, and from one that is named to those that name it.
     let mut users = vec![Vec::new(); items.len()];
     uses.iter().enumerate().for_each(|(user, used)| used.iter().for_each(|used| users[*used].push(user)));
-    let variables = items.iter().enumerate().filter(|(_, item)| item.is_variable).map(|(index, _)| index);
-    let with_variables = reached(variables.collect(), &users);
+    let is_own = |item: &TextItem<'_>| is_given(item) || item.text.starts_with("var<private>");
+    let own = items.iter().enumerate().filter(|(_, item)| is_own(item)).map(|(index, _)| index);
+    let with_variables = reached(own.collect(), &users);
     let needed: HashSet<usize> = &reached(vec![all[root]], &uses) & &with_variables;
     let names: HashSet<&str> = needed.iter().map(|index| items[*index].name).collect();
     let mut copy = String::new();
-    for item in items.iter().filter(|item| names.contains(item.name)) {
+    for item in items.iter().filter(|item| names.contains(item.name) && !is_given(item)) {
         let mut end = 0;
         for (start, word) in words(item.text).filter(|(_, word)| names.contains(word)) {
             copy += &item.text[end..start + word.len()];
@@ -44,19 +49,19 @@ pub(super) fn renamed(text: &str, root: &str, suffix: &str) -> String {
 /// with `prefix`: for engines that use names such as `light_sample` themselves.
 ///
 /// With the prefix `gi_`, `light_sample` becomes `gi_light_sample`, and `LightSample` becomes
-/// `gi_LightSample`; members of types and the names of a [`TargetHook`](super::TargetHook) stay as they are.
+/// `gi_LightSample`; members of types stay as they are.
 ///
-/// Join the texts of one shader first, such as those of [`wgsl`](super::wgsl) and
-/// [`wgsl_previous`](super::wgsl_previous). For a `LightShader`, put the text of its field `wgsl` through this
-/// function last: its methods `with_effects`, `with_previous` and `with_target` make the text anew, without
-/// the prefix. O(text).
+/// For a `LightShader`, put the text of its field `wgsl` through this
+/// function last: its methods make the text anew, without the prefix. O(text).
 ///
 /// # Errors
-/// [`ShaderNameError`] for a prefix that is not an identifier of WGSL, as for
-/// [`TargetHook::new`](super::TargetHook::new).
+/// [`ShaderNameError`] for a prefix with which no name of WGSL begins: ASCII letters, digits and `_`, without a
+/// digit first and without two `_` first. WGSL allows letters beyond ASCII; here they are refused.
 pub fn with_prefix(text: &str, prefix: &str) -> Result<String, ShaderNameError> {
-    if !is_identifier(prefix) {
-        return Err(ShaderNameError { what: "prefix", name: prefix.to_owned() });
+    let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let starts_well = prefix.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_') && !prefix.starts_with("__");
+    if !starts_well || !prefix.chars().all(is_word) {
+        return Err(ShaderNameError { prefix: prefix.to_owned() });
     }
     let names: HashSet<&str> = text.lines().filter_map(declared_name).collect();
     let mut prefixed = String::with_capacity(text.len() + text.len() / 8);
@@ -82,7 +87,6 @@ fn reached(mut open: Vec<usize>, next: &[Vec<usize>]) -> HashSet<usize> {
 struct TextItem<'a> {
     name: &'a str,
     text: &'a str,
-    is_variable: bool,
 }
 
 /// The functions and variables of a text.
@@ -97,7 +101,7 @@ fn items(text: &str) -> Vec<TextItem<'_>> {
             open = name_of(line).map(|name| (name, start));
         }
         if let Some((name, first)) = open.filter(|_| is_variable || line.starts_with('}')) {
-            items.push(TextItem { name, text: &text[first..end], is_variable });
+            items.push(TextItem { name, text: &text[first..end] });
             open = None;
         }
         start = end;
@@ -158,6 +162,7 @@ mod tests {
     #[test]
     fn a_copy_has_what_its_root_needs_under_new_names() {
         let text = "@group(1) @binding(0) var<storage, read> a: array<u32>;
+@group(1) @binding(1) var<storage, read> d: array<u32>;
 var<private> b: u32;
 const C: u32 = 3u;
 struct S {
@@ -169,7 +174,7 @@ fn f(s: S) -> u32 {
 }
 
 fn pure(i: u32) -> u32 {
-    return i * C;
+    return i * C + d[i];
 }
 
 fn g(
@@ -182,9 +187,7 @@ fn h() -> u32 {
     return 1u;
 }
 ";
-        let expected = "@group(1) @binding(0) var<storage, read> a_old: array<u32>;
-
-var<private> b_old: u32;
+        let expected = "var<private> b_old: u32;
 
 fn f_old(s: S) -> u32 {
     return g_old(s.a) + C + b_old + pure(1u); // h
@@ -197,6 +200,6 @@ fn g_old(
 }
 
 ";
-        assert_eq!(renamed(text, "f", "_old"), expected);
+        assert_eq!(renamed(text, "f", "_old", &["a"]), expected);
     }
 }

@@ -426,7 +426,7 @@ mod tests {
     use naga::TypeInner;
 
     use super::*;
-    use crate::gpu::{ReservoirRecord, SampleRecord, SampleRequest};
+    use crate::gpu::{SampleRecord, SampleRequest};
     use crate::plan::node_record::NodeRecord;
     use crate::plan::text;
 
@@ -488,9 +488,7 @@ mod tests {
         record!(structs, LeafRecord, "LightPart", [slot, child_bits, place, mask]);
         record!(structs, SampleRequest, "Request", [position, choice, normal, padding, u]);
         record!(structs, SampleRecord, "LightSample", [direction, dist, radiance, pdf, pmf, instance, light, is_delta]);
-        // WGSL pads the struct without naming the padding.
-        assert_eq!(structs["LightReservoir"], (64, vec![("chosen".into(), 0), ("weight".into(), 48)]));
-        assert_eq!((size_of::<ReservoirRecord>(), offset_of!(ReservoirRecord, weight)), (64, 48));
+        assert_eq!(structs["LightReservoir"].0, 28);
         record!(
             structs,
             ParamsRecord,

@@ -33,7 +33,7 @@
 //! for command in plan.upload.iter().chain(plan.top.iter()) {
 //!     match command {
 //!         Command::Write { buffer, offset, bytes } => { /* ... */ }
-//!         Command::Copy { from, to, bytes } => { /* ... */ }
+//!         Command::Copy { from, to, offset, bytes } => { /* ... */ }
 //!         Command::Clear { buffer, offset, bytes } => { /* ... */ }
 //!         Command::Dispatch { kernel, buffers, uniform_offset, workgroups } => { /* ... */ }
 //!         // In builds of shared cuts only.
@@ -80,7 +80,7 @@ mod opened;
 mod parts;
 mod place;
 pub(crate) mod pool;
-mod previous;
+pub(crate) mod previous;
 mod ranges;
 pub(crate) mod relayout;
 mod reserve;
@@ -93,7 +93,6 @@ pub(crate) mod sources;
 mod stand_in;
 pub(crate) mod stored;
 mod tables;
-mod target_hook;
 pub(crate) mod text;
 pub(crate) mod top;
 mod tree_store;
@@ -123,8 +122,7 @@ pub use module::naga_oil_module;
 pub use reserve::Reservation;
 pub use sources::{LightReadback, MeasureReadback, PartReadback, wgsl_of_sources};
 pub use tables::TableReservation;
-pub use target_hook::TargetHook;
-pub use text::{ShaderParts, wgsl, wgsl_previous, wgsl_with};
+pub use text::{ShaderParts, wgsl, wgsl_with};
 
 use crate::effects::Effects;
 use crate::instance::portal::PlacedPortal;
@@ -136,7 +134,7 @@ use buffers::Buffers;
 use cuts::CutStore;
 use instance_store::InstanceStore;
 use layout::{ParamsRecord, Strides};
-use previous::{BUFFERS, Previous};
+use previous::{Present, Previous};
 use residency::Form;
 use room::ReusedLists;
 use sources::SourceStore;
@@ -229,9 +227,8 @@ impl LightPlanner {
         ]))
     }
 
-    /// Keeps the buffers of the last frame, from the next plan on, or drops them. They take as much
-    /// memory as the present ones, and a plan copies those that the plan before it changed. See
-    /// [`wgsl_previous`].
+    /// Keeps the instances and lights of the last frame, from the next plan on, or drops them. They take as much
+    /// memory again, and a plan copies those that the plan before it changed. See [`ShaderParts::previous`].
     ///
     /// Make one plan for each frame then, also if nothing has changed: a frame is what lies between
     /// two plans. After [`LightPlanner::lose`], the last frame has no lights until the second plan.
@@ -239,28 +236,19 @@ impl LightPlanner {
         self.previous.is_kept = is_kept;
     }
 
-    /// The buffers of the last frame, as [`LightPlanner::bindings`] was then, but with buffers of
-    /// their own; `None` before the first plan after [`LightPlanner::keep_previous`]. In that plan's
-    /// frame they are those of the plan before it.
-    pub fn previous_bindings(&self) -> Option<ShaderBuffers> {
-        self.previous.bindings()
+    /// The storage buffer of the last frame, which shaders read at binding 7; `None` before the first plan after
+    /// [`LightPlanner::keep_previous`]. In that plan's frame it holds the lights of the plan before it.
+    pub fn previous(&self) -> Option<BufferId> {
+        self.previous.buffer()
     }
 
-    /// Tells that a build of the top level is played that need not be one of the last plan.
-    #[cfg(feature = "gpu")]
-    pub(crate) fn top_changed(&mut self) {
-        self.previous.changed([true, false, false, false]);
-    }
-
-    /// The buffers that shaders bind, with the bytes that are in use and their sizes.
-    fn present(&self) -> Option<[(BufferId, u64, u64); BUFFERS]> {
-        let ShaderBuffers([_, top, nodes, instances, lights]) = self.bindings()?;
-        let top_bytes = self.top.bytes();
+    /// The buffers of instances and lights that shaders bind.
+    fn present(&self) -> Option<[Present; 2]> {
+        self.uniforms.params_buffer?;
+        let (instances, lights) = (&self.instances.pool, &self.trees.lights);
         Some([
-            (top, top_bytes, top_bytes),
-            (nodes, self.trees.nodes.used() * self.trees.nodes.stride(), self.trees.nodes.bytes()),
-            (instances, self.instances.pool.used() * self.instances.pool.stride(), self.instances.pool.bytes()),
-            (lights, self.trees.lights.used() * self.trees.lights.stride(), self.trees.lights.bytes()),
+            (instances.buffer(), instances.used() * instances.stride(), instances.bytes()),
+            (lights.buffer(), lights.used() * lights.stride(), lights.bytes()),
         ])
     }
 

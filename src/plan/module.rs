@@ -8,11 +8,8 @@
 /// ```
 ///
 /// `text` may come from [`wgsl`](super::wgsl), [`wgsl_with`](super::wgsl_with) or
-/// `girandole::gpu::LightShader`, with or without [`wgsl_previous`](super::wgsl_previous) appended. Add only one such
+/// `girandole::gpu::LightShader`. Add only one such
 /// module to a composer. Its bindings belong to the group that the text was made for.
-///
-/// naga_oil allows no circular imports, so the function of a [`TargetHook`](super::TargetHook) must be part of the
-/// module: append its text to the result. The function may import other modules, but not this one.
 ///
 /// WESL, the composer of Bevy 0.20, needs no such call: every text already is a WESL module. Add it to the resolver
 /// under the path `girandole`, and write `import girandole::{light_surface_point, light_sample};`.
@@ -25,19 +22,19 @@ pub fn naga_oil_module(text: &str) -> String {
 mod tests {
     use super::*;
     use crate::effects::Effects;
-    use crate::plan::{ShaderParts, TargetHook, wgsl_previous, wgsl_with};
+    use crate::plan::{ShaderParts, wgsl_with};
 
     /// naga_oil reads each line with `#` as a directive or as the use of a definition, and reads names
     /// with `X_naga_oil` as its own. Its composition of these texts is tested with Bevy.
     #[test]
     fn the_only_directive_of_a_module_is_its_import_path() {
-        let parts = ShaderParts::default().with_target(TargetHook::new("weigh", "Surface").expect("identifiers"));
+        let parts = ShaderParts::default().with_heat_map().with_previous();
         for effects in [Effects::all(), Effects::empty()] {
-            let module = naga_oil_module(&(wgsl_with(2, effects, &parts) + &wgsl_previous(3, effects)));
+            let module = naga_oil_module(&wgsl_with(2, effects, &parts));
             let directives: Vec<&str> = module.lines().filter(|line| line.contains('#')).collect();
             assert_eq!(directives, ["#define_import_path girandole"], "{effects:?}");
             assert!(!module.contains("naga_oil"));
-            assert!(module.contains("\nfn light_sample(") && module.contains("\nfn light_sample_picked_previous("));
+            assert!(module.contains("\nfn light_sample(") && module.contains("\nfn light_reservoir_sample_previous("));
         }
     }
 }

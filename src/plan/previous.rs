@@ -1,131 +1,153 @@
-//! The buffers of the last frame, for lights as they were then.
+//! The lights and instances of the last frame, in one buffer: what shaders need to evaluate a light as it was then.
 //!
-//! Each plan begins with copies of the buffers that the plan before it changed. So a pool that rests
-//! costs nothing, and a plan may change all buffers freely afterwards.
+//! Each plan begins with copies of what the plan before it changed. So a world that rests costs nothing, and a plan
+//! may change all buffers freely afterwards.
 
-use super::buffers::{BufferId, Ids, NewBuffer, ShaderBuffers};
+use super::buffers::{BufferId, Ids, NewBuffer};
 use super::commands::Commands;
+use super::error::PlanError;
 use super::layout::ParamsRecord;
 
-/// Storage buffers that shaders bind: top level, nodes, instances, lights.
-pub(super) const BUFFERS: usize = 4;
+/// Quads before the instances: the parameters, and where the lights begin. Twin of `LIGHT_PREVIOUS_HEAD`.
+pub(crate) const HEAD: u32 = size_of::<Head>() as u32 / 16;
 
-/// Bytes of a buffer for a frame in which there was nothing: as much as shaders read of it.
+/// Bytes of instances and of lights for a frame in which there was nothing: as much as shaders read of them.
 const EMPTY_BYTES: u64 = 256;
+
+/// What shaders read first. Twin of the first quads of `light_previous`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+struct Head {
+    params: ParamsRecord,
+    /// Where the lights begin, in quads.
+    lights: u32,
+    padding: [u32; 3],
+}
 
 #[derive(Debug)]
 pub(super) struct Previous {
-    /// Whether the engine wants them.
+    /// Whether the engine wants it.
     pub is_kept: bool,
-    buffers: Option<[Copied; BUFFERS]>,
-    params: Option<BufferId>,
-    /// What the uniform holds.
-    written: Option<ParamsRecord>,
-    /// Which buffers the last plan has changed.
-    is_stale: [bool; BUFFERS],
+    buffer: Option<Kept>,
+    /// What the buffer begins with; `None` if that is not known.
+    written: Option<Head>,
+    /// Whether the last plan has changed instances and lights.
+    is_stale: [bool; 2],
     /// The device may lack what the present buffers should hold, so they are not worth a copy.
     is_lost: bool,
 }
 
-/// A buffer and its size.
-#[derive(Clone, Copy, Debug)]
-struct Copied {
+/// The buffer, with the bytes for instances and for lights.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Kept {
     id: BufferId,
-    bytes: u64,
+    bytes: [u64; 2],
 }
+
+/// A buffer that shaders bind, with the bytes that are in use and its size.
+pub(super) type Present = (BufferId, u64, u64);
 
 /// What a plan does first.
 #[derive(Debug, Default)]
 pub(super) struct Copies {
-    buffers: Option<[Copied; BUFFERS]>,
-    params: Option<BufferId>,
-    /// Source, and its bytes; `None` for a buffer that is not copied.
-    sources: [Option<(BufferId, u64)>; BUFFERS],
+    buffer: Option<Kept>,
+    /// Source, and its bytes: of instances and of lights; `None` for what is not copied.
+    sources: [Option<(BufferId, u64)>; 2],
 }
 
 impl Previous {
     pub fn new() -> Self {
-        Self { is_kept: false, buffers: None, params: None, written: None, is_stale: [true; BUFFERS], is_lost: false }
+        Self { is_kept: false, buffer: None, written: None, is_stale: [true; 2], is_lost: false }
     }
 
-    /// The buffers in the order of the bindings; `None` before the first plan that keeps them.
-    pub fn bindings(&self) -> Option<ShaderBuffers> {
-        let ([top, nodes, instances, lights], params) = (self.buffers?.map(|copied| copied.id), self.params?);
-        Some(ShaderBuffers([params, top, nodes, instances, lights]))
+    /// The buffer; `None` before the first plan that keeps it.
+    pub fn buffer(&self) -> Option<BufferId> {
+        self.buffer.map(|kept| kept.id)
     }
 
-    /// Reserves room for copies of the present buffers: what of each is in use, and its whole size.
-    /// `None` if there are none yet.
+    /// Reserves room for copies of the present buffers, of instances and of lights, of at most `most` bytes. `None` if
+    /// there are none yet.
     pub fn reserve(
         &self,
-        present: Option<[(BufferId, u64, u64); BUFFERS]>,
+        present: Option<[Present; 2]>,
+        most: u64,
         (ids, new): (&mut Ids, &mut Vec<NewBuffer>),
-    ) -> Copies {
+    ) -> Result<Copies, PlanError> {
         if !self.is_kept {
-            return Copies::default();
+            return Ok(Copies::default());
         }
-        let mut copies = Copies::default();
-        let mut add = |buffer: NewBuffer| {
-            new.push(buffer);
-            buffer.id
+        let head = 16 * u64::from(HEAD);
+        let [used, whole] = match present {
+            Some(present) => [present.map(|(_, used, _)| used), present.map(|(.., whole)| whole)],
+            None => [[EMPTY_BYTES; 2]; 2],
         };
-        let mut buffer = |index: usize| {
-            let (used, whole) =
-                present.map_or((EMPTY_BYTES, EMPTY_BYTES), |buffers| (buffers[index].1, buffers[index].2));
-            match self.buffers.map(|buffers| buffers[index]).filter(|copied| copied.bytes >= used) {
-                Some(copied) => copied,
-                None => Copied { id: add(ids.storage("lights of the last frame", whole)), bytes: whole },
+        let fits = |kept: &Kept| (0..2).all(|i| kept.bytes[i] >= used[i]);
+        let kept = match self.buffer.filter(fits) {
+            Some(kept) => kept,
+            None => {
+                let size = |bytes: [u64; 2]| head + bytes[0] + bytes[1];
+                let bytes = if size(whole) <= most { whole } else { used };
+                if size(bytes) > most {
+                    return Err(PlanError::Full { what: WHAT, needed: size(bytes), limit: most });
+                }
+                let buffer = ids.storage(WHAT, size(bytes));
+                new.push(buffer);
+                Kept { id: buffer.id, bytes }
             }
         };
-        copies.buffers = Some([0, 1, 2, 3].map(&mut buffer));
+        let is_new = self.buffer != Some(kept);
+        let mut sources = [None; 2];
         if let Some(present) = present.filter(|_| !self.is_lost) {
-            let is_new = |index: usize| {
-                let [before, after] = [self.buffers, copies.buffers].map(|buffers| buffers.map(|b| b[index].id));
-                before != after
-            };
-            copies.sources = std::array::from_fn(|index| {
-                let (id, used, _) = present[index];
-                (self.is_stale[index] || is_new(index)).then_some((id, used))
-            });
+            sources = std::array::from_fn(|i| (self.is_stale[i] || is_new).then_some((present[i].0, present[i].1)));
         }
-        let bytes = size_of::<ParamsRecord>() as u64;
-        copies.params = Some(self.params.unwrap_or_else(|| add(ids.uniform("parameters of the last frame", bytes))));
-        copies
+        Ok(Copies { buffer: Some(kept), sources })
     }
 
-    /// Adds the copies, and the parameters of the last frame. Adds buffers that are no longer used
-    /// to `freed`.
+    /// Adds the copies, and the parameters of the last frame. Adds a buffer that is no longer used to `freed`.
     pub fn adopt(
         &mut self,
         copies: Copies,
         params: ParamsRecord,
         (commands, freed): (&mut Commands, &mut Vec<BufferId>),
     ) {
-        let Some(buffers) = copies.buffers else {
+        let Some(kept) = copies.buffer else {
             if !self.is_kept {
-                freed.extend(self.bindings().iter().flat_map(|buffers| buffers.iter()));
+                freed.extend(self.buffer());
                 *self = Self::new();
             }
             return;
         };
-        let former = self.buffers.replace(buffers);
-        for (index, to) in buffers.iter().enumerate() {
-            let former = former.map(|former| former[index].id).filter(|former| *former != to.id);
-            freed.extend(former);
-            match copies.sources[index] {
-                Some((from, bytes)) => commands.copy(from, to.id, bytes),
-                None if self.written.is_none() => commands.zero(to.id, 0..to.bytes),
-                None => {}
-            }
+        let former = self.buffer.replace(kept).filter(|former| former.id != kept.id);
+        freed.extend(former.map(|former| former.id));
+        let head = 16 * u64::from(HEAD);
+        let starts = [head, head + kept.bytes[0]];
+        if former.is_some() || self.written.is_none() {
+            self.written = None;
+            commands.zero(kept.id, 0..head + kept.bytes[0] + kept.bytes[1]);
+        }
+        for (source, start) in copies.sources.into_iter().zip(starts) {
+            source.into_iter().for_each(|(from, bytes)| commands.copy_to(from, (kept.id, start), bytes));
         }
         let is_lost = std::mem::take(&mut self.is_lost);
-        self.is_stale = [is_lost; BUFFERS];
-        self.params = copies.params;
-        // After a loss all buffers are zero, and shaders find no light.
+        self.is_stale = [is_lost; 2];
+        // After a loss the buffer is zero, and shaders find no light.
         let params = if is_lost { ParamsRecord { strides: params.strides, ..ParamsRecord::default() } } else { params };
-        if let Some(buffer) = self.params.filter(|_| self.written != Some(params)) {
-            commands.write(buffer, 0, bytemuck::bytes_of(&params));
-            self.written = Some(params);
+        self.write(params, commands);
+    }
+
+    /// Lets the last frame read the maps of this one: the sky and the profiles are not copied.
+    pub fn follow_maps(&mut self, present: ParamsRecord, commands: &mut Commands) {
+        if let Some(Head { params, .. }) = self.written {
+            self.write(ParamsRecord { parts: present.parts, sky_map: present.sky_map, ..params }, commands);
+        }
+    }
+
+    fn write(&mut self, params: ParamsRecord, commands: &mut Commands) {
+        let Some(kept) = self.buffer else { return };
+        let head = Head { params, lights: HEAD + (kept.bytes[0] / 16) as u32, padding: [0; 3] };
+        if self.written != Some(head) {
+            commands.write(kept.id, 0, bytemuck::bytes_of(&head));
+            self.written = Some(head);
         }
     }
 
@@ -136,10 +158,12 @@ impl Previous {
         self.written = None;
     }
 
-    /// Notes which buffers a plan has changed.
-    pub fn changed(&mut self, is_changed: [bool; BUFFERS]) {
+    /// Notes whether a plan has changed instances and lights.
+    pub fn changed(&mut self, is_changed: [bool; 2]) {
         for (is_stale, is_changed) in self.is_stale.iter_mut().zip(is_changed) {
             *is_stale |= is_changed;
         }
     }
 }
+
+const WHAT: &str = "lights of the last frame";

@@ -118,6 +118,8 @@ impl LightPlanner {
             self.uniforms.params_buffer.is_some() && self.uniforms.params == self.params_of(world, effects);
         let is_idle = changes.is_empty() && has_params && !self.has_work();
         self.trees.divide_memory(world, effects);
+        // As it is before anything grows.
+        let present = self.present();
         let mut room = self.new_room(growth);
         room.is_idle = is_idle;
         if !is_idle {
@@ -142,7 +144,12 @@ impl LightPlanner {
             };
             result = self.make_room((world, effects), &mut changes, &mut room);
         }
-        if let Err((_, error)) = result {
+        let result = result.map_err(|(_, error)| error).and_then(|()| {
+            let most = self.trees.limits.largest_buffer;
+            room.copies = self.previous.reserve(present, most, (&mut self.buffers.ids, &mut room.new_buffers))?;
+            Ok(())
+        });
+        if let Err(error) = result {
             self.undo(room);
             return Err(error);
         }
@@ -176,14 +183,11 @@ impl LightPlanner {
 
     fn new_room(&mut self, growth: Growth) -> Room {
         let ReusedLists { trees, instance_runs } = std::mem::take(&mut self.lists);
-        let mut room = Room {
+        Room {
             trees: TreeRoom { growth, is_lost: self.is_lost, writes: trees, ..TreeRoom::default() },
             runs: RecordRuns { instances: instance_runs, ..RecordRuns::default() },
             ..Room::default()
-        };
-        let present = if self.previous.is_kept { self.present() } else { None };
-        room.copies = self.previous.reserve(present, (&mut self.buffers.ids, &mut room.new_buffers));
-        room
+        }
     }
 
     /// Reserves room for everything that grew: the first three steps of each

@@ -7,8 +7,7 @@ use std::fmt::Write;
 use super::cuts::layout as cut_layout;
 use super::heat_map::HeatMap;
 use super::items::renamed;
-use super::target_hook::TargetHook;
-use super::{layout, stored};
+use super::{layout, previous, stored};
 use crate::cluster;
 use crate::effects::Effects;
 use crate::instance::sector;
@@ -23,7 +22,7 @@ use crate::sampling::cuts;
 use crate::sampling::emit;
 use crate::sampling::equiangular;
 use crate::sampling::hit;
-use crate::sampling::resample;
+use crate::sampling::{resample, reservoir};
 use crate::shading::gloss;
 use crate::shading::importance;
 use crate::shading::rough;
@@ -52,22 +51,19 @@ use crate::visibility;
 /// parts that are not stored have the values of lights without that effect.
 #[must_use]
 pub fn wgsl(group: u32, effects: Effects) -> String {
-    wgsl_of_shader(group, effects, Extras::default(), None)
+    wgsl_of_shader(group, effects, Extras::default())
 }
 
 /// As [`wgsl`], with more parts.
 #[must_use]
 pub fn wgsl_with(group: u32, effects: Effects, parts: &ShaderParts) -> String {
-    wgsl_of_shader(group, effects, Extras::of(parts), parts.target.as_ref())
+    wgsl_of_shader(group, effects, Extras::of(parts))
 }
 
 /// What a text has besides the functions of [`wgsl`]. The default adds nothing.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct ShaderParts {
-    /// The function `light_resample_by`, which weighs candidates by a function of the engine: [`TargetHook`] has its
-    /// parameters.
-    pub target: Option<TargetHook>,
     /// Shaders record what shadow rays find, where cells learn. The text has
     ///
     /// ```wgsl
@@ -78,8 +74,8 @@ pub struct ShaderParts {
     ///
     /// Call it for all samples, or for a random part of them. Samples with a pmf of 0 and
     /// directional lights may be passed and are not recorded. The cost is one node and one atomic
-    /// addition for each level above the light. Builds of cuts read the table, and `light_resample`
-    /// weighs candidates by it.
+    /// addition for each level above the light. Builds of cuts read the table, `light_resample`
+    /// weighs candidates by it, and `light_visible_share` returns what is learnt.
     pub learns: bool,
     /// The text has a function that shows how lights are chosen, for people who look for the cause of noise:
     ///
@@ -90,15 +86,22 @@ pub struct ShaderParts {
     ///
     /// The cost is that of 16 samples, and little for [`HeatMap::Cuts`](super::HeatMap::Cuts).
     pub heat_map: bool,
+    /// Shaders read the lights of the last frame, for renderers that reuse samples from frame to frame. The text has
+    ///
+    /// ```wgsl
+    /// // As light_reservoir_sample, of the light as it was in the last frame: where it was and how bright. The pmf is 0
+    /// // for a light that did not exist.
+    /// fn light_reservoir_sample_previous(shading_point: LightShadingPoint, reservoir: LightReservoir) -> LightSample
+    /// ```
+    ///
+    /// and binds one more read-only storage buffer at binding 7:
+    /// [`LightPlanner::previous`](super::LightPlanner::previous). The shading point is relative to the origin that the
+    /// world had then ([`LightWorld::origin`](crate::LightWorld::origin)). The maps of the sky and of profiles are the
+    /// present ones.
+    pub previous: bool,
 }
 
 impl ShaderParts {
-    /// The same with `light_resample_by`.
-    #[must_use]
-    pub fn with_target(self, target: TargetHook) -> Self {
-        Self { target: Some(target), ..self }
-    }
-
     /// The same with `light_heat_map`.
     #[must_use]
     pub fn with_heat_map(self) -> Self {
@@ -110,27 +113,12 @@ impl ShaderParts {
     pub fn with_learning(self) -> Self {
         Self { learns: true, ..self }
     }
-}
 
-/// Returns the text that adds `light_sample_picked_previous` to the text of [`wgsl`]. `group` is the group of the
-/// buffers of the last frame: [`LightPlanner::previous_bindings`](super::LightPlanner::previous_bindings).
-///
-/// ```wgsl
-/// // As light_sample_picked, of the light as it was in the last frame. The pmf is 0 for a light that did not exist.
-/// fn light_sample_picked_previous(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample
-/// ```
-///
-/// The shading point is in the space of the last frame's [`LightWorld::origin`]. Lights
-/// and placements are those of the last frame.
-///
-/// [`LightWorld::origin`]: crate::LightWorld::origin
-#[must_use]
-pub fn wgsl_previous(group: u32, effects: Effects) -> String {
-    let text = functions(group, effects, Extras { previous: true, ..Extras::default() }, None);
-    let parameters = "instance: u32, light: u32";
-    let body = "return light_births(instance, light);";
-    let present = format!("fn light_present_births({parameters}) -> vec3<u32> {{\n    {body}\n}}\n");
-    present + &renamed(&text, "light_sample_picked", "_previous")
+    /// The same with the lights of the last frame.
+    #[must_use]
+    pub fn with_previous(self) -> Self {
+        Self { previous: true, ..self }
+    }
 }
 
 /// Code of a text that does not depend on effects.
@@ -140,17 +128,17 @@ pub(crate) struct Extras {
     pub counts: bool,
     /// Reads and records learnt visibility.
     pub learns: bool,
-    /// Reads the buffers of the last frame.
-    pub previous: bool,
     /// Has a heat map.
     pub heat_map: bool,
+    /// Reads the lights of the last frame.
+    pub previous: bool,
     /// Builds the cuts of cells.
     pub builds: bool,
 }
 
 impl Extras {
     fn of(parts: &ShaderParts) -> Self {
-        Self { learns: parts.learns, heat_map: parts.heat_map, ..Self::default() }
+        Self { learns: parts.learns, heat_map: parts.heat_map, previous: parts.previous, ..Self::default() }
     }
 
     /// Whether the lines between `// #if NAME` and `// #endif` are kept; `None` for another name.
@@ -158,7 +146,6 @@ impl Extras {
         match name {
             "COUNTS" => Some(self.counts),
             "LEARNS" => Some(self.learns),
-            "PREVIOUS" => Some(self.previous),
             "BUILDS" => Some(self.builds),
             _ => None,
         }
@@ -169,7 +156,7 @@ impl Extras {
 /// invocation reads.
 #[cfg(feature = "gpu")]
 pub(crate) fn wgsl_counting(group: u32, effects: Effects) -> String {
-    wgsl_of_shader(group, effects, Extras { counts: true, ..Extras::default() }, None)
+    wgsl_of_shader(group, effects, Extras { counts: true, ..Extras::default() })
 }
 
 /// The stages that list the cells to build.
@@ -201,8 +188,8 @@ pub(crate) fn wgsl_of_cut_keep() -> String {
 
 /// A stage that writes cuts, behind the functions that it shares with shaders.
 fn cut_stage(effects: Effects, extras: Extras, own: &str) -> String {
-    let functions = functions(0, effects, extras, None)
-        .replace("var<storage, read> light_cuts", "var<storage, read_write> light_cuts");
+    let functions =
+        functions(0, effects, extras).replace("var<storage, read> light_cuts", "var<storage, read_write> light_cuts");
     with_constants(&(functions + &variant(own, effects, extras)))
 }
 
@@ -213,28 +200,9 @@ pub(crate) fn wgsl_of_visibility_fold() -> String {
     with_constants(&body)
 }
 
-/// `light_resample`, and `light_resample_by` if the engine weighs candidates.
-fn resampling(target: Option<&TargetHook>) -> String {
-    let function = |name, parameters: &str, arguments, weight| {
-        include_str!("../../shaders/resample_loop.wgsl")
-            .replace("LIGHT_RESAMPLE", name)
-            .replace("LIGHT_ARGUMENTS", arguments)
-            .replace("LIGHT_WEIGHT", weight)
-            .replace("LIGHT_PARAMETERS", parameters)
-    };
-    let point = "shading_point: LightShadingPoint";
-    let plain = function("light_resample", point, "shading_point", "light_illuminance_weight");
-    let Some(hook) = target else { return plain };
-    let weight = include_str!("../../shaders/resample_by.wgsl")
-        .replace("LIGHT_TARGET", hook.function())
-        .replace("LIGHT_ARGUMENT", hook.argument());
-    let parameters = format!("{point}, argument: {}", hook.argument());
-    plain + &weight + &function("light_resample_by", &parameters, "shading_point, argument", "light_target_weight")
-}
-
 /// The text of a shader.
-pub(crate) fn wgsl_of_shader(group: u32, effects: Effects, extras: Extras, target: Option<&TargetHook>) -> String {
-    with_constants(&functions(group, effects, extras, target))
+pub(crate) fn wgsl_of_shader(group: u32, effects: Effects, extras: Extras) -> String {
+    with_constants(&functions(group, effects, extras))
 }
 
 fn with_constants(body: &str) -> String {
@@ -247,7 +215,7 @@ fn at_group(text: &str, group: u32) -> String {
 }
 
 /// All functions, without the constants.
-fn functions(group: u32, effects: Effects, extras: Extras, target: Option<&TargetHook>) -> String {
+fn functions(group: u32, effects: Effects, extras: Extras) -> String {
     let optional = |is_used: bool, text: &'static str| if is_used { text } else { "" };
     let weighs = extras.builds || effects.contains(Effects::SEGMENTS);
     let body = [
@@ -274,7 +242,6 @@ fn functions(group: u32, effects: Effects, extras: Extras, target: Option<&Targe
         include_str!("../../shaders/sky.wgsl"),
         include_str!("../../shaders/profile.wgsl"),
         include_str!("../../shaders/resample.wgsl"),
-        &resampling(target),
         optional(extras.learns, include_str!("../../shaders/visibility.wgsl")),
         include_str!("../../shaders/cut_grid.wgsl"),
         include_str!("../../shaders/cells.wgsl"),
@@ -283,7 +250,15 @@ fn functions(group: u32, effects: Effects, extras: Extras, target: Option<&Targe
         optional(extras.heat_map, include_str!("../../shaders/heat.wgsl")),
     ]
     .concat();
-    variant(&at_group(&body, group), effects, extras)
+    let text = variant(&body, effects, extras);
+    at_group(&(if extras.previous { with_previous(text) } else { text }), group)
+}
+
+/// The same text with what evaluates the lights of the last frame.
+fn with_previous(text: String) -> String {
+    let given = ["light_params", "light_instance_quad", "light_record_quad", "light_record_quads"];
+    let copy = renamed(&text, "light_reservoir_sample", "_then", &given);
+    text + &copy + include_str!("../../shaders/previous.wgsl")
 }
 
 /// Constants that `LightShader` documents for engines. Every variant has them.
@@ -324,6 +299,7 @@ pub(crate) fn constants() -> String {
         ("KIND_DIRECTIONAL", layout::KIND_DIRECTIONAL),
         ("TWO_SIDED", layout::TWO_SIDED),
         ("BIRTH_SHIFT", layout::BIRTH_SHIFT),
+        ("PREVIOUS_HEAD", previous::HEAD),
         ("LIVE", layout::LIVE),
         ("NON_RIGID", layout::NON_RIGID),
         ("OPENING", layout::OPENING),
@@ -482,7 +458,8 @@ pub(crate) fn constants() -> String {
         ("U_STEP", dice::U_STEP),
         ("MIN_WEIGHT", resample::MIN_WEIGHT),
         ("MAX_WEIGHT", resample::MAX_WEIGHT),
-        ("MAX_RESERVOIR_WEIGHT", resample::MAX_RESERVOIR_WEIGHT),
+        ("MAX_RESERVOIR_WEIGHT", reservoir::MAX_RESERVOIR_WEIGHT),
+        ("MAX_TARGET", reservoir::MAX_TARGET),
         ("MIN_SIDE", cuts::MIN_SIDE),
         ("MIN_SHARED_DOUBT", cuts::MIN_SHARED_DOUBT),
         ("DEVIATION", cuts::DEVIATION),
@@ -616,14 +593,17 @@ mod tests {
             "mark",
             "sample",
             "resample",
-            "pick",
-            "sample_picked",
             "pmf",
             "pdf",
             "hit",
             "place_on",
             "user_data",
             "generation",
+            "reservoir_of",
+            "reservoir_sample",
+            "reservoir_merge",
+            "visible_share",
+            "candidate_numbers",
             "stands_in",
             "hash",
         ]
@@ -654,7 +634,7 @@ mod tests {
         light_share_between light_portal_side LIGHT_PORTAL_SLACK LIGHT_FILLED_WIDTH LIGHT_LEAST_SHARE LIGHT_IN_PLANE";
 
     const LEARNING_NAMES: &str = "light_learnt light_row_counts light_cell light_bin \
-        light_child_bin light_learnt_share light_visible_share light_cell_of_contested light_learnt_where \
+        light_child_bin light_learnt_share light_child_share light_cell_of_contested light_learnt_where \
         light_place_share light_toward_sample light_row_or_claim light_cell_key light_learnt_row \
         light_row_to_record light_record_visibility LightCellKey LightCellKey.tag LightCellKey.bucket \
         LightCell LightCell.key LightCell.block LightCell.row LightCell.from_center \
@@ -667,7 +647,7 @@ mod tests {
         let all = Effects::all() - Effects::MOVING;
         let sets = all.iter().flat_map(|effect| [effect, all - effect]).chain([all, Effects::empty()]);
         for effects in sets {
-            let text = wgsl_of_shader(2, effects, Extras { learns: true, ..Extras::default() }, None);
+            let text = wgsl_of_shader(2, effects, Extras { learns: true, ..Extras::default() });
             let (names, plain) = (module_names(&text), module_names(&wgsl(2, effects)));
             let added: HashSet<&str> = names.difference(&plain).map(String::as_str).collect();
             let sky = effects.contains(Effects::SKY).then_some("LIGHT_SKY_DIST");
@@ -714,57 +694,22 @@ mod tests {
     #[test]
     fn every_name_of_every_variant_takes_a_prefix() {
         for effects in text_variants() {
-            let hook = TargetHook::new("light_of_engine", "LightOfEngine").expect("identifiers");
-            let text = wgsl_with(0, effects, &ShaderParts::default().with_target(hook)) + &wgsl_previous(1, effects);
-            let prefixed = with_prefix(&text, "gi_").expect("an identifier");
+            let text = wgsl_with(0, effects, &ShaderParts::default().with_previous());
+            let prefixed = with_prefix(&text, "gi_").expect("a prefix");
             let engine = "
-                struct LightOfEngine { scale: f32 }
                 struct LightSample { mine: f32 }
-                fn light_of_engine(at: gi_LightShadingPoint, argument: LightOfEngine, s: gi_LightSample) -> f32 {
-                    return argument.scale * s.radiance.x;
-                }
                 fn light_sample(at: gi_LightShadingPoint) -> f32 {
-                    return gi_light_sample(at, vec4(0.5)).pmf + gi_light_sample_picked_previous(at, gi_LightPick(), vec2(0.5)).pmf;
+                    let kept = gi_LightReservoir();
+                    return gi_light_reservoir_sample(at, kept).pmf + gi_light_reservoir_sample_previous(at, kept).pmf;
                 }";
-            let plain = module_names(
-                &(text.clone()
-                    + "struct LightOfEngine { scale: f32 }
-                fn light_of_engine(at: LightShadingPoint, a: LightOfEngine, s: LightSample) -> f32 { return 1.0; }"),
-            );
             let names = module_names(&(prefixed + engine));
-            let is_ours =
-                |name: &&String| !name.contains('.') && !name.contains("f_engine") && !name.contains("fEngine");
-            for name in plain.iter().filter(is_ours) {
+            for name in module_names(&text).iter().filter(|name| !name.contains('.')) {
                 assert!(names.contains(&format!("gi_{name}")), "{name} with {effects:?}");
             }
         }
-        let error = with_prefix("", "gi-").expect_err("no identifier");
-        assert_eq!((error.what, error.code()), ("prefix", 900));
-    }
-
-    #[test]
-    fn a_target_adds_its_functions_to_every_variant_and_nothing_else() {
-        let engine = "
-            struct Material { roughness: f32 }
-            fn brdf_target(at: LightShadingPoint, material: Material, candidate: LightSample) -> f32 {
-                return candidate.radiance.x * material.roughness;
-            }
-            fn use_it(at: LightShadingPoint, material: Material) -> f32 {
-                return light_resample_by(at, material, vec4(0.5), 0.5, 8u).weight;
-            }";
-        let hook = TargetHook::new("brdf_target", "Material").expect("identifiers");
-        for effects in text_variants() {
-            for learns in [false, true] {
-                let extras = Extras { learns, ..Extras::default() };
-                let plain = wgsl_of_shader(2, effects, extras, None);
-                assert!(learns || plain == wgsl(2, effects), "{effects:?}");
-                let text = wgsl_of_shader(2, effects, extras, Some(&hook)) + engine;
-                let own = ["brdf_target", "use_it", "Material", "Material.roughness"].map(String::from);
-                let names = module_names(&text);
-                let added: HashSet<_> = names.difference(&module_names(&plain)).cloned().collect();
-                let ours = ["light_resample_by", "light_target_weight", "LIGHT_TINY_BITS"].map(String::from);
-                assert_eq!(added, own.into_iter().chain(ours).collect(), "{effects:?}");
-            }
+        for prefix in ["", "__x", "9a", "a b", "gi-", "größe", "a\n", "f("] {
+            let error = with_prefix("", prefix).expect_err("no prefix");
+            assert_eq!((error.prefix.as_str(), error.code()), (prefix, 900));
         }
     }
 
@@ -833,7 +778,7 @@ mod tests {
                 Effects::AREAS,
                 "light_from_surface light_from_rectangle light_from_triangle light_from_sphere light_is_density \
                  light_orthonormal light_normal_area light_tree_margin LIGHT_KIND_RECTANGLE LIGHT_KIND_TRIANGLE \
-                 LIGHT_KIND_SPHERE LIGHT_TWO_SIDED LIGHT_CLOSE LIGHT_MIN_INVERSE_PDF LIGHT_TINY \
+                 LIGHT_KIND_SPHERE LIGHT_TWO_SIDED LIGHT_CLOSE LIGHT_MIN_INVERSE_PDF \
                  light_point_pdf light_surface_pdf light_sphere_pdf light_flat_normal_area \
                  light_ray light_meets light_hit_dist light_flat_hit light_flat_corner light_first_hit LIGHT_MIN_DIRECTION LIGHT_BOX_ROUNDING \
                  LightRay LightRay.position LightRay.margin LightRay.inverse \

@@ -303,11 +303,6 @@ impl TopBuild {
         self.buffers.as_ref().expect("the first plan has made the buffers").nodes
     }
 
-    /// The size of that buffer.
-    pub(crate) fn bytes(&self) -> u64 {
-        16 * (u64::from(self.sky_map()) + u64::from(self.map_quads().sky))
-    }
-
     /// The clusters of all parts, then of all nodes.
     #[cfg(test)]
     pub(crate) fn clusters(&self) -> BufferId {

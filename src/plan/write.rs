@@ -61,18 +61,14 @@ impl Reservation<'_> {
             planner.cuts.follow(&mut plan.upload, world.origin(), (!plan.top.is_empty(), false));
             plan.report = planner.report_of(&plan.upload);
             let is_refit = planner.sources.is_active();
-            planner.previous.changed([!plan.top.is_empty(), is_refit, false, is_refit]);
+            planner.previous.changed([false, is_refit]);
             planner.buffers.change(&plan.new_buffers, &plan.freed);
             return plan;
         }
         let ParamsRecord { strides, masks, home, .. } = planner.uniforms.params;
         let former = (strides, masks, home);
         let is_new_top = planner.top.is_replaced() || planner.is_lost;
-        let replaced = [
-            planner.trees.nodes.is_replaced(),
-            planner.instances.pool.is_replaced(),
-            planner.trees.lights.is_replaced(),
-        ];
+        let replaced = [planner.instances.pool.is_replaced(), planner.trees.lights.is_replaced()];
         let room = planner.adopt(room, &mut plan);
         let mut staged = planner.make_lists(&room, &mut plan.upload);
         let Room { trees, parts, directionals, sources, runs, .. } = room;
@@ -105,6 +101,7 @@ impl Reservation<'_> {
         planner.write_profiles(commands, is_new_top);
         planner.write_sky(commands, world, is_new_top);
         planner.write_params(commands, world, effects);
+        planner.previous.follow_maps(planner.uniforms.params, commands);
         let ParamsRecord { strides, masks, home, .. } = planner.uniforms.params;
         planner.sources.adopt(sources, strides, commands, &mut plan.freed);
         planner.top.is_due |= planner.sources.is_active();
@@ -120,11 +117,8 @@ impl Reservation<'_> {
         plan.report = report;
         planner.is_lost = false;
         planner.previous.changed([
-            // Maps of the sky and profiles may have been written.
-            true,
-            replaced[0] || report.nodes > 0 || planner.sources.is_active(),
-            replaced[1] || report.instances > 0,
-            replaced[2] || report.lights > 0 || changes.directionals || planner.sources.is_active(),
+            replaced[0] || report.instances > 0,
+            replaced[1] || report.lights > 0 || changes.directionals || planner.sources.is_active(),
         ]);
         planner.buffers.change(&plan.new_buffers, &plan.freed);
         plan

@@ -12,8 +12,8 @@ use crate::visibility::{bin_of_child, bin_toward};
 
 impl LightSampler<'_> {
     /// Records whether a sample's point on a light is visible from a shading point: whether a shadow
-    /// ray to it met nothing. Any sampler of the world may have drawn the sample, and of a
-    /// [`Reservoir`](crate::Reservoir) it is `chosen`.
+    /// ray to it met nothing. Any sampler of the world may have drawn the sample, and it may be that of a
+    /// [`Reservoir`](crate::Reservoir).
     ///
     /// Goes to the table that the sampler was made [`with`](Self::with_visibility), and changes
     /// what that returns from its next [`end_frame`](crate::VisibilityTable::end_frame) on. Without

@@ -12,6 +12,7 @@ mod learn;
 mod pdf;
 pub(crate) mod quality;
 pub(crate) mod resample;
+pub(crate) mod reservoir;
 mod roots;
 pub(crate) mod sample;
 mod sky;

@@ -18,7 +18,7 @@ use crate::sampling::counts::{CandidateCount, SplitCount};
 /// let quality = Quality::High;
 /// let sampler = world.sampler().with_splits(quality.splits());
 /// let ground = ShadingPoint::surface(Vec3::X, Vec3::Y);
-/// assert!(sampler.resample(&ground, [0.1, 0.2, 0.3, 0.4, 0.5], quality.candidates()).is_some());
+/// assert!(sampler.resample(&ground, [0.1, 0.2, 0.3, 0.4, 0.5], quality.candidates()).weight > 0.0);
 /// # Ok::<(), girandole::WorldError>(())
 /// ```
 ///

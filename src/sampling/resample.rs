@@ -1,7 +1,7 @@
-//! Resampling: chooses one of several candidates in proportion to its unshadowed light or to a
-//! function of the caller, with a weight that keeps the estimate unbiased.
+//! Resampling: chooses one of several candidates in proportion to its unshadowed light, with a weight that keeps the
+//! estimate unbiased.
 //!
-//! Twin of `shaders/resample.wgsl`, `shaders/resample_loop.wgsl` and `shaders/resample_by.wgsl`.
+//! Twin of `light_resample` in `shaders/resample.wgsl`.
 //! Source: Talbot, Cline and Egbert, Importance Resampling for Global Illumination (2005); the
 //! weight W as in Bitterli et al., Spatiotemporal Reservoir Resampling (2020). Differs: all
 //! candidates come from one cut, each is drawn from its own stratum (docs/math.md says why that is
@@ -15,12 +15,13 @@ use crate::math::dice::{Dice, U_STEP, clamp_unit};
 use crate::math::simd::{VectorJob, with_vectors};
 use crate::sampling::counts::{CandidateCount, MAX_CANDIDATES};
 use crate::sampling::cut::{CutSource, InstanceTrees};
-use crate::sampling::emit::MIN_PDF;
+use crate::sampling::reservoir::{MAX_RESERVOIR_WEIGHT, Reservoir, stored};
 use crate::sampling::sample::{LightSample, LightSampler, with_cut};
 use crate::sampling::walk::{Outcome, draw};
 use crate::shading::importance::LocalShadingPoint;
 use crate::shading::segment::LocalSegment;
 use crate::shading::shading_point::ShadingPoint;
+use crate::visibility::LearntCell;
 
 /// The steps from one candidate's second, third and fourth random number to the next candidate's,
 /// in 2^-32. They are the powers of 1 / 1.2207440846, where 1.2207440846 is the root of x^4 = x +
@@ -34,99 +35,25 @@ pub(crate) const MIN_WEIGHT: f32 = 1.0e-30;
 /// See [`MIN_WEIGHT`].
 pub(crate) const MAX_WEIGHT: f32 = 1.0e30;
 
-/// The largest W. Only a candidate whose share of the weights is below 2^-24 and whose density is
-/// tiny has one; infinity would become NaN where it is multiplied by a BRDF of 0.
-pub(crate) const MAX_RESERVOIR_WEIGHT: f32 = f32::MAX;
-
-/// The candidate that [`LightSampler::resample`] kept, and its weight.
-///
-/// `brdf * cosine * chosen.incident.radiance * weight` estimates the light that arrives from all
-/// lights, if the point is not in shadow: `weight` replaces `1 / (pmf * pdf)`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct Reservoir {
-    /// The candidate that was kept, with its own `pmf` and `pdf`.
-    pub chosen: LightSample,
-    /// The W of ReSTIR, in steradians for surfaces and without unit for lights without size. It is
-    /// unbiased, and `1 / (pmf * pdf)` for a single candidate.
-    pub weight: f32,
-}
-
 impl LightSampler<'_> {
-    /// Draws several candidates and chooses one of them in proportion to its unshadowed light: the
+    /// Draws several candidates and keeps one of them in proportion to its unshadowed light: the
     /// luminance of `radiance * cosine / (pmf * pdf)`. One shadow ray then has the noise of many
-    /// where little is shadowed.
+    /// where little is shadowed. [`LightSampler::reservoir_sample`] returns its light.
     ///
-    /// The first four numbers of `u` are as for [`LightSampler::sample`], which this equals for one
-    /// candidate. The fifth chooses among the candidates: it is uniform in [0, 1) too. Numbers that
-    /// are evenly distributed over the samples of a pixel give less noise than a hash. `None` if no
-    /// candidate sends anything to the shading point: count that as black.
+    /// The first four numbers of `u` are as for [`LightSampler::sample`], whose light a single candidate
+    /// has. The fifth chooses among the candidates: it is uniform in [0, 1) too. Numbers that
+    /// are evenly distributed over the samples of a pixel give less noise than a hash. The reservoir has no
+    /// light if no candidate sends anything to the shading point: count that as black.
     ///
-    /// With [learnt visibility](Self::with_visibility), the light of a candidate is multiplied by the share of its
-    /// place. Clusters are split once for all candidates. Each candidate costs a walk down the trees and a
-    /// point on a light. No memory is allocated.
-    pub fn resample(&self, shading_point: &ShadingPoint, u: [f32; 5], candidates: CandidateCount) -> Option<Reservoir> {
-        self.keep_one(shading_point, u, candidates, |sample| illuminance_weight(shading_point, sample))
-    }
-
-    /// Does the same as [`LightSampler::resample`], but chooses in proportion to
-    /// `target / (pmf * pdf)`, where the function `target` is the caller's.
-    ///
-    /// The best target is the light that the candidate would reflect without shadows: the luminance
-    /// of `brdf * cosine * radiance`. The library divides it by `pmf * pdf`. With learnt
-    /// visibility it also multiplies it by the share of the candidate's place.
-    ///
-    /// A target that is NaN or below [`f32::MIN_POSITIVE`] means that the candidate is not wanted.
-    /// It is never kept, but counts as a candidate. The estimate is unbiased if the target is
-    /// positive wherever the integrand is: a candidate that is not wanted must reflect nothing.
-    /// Beyond that the target changes the noise only. Its scale has no effect while
-    /// `target / (pmf * pdf)` is within 1e-30 and 1e30, to which it is clamped; infinity counts as
-    /// the upper end. `None` if no candidate is wanted: count that as black.
-    ///
-    /// `target` is called once for each candidate that sends light to the shading point.
-    ///
-    /// ```
-    /// use girandole::glam::Vec3;
-    /// use girandole::light::luminance;
-    /// use girandole::{CandidateCount, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint};
-    ///
-    /// let mut world = LightWorld::new();
-    /// let lamps = (0..9).map(|i| Light::point(Vec3::new(i as f32, 3.0, 0.0), Vec3::splat(100.0)));
-    /// let tree = world.add_tree(LightTree::new(lamps.collect())?);
-    /// world.add_instance(tree, Placement::IDENTITY, Policy::Static)?;
-    ///
-    /// let ground = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
-    /// let mirrored = Vec3::new(0.8, 0.6, 0.0); // the view direction, reflected at the ground
-    /// let brdf = |direction: Vec3| 0.1 + direction.dot(mirrored).max(0.0).powi(50);
-    /// let reflected = |incident: &girandole::Incident| {
-    ///     incident.radiance * brdf(incident.direction) * incident.direction.dot(ground.normal)
-    /// };
-    /// let kept = world.sampler().resample_by(&ground, [0.1, 0.2, 0.3, 0.4, 0.5], CandidateCount::of::<8>(), |sample| {
-    ///     luminance(reflected(&sample.incident))
-    /// });
-    /// let kept = kept.expect("lamps are in sight");
-    /// let estimate = reflected(&kept.chosen.incident) * kept.weight; // after one shadow ray
-    /// assert!(estimate.x > 0.0);
-    /// # Ok::<(), girandole::WorldError>(())
-    /// ```
-    pub fn resample_by(
-        &self,
-        shading_point: &ShadingPoint,
-        u: [f32; 5],
-        candidates: CandidateCount,
-        mut target: impl FnMut(&LightSample) -> f32,
-    ) -> Option<Reservoir> {
-        self.keep_one(shading_point, u, candidates, |sample| target_weight(target(sample), sample))
-    }
-
-    /// `weight` returns 0 for candidates that are not wanted.
-    fn keep_one(
+    /// With [learnt visibility](Self::with_visibility), the light of a candidate is multiplied by the
+    /// [share of its place](Self::visible_share). Clusters are split once for all candidates. Each candidate costs a
+    /// walk down the trees and, if there are several, a point on a light. No memory is allocated.
+    pub fn resample(
         &self,
         shading_point: &ShadingPoint,
         [a, b, x, y, choice]: [f32; 5],
         candidates: CandidateCount,
-        mut weight: impl FnMut(&LightSample) -> f32,
-    ) -> Option<Reservoir> {
+    ) -> Reservoir {
         let u = [a, b, x, y];
         let count = candidates.get();
         let outcomes = with_cut!(self, shading_point, |source, directional_lux, instance_trees| {
@@ -136,27 +63,52 @@ impl LightSampler<'_> {
         let learnt = if count > 1 { self.learnt(shading_point) } else { None };
         let learnt = learnt.map(|learnt| (learnt, LocalSegment::of(shading_point)));
         // Without the learnt share, a candidate that is bright and hidden would be kept after all.
-        let mut weight = |sample: &LightSample| {
-            let learnt = learnt.as_ref().filter(|_| matches!(sample.light, LightId::Local { .. }));
-            let share =
-                learnt.map_or(1.0, |(learnt, segment)| learnt.share_toward(sample.incident.toward(segment.as_ref())));
-            share * weight(sample)
-        };
+        let weight = |sample: &LightSample| share(learnt.as_ref(), sample) * illuminance_weight(shading_point, sample);
         let mut choice = StreamedChoice::new(choice, a);
         let mut kept = None;
+        let mut kept_weight = 1.0;
         for (i, outcome) in (0..count).zip(outcomes) {
             let [.., x, y] = candidate_numbers(u, i, count);
-            let pick = self.picked(shading_point, outcome);
-            let Some(sample) = pick.and_then(|pick| self.sample_picked(shading_point, pick, [x, y])) else { continue };
-            let weight = weight(&sample);
+            let numbers = [x, y].map(stored);
+            let Some(pick) = self.picked(shading_point, outcome) else { continue };
+            let weight = match count {
+                1 => 1.0,
+                _ => self.sample_picked(shading_point, pick, numbers).as_ref().map_or(0.0, weight),
+            };
             if choice.keeps(weight) {
-                kept = Some((sample, weight));
+                kept = Some((pick, numbers));
+                kept_weight = weight;
             }
         }
-        let (chosen, weight) = kept?;
-        let density = (chosen.pmf * chosen.incident.pdf).max(MIN_PDF);
-        let weight = (choice.total / (count as f32 * weight) / density).min(MAX_RESERVOIR_WEIGHT);
-        Some(Reservoir { chosen, weight })
+        let weight = kept.map_or(0.0, |(pick, _)| choice.total / (count as f32 * kept_weight) / pick.pmf);
+        self.reservoir_of_pick(kept, weight.min(MAX_RESERVOIR_WEIGHT))
+    }
+
+    /// Returns the learnt share of rays toward a sample's light that are not blocked, in (0, 1]: 1 without
+    /// [learnt visibility](Self::with_visibility), and where nothing is learnt. Targets without shadow rays are
+    /// multiplied by it. O(1).
+    pub fn visible_share(&self, shading_point: &ShadingPoint, sample: &LightSample) -> f32 {
+        let learnt = self.learnt(shading_point).map(|learnt| (learnt, LocalSegment::of(shading_point)));
+        share(learnt.as_ref(), sample)
+    }
+}
+
+impl CandidateCount {
+    /// The numbers of candidate `i`, from those of a sample: they are spread evenly. For programs that draw candidates
+    /// one by one and [merge](Reservoir::merge) them by a target of their own; [`LightSampler::resample`] does
+    /// the same. Twin of `light_candidate_numbers`.
+    pub fn numbers(self, u: [f32; 4], i: u32) -> [f32; 4] {
+        candidate_numbers(u, i, self.get())
+    }
+}
+
+/// The learnt share of a sample; the segment is the one that it was taken for.
+fn share(learnt: Option<&(LearntCell<'_>, Option<LocalSegment>)>, sample: &LightSample) -> f32 {
+    match (learnt, sample.light) {
+        (Some((learnt, segment)), LightId::Local { .. }) => {
+            learnt.share_toward(sample.incident.toward(segment.as_ref()))
+        }
+        _ => 1.0,
     }
 }
 
@@ -202,13 +154,6 @@ fn illuminance_weight(shading_point: &ShadingPoint, sample: &LightSample) -> f32
         _ => lux,
     };
     (lux / sample.incident.pdf / sample.pmf).max(MIN_WEIGHT).min(MAX_WEIGHT)
-}
-
-/// The target of a candidate divided by its probability density; 0 if the candidate is not wanted.
-fn target_weight(target: f32, sample: &LightSample) -> f32 {
-    let weight = (target / sample.incident.pdf / sample.pmf).clamp(MIN_WEIGHT, MAX_WEIGHT);
-    // GPUs may flush subnormal numbers to 0. NaN is not above anything.
-    if target >= f32::MIN_POSITIVE { weight } else { 0.0 }
 }
 
 /// The random numbers of candidate `i`: the first lies in the candidate's stratum of [0, 1), the

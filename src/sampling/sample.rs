@@ -51,7 +51,7 @@ pub struct LightPick {
 pub struct LightSample {
     /// The light.
     pub light: LightId,
-    /// The probability of the light, in (0, 1].
+    /// The probability of the light, in (0, 1]; of a [`Reservoir`](crate::Reservoir) `1 / weight` in its place.
     pub pmf: f32,
     /// The light that arrives from the point, and the density of the point's direction.
     pub incident: Incident,
@@ -73,8 +73,8 @@ pub struct LightSample {
 /// | [`pmf`](Self::pmf) | the probability of a given light |
 /// | [`hit`](Self::hit) | the first light that a ray hits, for multiple importance sampling |
 /// | [`pdf`](Self::pdf) | the density of a point on a given light, for the same |
-/// | [`resample`](Self::resample) | the best of several samples, weighted |
-/// | [`resample_by`](Self::resample_by) | the same, by a function of the caller |
+/// | [`resample`](Self::resample) | the best of several candidates, as a [`Reservoir`](crate::Reservoir) |
+/// | [`reservoir_sample`](Self::reservoir_sample) | the light of a reservoir at any shading point |
 /// | [`distribution`](Self::distribution) | the probabilities of all lights |
 ///
 /// A light that sends anything to the shading point, unshadowed, has a probability above 0. The

@@ -8,7 +8,7 @@ use girandole::glam::{DVec3, Vec3};
 use girandole::plan::{LightPlanner, PlanLimits, UploadReport};
 use girandole::{
     CandidateCount, Effects, FrameBudget, InstanceKey, Light, LightTree, LightWorld, OriginMode, Placement, Policy,
-    Region, RegionInstance, TreeKey,
+    Region, RegionInstance, Reservoir, TreeKey,
 };
 
 use testbed::testing::support::Rng;
@@ -517,8 +517,11 @@ fn sampling_asks_for_no_memory() {
         for shading_point in &shading_points {
             let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
             let five = [u[0], u[1], u[2], u[3], rng.unit()];
-            if let Some(kept) = sampler.resample(shading_point, five, CandidateCount::MAX) {
-                std::hint::black_box(sampler.pdf(shading_point, kept.chosen.light, Vec3::ZERO));
+            let kept = sampler.resample(shading_point, five, CandidateCount::MAX);
+            if let Some(sample) = sampler
+                .reservoir_sample(shading_point, &Reservoir { reflected: 1.0, ..kept }.merge(2.0, &kept, 1.0, u[0]))
+            {
+                std::hint::black_box(sampler.pdf(shading_point, sample.light, Vec3::ZERO));
             }
             std::hint::black_box(sampler.sample(shading_point, u));
         }

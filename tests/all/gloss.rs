@@ -206,9 +206,8 @@ fn candidates_are_kept_in_proportion_to_what_is_reflected_of_them() {
         let (mut sum, mut squares) = (0.0, 0.0);
         for _ in 0..4000 {
             let u = std::array::from_fn(|_| rng.unit());
-            let value = sampler
-                .resample(&at, u, candidates)
-                .map_or(0.0, |kept| reflected(&kept.chosen.incident) * f64::from(kept.weight));
+            let kept = sampler.reservoir_sample(&at, &sampler.resample(&at, u, candidates));
+            let value = kept.map_or(0.0, |kept| reflected(&kept.incident) / f64::from(kept.pmf * kept.incident.pdf));
             sum += value / 4000.0;
             squares += value * value / 4000.0;
         }

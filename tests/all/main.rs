@@ -38,6 +38,7 @@ mod references;
 mod region_model;
 mod regions;
 mod resample;
+mod reservoirs;
 mod sampling;
 mod scheduler;
 mod segments;

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use girandole::glam::{DVec3, Mat3, Vec3};
-use girandole::gpu::GpuLights;
+use girandole::gpu::{GpuLights, GpuOptions};
 use girandole::{
     DirectionalLight, Effects, FrameBudget, InstanceKey, Light, LightId, LightTree, LightWorld, ORIGIN_GRID,
     OriginMode, Placement, Policy, Sky, TreeKey, wgpu,
@@ -16,17 +16,17 @@ use testbed::testing::support::Rng;
 
 const TEXT: &str = "
     struct Query { position: vec3<f32>, instance: u32, light: u32, a: u32, b: u32, c: u32 }
-    @group(2) @binding(0) var<storage, read> queries: array<Query>;
-    @group(2) @binding(1) var<storage, read_write> answers: array<vec4<f32>>;
+    @group(1) @binding(0) var<storage, read> queries: array<Query>;
+    @group(1) @binding(1) var<storage, read_write> answers: array<vec4<f32>>;
     @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
         if id.x >= arrayLength(&queries) {
             return;
         }
         let q = queries[id.x];
         let at = light_surface_point(q.position, vec3(0.0, 1.0, 0.0));
-        let pick = LightPick(q.instance, q.light, 1.0);
-        let now = light_sample_picked(at, pick, vec2(0.5));
-        let then = light_sample_picked_previous(at, pick, vec2(0.5));
+        let kept = light_reservoir_of(q.instance, q.light, vec2(0.5));
+        let now = light_reservoir_sample(at, kept);
+        let then = light_reservoir_sample_previous(at, kept);
         answers[id.x] = vec4(
             now.pmf * now.radiance.y, then.pmf * then.radiance.y,
             f32(light_generation(q.instance, q.light)), 0.0,
@@ -53,14 +53,14 @@ struct Asker {
 
 impl Asker {
     fn new() -> Self {
-        // Ten storage buffers of the lights, and two of the test.
-        let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 12, ..wgpu::Limits::default() };
+        // Seven storage buffers of the lights, and two of the test.
+        let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 9, ..wgpu::Limits::default() };
         let adapter = device::find_adapter(None).expect("an adapter");
         let (device, queue) =
-            device::open_device(&adapter, wgpu::Features::empty(), limits).expect("twelve storage buffers");
-        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-        lights.keep_previous(true);
-        let shader = lights.shader(0, Effects::all()).with_previous(1);
+            device::open_device(&adapter, wgpu::Features::empty(), limits).expect("nine storage buffers");
+        let options = GpuOptions::default().with_previous();
+        let lights = GpuLights::with_options(&device, &queue, options).expect("default limits are enough");
+        let shader = lights.shader(0, Effects::all());
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: None,
             source: wgpu::ShaderSource::Wgsl(shader.join(TEXT).into()),
@@ -81,7 +81,7 @@ impl Asker {
         });
         let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: None,
-            bind_group_layouts: &[Some(&shader.layout), Some(lights.previous_bind_group_layout()), Some(&own)],
+            bind_group_layouts: &[Some(&shader.layout), Some(&own)],
             ..Default::default()
         });
         let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
@@ -123,8 +123,7 @@ impl Asker {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, lights.bind_group(), &[]);
-            pass.set_bind_group(1, lights.previous_bind_group(), &[]);
-            pass.set_bind_group(2, &group, &[]);
+            pass.set_bind_group(1, &group, &[]);
             pass.dispatch_workgroups((queries.len() as u32).div_ceil(64), 1, 1);
         }
         queue.submit([encoder.finish()]);

@@ -198,9 +198,10 @@ fn samples_estimate_the_integral_over_the_segment_and_candidates_do_so_with_less
                 assert!((0.0..=length * 1.000_001).contains(&sample.incident.along));
                 value(sample.light, sample.incident.radiance, 1.0 / (sample.pmf * sample.incident.pdf))
             });
-            let eight = sampler
-                .resample(&at, u, CandidateCount::of::<8>())
-                .map_or(0.0, |kept| value(kept.chosen.light, kept.chosen.incident.radiance, kept.weight));
+            let eight = sampler.resample(&at, u, CandidateCount::of::<8>());
+            let eight = sampler.reservoir_sample(&at, &eight).map_or(0.0, |sample| {
+                value(sample.light, sample.incident.radiance, 1.0 / (sample.pmf * sample.incident.pdf))
+            });
             for (moments, value) in moments.iter_mut().zip([one, eight]) {
                 moments[0] += value / f64::from(draws);
                 moments[1] += value * value / f64::from(draws);
@@ -342,7 +343,7 @@ const STAGE: &str = "
         if q.kind == 0u {
             return light_pmf(at, q.instance, q.light);
         }
-        let chosen = light_sample_picked(at, LightPick(q.instance, q.light, 1.0), q.u);
+        let chosen = light_reservoir_sample(at, light_reservoir_of(q.instance, q.light, q.u));
         let along = ALONG;
         switch q.kind {
             case 1u: { return select(0.0, along, chosen.pmf > 0.0); }
@@ -384,15 +385,13 @@ fn the_shader_gives_the_answers_of_the_cpu_and_takes_the_middle_without_the_effe
             let [p, q, r] = direction.to_array().map(f32::to_bits);
             let [a, b] = u.map(f32::to_bits);
             questions.push([x, y, z, instance, p, q, r, index, length.to_bits(), kind, a, b, 0, 0, 0, 0]);
-            let sample = sampler.sample_light(&at, light, u);
+            let sample = sampler.reservoir_sample(&at, &sampler.reservoir_of(light, u)).map(|sample| sample.incident);
             expected.push(match kind {
                 0 => sampler.pmf(&at, light),
                 1 => sample.map_or(0.0, |incident| incident.along),
                 2 => sampler.along_pdf(&at, light, 0.4 * length),
                 3 => sample.map_or(0.0, |incident| incident.radiance.x / incident.pdf.max(1.0e-30)),
-                4 => sampler
-                    .resample(&at, [u[0], u[1], u[0], u[1], 0.5], CandidateCount::of::<4>())
-                    .map_or(0.0, |kept| kept.weight),
+                4 => sampler.resample(&at, [u[0], u[1], u[0], u[1], 0.5], CandidateCount::of::<4>()).weight,
                 _ => sampler.pdf(&at, light, Vec3::ONE),
             });
             middles.push(sampler.pmf(&ShadingPoint::volume(at.position), light));

@@ -438,14 +438,9 @@ fn means_equal_the_sum_over_all_lights() {
                         .map_or(0.0, |pick| lux(pick.light, [0.4, 0.6]).map_or(0.0, |lux| lux / f64::from(pick.pmf))),
                     _ => {
                         let u = [(); 5].map(|()| rng.unit());
-                        sampler.resample_by(&at, u, candidates, |sample| sample.incident.radiance.x + 1.0).map_or(
-                            0.0,
-                            |kept| {
-                                let chosen = kept.chosen;
-                                lux(chosen.light, [0.4, 0.6])
-                                    .map_or(0.0, |lux| lux * f64::from(kept.weight * chosen.incident.pdf))
-                            },
-                        )
+                        let kept = sampler.resample(&at, u, candidates);
+                        let lux = kept.light.and_then(|light| lux(light, [0.4, 0.6]));
+                        lux.map_or(0.0, |lux| lux * f64::from(kept.weight))
                     }
                 };
                 sum += value;

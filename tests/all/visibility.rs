@@ -200,11 +200,11 @@ fn estimate(sampler: &LightSampler, at: &ShadingPoint, candidates: CandidateCoun
     let (mut sum, mut squares) = (0.0, 0.0);
     for _ in 0..count {
         let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit(), rng.unit()];
-        let value = sampler.resample(at, u, candidates).map_or(0.0, |kept| {
-            let incident = kept.chosen.incident;
+        let value = sampler.reservoir_sample(at, &sampler.resample(at, u, candidates)).map_or(0.0, |kept| {
+            let incident = kept.incident;
             let lit = is_visible(at.position, incident.direction);
             let cosine = if at.normal == Vec3::ZERO { 1.0 } else { incident.direction.dot(at.normal) };
-            if lit { f64::from(incident.radiance.x * cosine * kept.weight) } else { 0.0 }
+            if lit { f64::from(incident.radiance.x * cosine / (kept.pmf * incident.pdf)) } else { 0.0 }
         });
         sum += value;
         squares += value * value;

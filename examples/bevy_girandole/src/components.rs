@@ -90,11 +90,14 @@ impl From<&EnvironmentMapLight> for GirandoleSky {
 #[require(Camera3d, Hdr, DepthPrepass, DeferredPrepass, MotionVectorPrepass)]
 pub struct GirandoleCamera {
     /// Lights that are drawn for each sample, of which one is kept: 1 to 32. More candidates lower
-    /// the noise and take longer. The shader clamps other numbers to this range.
+    /// the noise where nothing is reused, and take longer. The shader clamps other numbers to this range.
     pub candidates: u32,
     /// Samples for each pixel and frame. Twice as many halve the variance and take twice as long.
     /// With 0 there are no new samples, and the light fades from the mean.
     pub samples: u32,
+    /// Frames that the light which a pixel has kept stands for, at most: each pixel reuses that of the last frame and that of
+    /// a neighbour. More lower the noise, and let changes of lights and shadows lag behind. 0 reuses nothing.
+    pub reused_frames: u32,
     /// Frames over which the mean is taken while the surface in a pixel moves or any light changes.
     /// More frames lower the noise, and let the picture lag further behind.
     pub moving_frames: u32,
@@ -130,8 +133,9 @@ pub enum Estimate {
 impl Default for GirandoleCamera {
     fn default() -> Self {
         Self {
-            candidates: 8,
+            candidates: 1,
             samples: 1,
+            reused_frames: 8,
             moving_frames: 12,
             still_frames: 4096,
             seed: 0,

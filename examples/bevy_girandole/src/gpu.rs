@@ -85,7 +85,7 @@ impl GirandoleGpu {
 
 /// The layout of [`GirandoleGpu::bind_group`], as Bevy's pipelines describe it.
 pub fn lights_layout() -> BindGroupLayoutDescriptor {
-    layout("girandole lights", &[BufferBindingType::Uniform, READ, READ, READ, READ, READ, WRITE])
+    layout("girandole lights", &[BufferBindingType::Uniform, READ, READ, READ, READ, READ, WRITE, READ])
 }
 
 /// The layout of [`GirandoleGpu::source_group`], for compute pipelines.
@@ -95,7 +95,7 @@ pub fn sources_layout() -> BindGroupLayoutDescriptor {
 }
 
 pub(crate) const READ: BufferBindingType = BufferBindingType::Storage { read_only: true };
-const WRITE: BufferBindingType = BufferBindingType::Storage { read_only: false };
+pub(crate) const WRITE: BufferBindingType = BufferBindingType::Storage { read_only: false };
 
 pub(crate) fn layout(label: &'static str, types: &[BufferBindingType]) -> BindGroupLayoutDescriptor {
     let entries: Vec<_> = types.iter().zip(0..).map(|(ty, binding)| buffer_entry(binding, *ty)).collect();

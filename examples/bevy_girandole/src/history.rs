@@ -1,9 +1,10 @@
-//! The mean of the frames before, one for each camera.
+//! The mean of the frames before, and the lights that pixels keep, for each camera.
 
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::render_resource::{
-    Extent3d, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView, TextureViewDescriptor,
+    Buffer, BufferDescriptor, BufferUsages, Extent3d, TextureDescriptor, TextureDimension, TextureFormat,
+    TextureUsages, TextureView, TextureViewDescriptor,
 };
 use bevy::render::renderer::RenderDevice;
 
@@ -21,9 +22,14 @@ pub const DIST_FORMAT: TextureFormat = TextureFormat::R32Float;
 pub struct Past {
     pub mean: TextureView,
     pub dist: TextureView,
+    /// A `LightReservoir` for each pixel.
+    pub kept: Buffer,
 }
 
-/// The textures of a camera, which are read and written in alternate frames.
+/// The bytes of a `LightReservoir`.
+const RESERVOIR_BYTES: u64 = 28;
+
+/// The textures and buffers of a camera, which are read and written in alternate frames.
 #[derive(Component)]
 pub struct History {
     size: UVec2,
@@ -61,6 +67,8 @@ pub struct HistoryFrame {
     pub has_past: bool,
     /// Whether the exposure is another one than in the frame before.
     pub has_new_exposure: bool,
+    /// Of the picture in pixels.
+    pub width: u32,
     pub past: Past,
     pub present: Past,
 }
@@ -80,8 +88,19 @@ impl History {
             });
             texture.create_view(&TextureViewDescriptor::default())
         };
-        let side =
-            || Past { mean: texture("girandole mean", MEAN_FORMAT), dist: texture("girandole distance", DIST_FORMAT) };
+        let kept = || {
+            device.create_buffer(&BufferDescriptor {
+                label: Some("girandole reservoirs"),
+                size: u64::from(size.x) * u64::from(size.y) * RESERVOIR_BYTES,
+                usage: BufferUsages::STORAGE,
+                mapped_at_creation: false,
+            })
+        };
+        let side = || Past {
+            mean: texture("girandole mean", MEAN_FORMAT),
+            dist: texture("girandole distance", DIST_FORMAT),
+            kept: kept(),
+        };
         Self { size, sides: [side(), side()], number: 0, last: None }
     }
 
@@ -94,7 +113,7 @@ impl History {
         let has_new_exposure = last.is_some_and(|last| key.exposure != last.exposure);
         let [past, present] = if number.is_multiple_of(2) { [0, 1] } else { [1, 0] };
         let [past, present] = [past, present].map(|side| self.sides[side].clone());
-        HistoryFrame { number, has_past, has_new_exposure, past, present }
+        HistoryFrame { number, has_past, has_new_exposure, width: self.size.x, past, present }
     }
 }
 

@@ -17,13 +17,14 @@ pub const PASS_IMPORTS: &str = "#import bevy_pbr::{
 ";
 
 pub const LIGHT_IMPORTS: &str = "#import girandole::{
-    LightShadingPoint, LightSample, LightPick, LIGHT_DIRECTIONAL, light_glossy_point, light_user_data, light_hash,
-    light_mark, light_resample, light_sample_picked, light_cuts, light_top, light_nodes,
+    LightShadingPoint, LightSample, LightReservoir, LIGHT_DIRECTIONAL, light_glossy_point, light_user_data, light_hash,
+    light_mark, light_resample, light_reservoir_of, light_reservoir_sample, light_reservoir_sample_previous,
+    light_reservoir_merge, light_cuts, light_top, light_nodes,
 }
 ";
 
 pub const GIRANDOLE_IMPORTS: &str = "#import girandole::shading::{
-    girandole_surface, girandole_shading_point, girandole_reflected, girandole_sample, girandole_numbers,
+    girandole_surface, girandole_shading_point, girandole_reflected, girandole_numbers,
     girandole_kinds, girandole_is_there,
 }
 ";

@@ -17,7 +17,7 @@ use bevy::shader::{Shader, ShaderDefVal};
 use bytemuck::{Pod, Zeroable};
 
 use crate::components::{Estimate, GirandoleCamera};
-use crate::gpu::{GirandoleGpu, buffer_entry, lights_layout};
+use crate::gpu::{GirandoleGpu, READ, WRITE, buffer_entry, lights_layout};
 use crate::history::{DIST_FORMAT, FrameKey, History, MEAN_FORMAT};
 use crate::settings::GirandoleStats;
 use crate::shadows::{GirandoleShadows, ShadowRays};
@@ -38,6 +38,9 @@ struct ViewUniform {
     has_history: u32,
     lights_moved: u32,
     heat_map: u32,
+    reused_frames: u32,
+    width: u32,
+    padding: [u32; 2],
 }
 
 /// Makes the pipelines of the pass.
@@ -81,7 +84,8 @@ pub fn start(
     };
     let kinds = buffer_entry(0, BufferBindingType::Storage { read_only: true });
     let view = buffer_entry(1, BufferBindingType::Uniform);
-    let mut entries = vec![kinds, view, texture(2), texture(3)];
+    let [then, now] = [(8, READ), (9, WRITE)].map(|(binding, ty)| buffer_entry(binding, ty));
+    let mut entries = vec![kinds, view, texture(2), texture(3), then, now];
     entries.extend(shadows.iter().flat_map(|shadows| shadows.layout_entries()));
     commands.insert_resource(PassPipelines {
         mesh_pipeline: mesh_pipeline.clone(),
@@ -216,6 +220,9 @@ pub fn draw(
             Estimate::HeatMap(shown) => shown.number(),
             Estimate::Sampled | Estimate::Exhaustive => 0,
         },
+        reused_frames: settings.reused_frames,
+        width: frame.width,
+        padding: [0; 2],
     };
     let device: &RenderDevice = context.render_device();
     let uniform = device.create_buffer_with_data(&BufferInitDescriptor {
@@ -228,8 +235,12 @@ pub fn draw(
         uniform.as_entire_binding(),
         BindingResource::TextureView(&frame.past.mean),
         BindingResource::TextureView(&frame.past.dist),
+        frame.past.kept.as_entire_binding(),
+        frame.present.kept.as_entire_binding(),
     ];
-    let entries = (0..).zip(resources).map(|(binding, resource)| BindGroupEntry { binding, resource });
+    // Between them is what casts shadows.
+    let entries = [0, 1, 2, 3, 8, 9].into_iter().zip(resources);
+    let entries = entries.map(|(binding, resource)| BindGroupEntry { binding, resource });
     let entries: Vec<_> = entries.chain(casters).collect();
     let own = device.create_bind_group("girandole pass", &cache.get_bind_group_layout(&pipelines.layout), &entries);
     let write = |view| {

@@ -16,6 +16,11 @@ struct GirandoleView {
     has_history: u32,
     lights_moved: u32,
     heat_map: u32,
+    // Frames that a kept light stands for at most, and the width of the picture in pixels.
+    reused_frames: u32,
+    width: u32,
+    padding_a: u32,
+    padding_b: u32,
 }
 
 @group(2) @binding(1) var<uniform> girandole_view: GirandoleView;
@@ -23,6 +28,9 @@ struct GirandoleView {
 @group(2) @binding(2) var girandole_past: texture_2d<f32>;
 // The distance from the camera before, in metres; 0 for the sky.
 @group(2) @binding(3) var girandole_past_dist: texture_2d<f32>;
+// The lights that pixels have kept in the frame before and in this one, row by row.
+@group(2) @binding(8) var<storage, read> girandole_past_kept: array<LightReservoir>;
+@group(2) @binding(9) var<storage, read_write> girandole_kept: array<LightReservoir>;
 
 struct GirandoleOutput {
     // Is added to the picture.
@@ -33,6 +41,10 @@ struct GirandoleOutput {
 
 // How much the distance of a point may differ between two frames, as a share.
 const GIRANDOLE_SAME_DIST: f32 = 0.05;
+// How much the normals of two surfaces that share lights may differ, as a cosine, and how far one may be from the plane
+// of the other, as a share of the distance.
+const GIRANDOLE_SAME_COSINE: f32 = 0.9;
+const GIRANDOLE_SAME_PLANE: f32 = 0.02;
 // Pixels by which a surface moves and still counts as still.
 const GIRANDOLE_STILL: f32 = 0.01;
 
@@ -90,7 +102,7 @@ fn girandole_fragment(@builtin(position) position: vec4<f32>) -> GirandoleOutput
 
     // Its cell has a cut from the next frame on.
     light_mark(girandole_shading_point(surface));
-    var estimate = girandole_estimate(surface, seed);
+    var estimate = girandole_estimate(surface, texel, seed);
     if !girandole_is_finite(vec4(estimate, 0.0)) {
         estimate = vec3(0.0);
     }

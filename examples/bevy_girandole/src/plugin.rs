@@ -161,7 +161,7 @@ impl Plugin for GirandolePlugin {
         let light = if self.importing { shader::importing() } else { shader::joined(shadows, false) };
         let texts = [light, shader::joined(shadows, true)].map(|text| shaders.add(text));
         let pass_shaders = PassShaders { texts, shadows };
-        let mut options = GpuOptions::default().with_cuts(self.cuts);
+        let mut options = GpuOptions::default().with_cuts(self.cuts).with_previous();
         options.learning = self.learning.filter(|_| shadows.is_some());
         let pose_shader = PoseShader(shaders.add(shader::posing()));
         let modules = Modules { _handles: shader::modules(rays).map(|module| shaders.add(module)) };

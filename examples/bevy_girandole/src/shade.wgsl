@@ -92,25 +92,22 @@ fn girandole_reflected(surface: LightingInput, light: LightSample) -> vec3<f32> 
     return brdf * light.radiance * girandole_factor(kind, is_delta, light.dist);
 }
 
-// By what candidates are kept: the luminance that each would bring.
-fn girandole_target(shading_point: LightShadingPoint, surface: LightingInput, candidate: LightSample) -> f32 {
-    return dot(girandole_reflected(surface, candidate), vec3(0.2126, 0.7152, 0.0722));
-}
-
-// Five random numbers in [0, 1).
+// Six random numbers in [0, 1), and random bits.
 struct GirandoleNumbers {
     u: vec4<f32>,
     choice: f32,
+    more: f32,
+    bits: u32,
 }
 
 fn girandole_numbers(seed: u32) -> GirandoleNumbers {
     var state = seed;
-    var numbers: array<f32, 5>;
-    for (var i = 0u; i < 5u; i++) {
+    var numbers: array<f32, 6>;
+    for (var i = 0u; i < 6u; i++) {
         state = light_hash(state + 0x9e3779b9u);
         numbers[i] = f32(state >> 8u) / 16777216.0;
     }
-    return GirandoleNumbers(vec4(numbers[0], numbers[1], numbers[2], numbers[3]), numbers[4]);
+    return GirandoleNumbers(vec4(numbers[0], numbers[1], numbers[2], numbers[3]), numbers[4], numbers[5], state);
 }
 
 // Whether there are lights. To be asked at the start of a shader that draws some: it also keeps Mesa 26's llvmpipe, which

@@ -1,10 +1,9 @@
 //! The WGSL of the plugin: Girandole's text, Bevy's lighting by one light, and the pass.
 //!
-//! The pass is one text, in which candidates are weighted by Bevy's BRDF. Materials and passes of
-//! an application import the same functions as modules.
+//! The pass is one text. Materials and passes of an application import the same functions as modules.
 
 use bevy::shader::Shader;
-use girandole::plan::{self, ShaderParts, TargetHook};
+use girandole::plan::{self, ShaderParts};
 
 use crate::gpu::effects;
 use crate::shadows::ShadowRays;
@@ -40,12 +39,10 @@ fn extensions(rays: Option<ShadowRays>) -> &'static str {
     }
 }
 
-/// The pass in one text. Candidates are kept in proportion to the light that Bevy's BRDF reflects
-/// of them. With `shadows`, a ray looks whether the kept one is seen, and what it finds is learnt. With `is_heat_map`, it
+/// The pass in one text. With `shadows`, a ray looks whether the kept one is seen, and what it finds is learnt. With `is_heat_map`, it
 /// shows how they are chosen.
 pub fn joined(shadows: Option<ShadowRays>, is_heat_map: bool) -> Shader {
-    let hook = TargetHook::new("girandole_target", "LightingInput").expect("both are names");
-    let parts = ShaderParts::default().with_target(hook);
+    let parts = ShaderParts::default().with_previous();
     let parts = if shadows.is_some() { parts.with_learning() } else { parts };
     let parts = if is_heat_map { parts.with_heat_map() } else { parts };
     let library = plan::wgsl_with(LIGHTS_GROUP, effects(), &parts);
@@ -55,7 +52,6 @@ pub fn joined(shadows: Option<ShadowRays>, is_heat_map: bool) -> Shader {
         include_str!("shade.wgsl"),
         shadows.map_or("", shadow),
         if shadows.is_some() { include_str!("seen.wgsl") } else { UNSHADOWED },
-        include_str!("joined.wgsl"),
         include_str!("pixel.wgsl"),
         include_str!("pass.wgsl"),
         if is_heat_map { include_str!("heat.wgsl") } else { include_str!("light.wgsl") },
@@ -64,8 +60,7 @@ pub fn joined(shadows: Option<ShadowRays>, is_heat_map: bool) -> Shader {
     module(path, extensions(shadows), &[SHADING_IMPORTS, PASS_IMPORTS], &parts.concat())
 }
 
-/// The same pass, which imports the modules. Candidates are kept by Girandole's own estimate of what
-/// the surface reflects, since a module cannot call functions of the text that imports it. It has no shadows.
+/// The same pass, which imports the modules. It has no shadows.
 pub fn importing() -> Shader {
     let imports = [SHADING_IMPORTS, PASS_IMPORTS, LIGHT_IMPORTS, GIRANDOLE_IMPORTS];
     module(
@@ -88,7 +83,12 @@ pub fn posing() -> Shader {
 pub fn modules(rays: ShadowRays) -> [Shader; 4] {
     let shading = [include_str!("surface.wgsl"), include_str!("shade.wgsl"), include_str!("module.wgsl")].concat();
     [
-        module("girandole", "", &[], &plan::wgsl(LIGHTS_GROUP, effects())),
+        module(
+            "girandole",
+            "",
+            &[],
+            &plan::wgsl_with(LIGHTS_GROUP, effects(), &ShaderParts::default().with_previous()),
+        ),
         module("girandole::shading", "", &[SHADING_IMPORTS, LIGHT_IMPORTS], &shading),
         module("girandole::shadows", extensions(Some(rays)), &[], shadow(rays)),
         module("girandole::sources", "", &[], &plan::wgsl_of_sources(SOURCES_GROUP)),

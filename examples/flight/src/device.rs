@@ -20,7 +20,9 @@ impl Device {
                 Command::Write { buffer, offset, bytes } => {
                     assert!(offset + bytes.len() as u64 <= self.bytes[&buffer], "a write ends in its buffer");
                 }
-                Command::Copy { from, to, bytes } => assert!(bytes <= self.bytes[&from].min(self.bytes[&to])),
+                Command::Copy { from, to, offset, bytes } => {
+                    assert!(bytes <= self.bytes[&from] && offset + bytes <= self.bytes[&to]);
+                }
                 Command::Clear { buffer, offset, bytes } => assert!(offset + bytes <= self.bytes[&buffer]),
                 Command::Dispatch { buffers, .. } => {
                     assert!(buffers.iter().all(|buffer| self.bytes.contains_key(buffer)), "buffers exist");

@@ -47,10 +47,7 @@
 #define GIRANDOLE_NO_LIMIT UINT64_MAX
 
 // The number of buffers that shaders bind.
-#define GIRANDOLE_SHADER_BUFFERS 7
-
-// The number of buffers of the last frame that shaders bind.
-#define GIRANDOLE_PREVIOUS_BUFFERS 5
+#define GIRANDOLE_SHADER_BUFFERS 8
 
 // The number of buffers that kernels bind to write lights.
 #define GIRANDOLE_SOURCE_BUFFERS 2
@@ -540,7 +537,7 @@ typedef struct GirandoleCommand {
     uint32_t source;
     // DISPATCH, DISPATCH_INDIRECT: the index of the kernel, for girandole_kernel.
     uint32_t kernel;
-    // WRITE, CLEAR: the first byte that changes.
+    // WRITE, COPY, CLEAR: the first byte that changes.
     uint64_t offset;
     // WRITE, COPY, CLEAR: how many bytes.
     uint64_t size;
@@ -1486,7 +1483,7 @@ GirandoleStatus girandole_planner_set_limits(struct GirandolePlanner *planner,
                                              uint64_t tree_memory,
                                              uint64_t frame_bytes);
 
-// Sets whether the buffers of the last frame are kept for light_sample_picked_previous (1) or dropped (0), from the
+// Sets whether the buffers of the last frame are kept for light_reservoir_sample_previous (1) or dropped (0), from the
 // next plan on.
 GirandoleStatus girandole_planner_keep_previous(struct GirandolePlanner *planner,
                                                 uint32_t is_kept);
@@ -1500,15 +1497,11 @@ GirandoleStatus girandole_planner_lose(struct GirandolePlanner *planner);
 GirandoleStatus girandole_planner_lose_top(struct GirandolePlanner *planner);
 
 // Stores the numbers of the buffers that the engine's shaders bind after the last plan, at the bindings 0 to
-// 6 of their group: a uniform buffer of 64 bytes, five storage buffers that are only read, and one that is also
-// written, each bound whole. UINT32_MAX before the first plan. buffers has room for GIRANDOLE_SHADER_BUFFERS numbers.
+// 7 of their group: a uniform buffer of 64 bytes, five storage buffers that are only read, one that is also
+// written, and the lights of the last frame, which are only read; each is bound whole. UINT32_MAX before the first plan,
+// and for a last frame that is not kept. buffers has room for GIRANDOLE_SHADER_BUFFERS numbers.
 GirandoleStatus girandole_planner_bindings(struct GirandolePlanner *planner,
                                            uint32_t *buffers);
-
-// As girandole_planner_bindings, for the lights of the last frame, if they are kept: the bindings 0 to 4, all only
-// read. buffers has room for GIRANDOLE_PREVIOUS_BUFFERS numbers.
-GirandoleStatus girandole_planner_previous_bindings(struct GirandolePlanner *planner,
-                                                    uint32_t *buffers);
 
 // Stores the effects that shaders must support to read the buffers of the last plan: bits of
 // GIRANDOLE_EFFECT_*. All before the first plan.
@@ -1675,13 +1668,13 @@ GirandoleStatus girandole_kernel_shader(uint32_t index,
 //
 //   effects       bits of GIRANDOLE_EFFECT_*: at least those of girandole_planner_effects
 //   group         the group of the bindings in WGSL, and by default the space in HLSL: 0 to 254
-//   has_previous  1 for light_sample_picked_previous too, which binds the buffers of the last frame at group + 1; else 0
+//   has_previous  1 for light_reservoir_sample_previous too, which reads the last frame at binding 7; else 0
 //   target        WGSL, HLSL or MSL; its entry_point must be NULL. SPIR-V has no texts to include: join the
 //                 WGSL text with your own and pass both to girandole_translate
 //
-// HLSL: the spaces are macros, GIRANDOLE_SPACE and GIRANDOLE_PREVIOUS_SPACE, which a program may define
-// before it includes the text. A binding that target moves to another space than the first binding of its
-// group gets a space of its own instead of the macro. MSL: functions take the buffers that they read as further arguments.
+// HLSL: the space is a macro, GIRANDOLE_SPACE, which a program may define
+// before it includes the text. A binding that target moves to another space than the first one
+// gets a space of its own instead of the macro. MSL: functions take the buffers that they read as further arguments.
 GirandoleStatus girandole_shader_include(uint32_t effects,
                                          uint32_t group,
                                          uint32_t has_previous,

@@ -36,7 +36,7 @@ pub struct GirandoleCommand {
     pub source: u32,
     /// DISPATCH, DISPATCH_INDIRECT: the index of the kernel, for girandole_kernel.
     pub kernel: u32,
-    /// WRITE, CLEAR: the first byte that changes.
+    /// WRITE, COPY, CLEAR: the first byte that changes.
     pub offset: u64,
     /// WRITE, COPY, CLEAR: how many bytes.
     pub size: u64,
@@ -121,10 +121,11 @@ fn flat(command: Command<'_>, rest: &mut &[u32]) -> Result<GirandoleCommand, Fai
             bytes: bytes.as_ptr(),
             ..NO_COMMAND
         },
-        Command::Copy { from, to, bytes } => GirandoleCommand {
+        Command::Copy { from, to, offset, bytes } => GirandoleCommand {
             kind: GIRANDOLE_COMMAND_COPY,
             buffer: to.get(),
             source: from.get(),
+            offset,
             size: bytes,
             ..NO_COMMAND
         },

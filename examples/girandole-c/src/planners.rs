@@ -1,7 +1,7 @@
 //! The calls that create planners, set them up and ask them.
 
 use girandole::CutOptions;
-use girandole::plan::{LightPlanner, PlanLimits, ShaderBuffers};
+use girandole::plan::{LightPlanner, PlanLimits};
 
 use crate::cuts::GirandoleCutOptions;
 use crate::memory::{destroy, object, object_mut, result};
@@ -74,7 +74,7 @@ pub unsafe extern "C" fn girandole_planner_set_limits(
     })
 }
 
-/// Sets whether the buffers of the last frame are kept for light_sample_picked_previous (1) or dropped (0), from the
+/// Sets whether the buffers of the last frame are kept for light_reservoir_sample_previous (1) or dropped (0), from the
 /// next plan on.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_planner_keep_previous(
@@ -121,52 +121,33 @@ pub unsafe extern "C" fn girandole_planner_lose_top(planner: *mut GirandolePlann
 }
 
 /// The number of buffers that shaders bind.
-pub const GIRANDOLE_SHADER_BUFFERS: usize = 7;
-/// The number of buffers of the last frame that shaders bind.
-pub const GIRANDOLE_PREVIOUS_BUFFERS: usize = 5;
-
-/// Stores the numbers of the first N buffers, or `u32::MAX` if there are none.
-unsafe fn bindings<const N: usize>(
-    planner: *mut GirandolePlanner,
-    buffers: *mut u32,
-    get: impl FnOnce(&LightPlanner) -> Option<ShaderBuffers>,
-) -> Result<(), Failure> {
-    // SAFETY: see the crate's documentation.
-    let out = unsafe { result(buffers.cast::<[u32; N]>(), "buffers")? };
-    let first = |planner: &mut LightPlanner| {
-        let mut ids = [u32::MAX; N];
-        if let Some(lights) = get(planner) {
-            let all = lights.iter().copied().chain(planner.cells().into_iter().flatten());
-            ids.iter_mut().zip(all).for_each(|(id, buffer)| *id = buffer.get());
-        }
-        Ok(ids)
-    };
-    // SAFETY: see the crate's documentation.
-    out.set(unsafe { change(planner, first)? });
-    Ok(())
-}
+pub const GIRANDOLE_SHADER_BUFFERS: usize = 8;
 
 /// Stores the numbers of the buffers that the engine's shaders bind after the last plan, at the bindings 0 to
-/// 6 of their group: a uniform buffer of 64 bytes, five storage buffers that are only read, and one that is also
-/// written, each bound whole. UINT32_MAX before the first plan. buffers has room for GIRANDOLE_SHADER_BUFFERS numbers.
+/// 7 of their group: a uniform buffer of 64 bytes, five storage buffers that are only read, one that is also
+/// written, and the lights of the last frame, which are only read; each is bound whole. UINT32_MAX before the first plan,
+/// and for a last frame that is not kept. buffers has room for GIRANDOLE_SHADER_BUFFERS numbers.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_planner_bindings(
     planner: *mut GirandolePlanner,
     buffers: *mut u32,
 ) -> GirandoleStatus {
-    // SAFETY: see the crate's documentation.
-    call(|| unsafe { bindings::<GIRANDOLE_SHADER_BUFFERS>(planner, buffers, LightPlanner::bindings) })
-}
-
-/// As girandole_planner_bindings, for the lights of the last frame, if they are kept: the bindings 0 to 4, all only
-/// read. buffers has room for GIRANDOLE_PREVIOUS_BUFFERS numbers.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn girandole_planner_previous_bindings(
-    planner: *mut GirandolePlanner,
-    buffers: *mut u32,
-) -> GirandoleStatus {
-    // SAFETY: see the crate's documentation.
-    call(|| unsafe { bindings::<GIRANDOLE_PREVIOUS_BUFFERS>(planner, buffers, LightPlanner::previous_bindings) })
+    call(|| {
+        // SAFETY: see the crate's documentation.
+        let out = unsafe { result(buffers.cast::<[u32; GIRANDOLE_SHADER_BUFFERS]>(), "buffers")? };
+        let all = |planner: &mut LightPlanner| {
+            let mut ids = [u32::MAX; GIRANDOLE_SHADER_BUFFERS];
+            let lights = planner.bindings();
+            let cells = planner.cells().filter(|_| lights.is_some());
+            let bound = lights.iter().flat_map(|lights| lights.iter().copied()).chain(cells.into_iter().flatten());
+            ids.iter_mut().zip(bound).for_each(|(id, buffer)| *id = buffer.get());
+            ids[GIRANDOLE_SHADER_BUFFERS - 1] = planner.previous().map_or(u32::MAX, |buffer| buffer.get());
+            Ok(ids)
+        };
+        // SAFETY: see the crate's documentation.
+        out.set(unsafe { change(planner, all)? });
+        Ok(())
+    })
 }
 
 /// Stores the effects that shaders must support to read the buffers of the last plan: bits of

@@ -185,13 +185,11 @@ pub unsafe extern "C" fn girandole_world_resample(
         let (sampler, points) = unsafe { (sampler(world, splits)?, points(shading_points, count)?) };
         // SAFETY: see the crate's documentation.
         let (u, samples) = unsafe { (numbers::<5>(u, count)?, output(samples, count, "samples")?) };
-        let kept = points.iter().zip(u).map(|(point, u)| sampler.resample(point, *u, candidates));
-        samples.fill(kept.map(|kept| {
-            kept.map_or_else(GirandoleSample::default, |kept| GirandoleSample {
-                weight: kept.weight,
-                ..kept.chosen.into()
-            })
-        }));
+        let kept = points
+            .iter()
+            .zip(u)
+            .map(|(point, u)| sampler.reservoir_sample(point, &sampler.resample(point, *u, candidates)));
+        samples.fill(kept.map(|sample| sample.map_or_else(GirandoleSample::default, Into::into)));
         Ok(())
     })
 }

@@ -1,7 +1,7 @@
 //! The text with light_sample and the other functions, for an engine's own shaders.
 
 use girandole::Effects;
-use girandole::plan;
+use girandole::plan::{self, ShaderParts};
 
 use std::ffi::CString;
 use std::fmt::Write;
@@ -78,7 +78,7 @@ fn known_effects(bits: u32) -> Result<Effects, Failure> {
     Ok(EFFECTS.iter().filter(|(bit, _)| bits & bit != 0).map(|(_, effect)| *effect).collect())
 }
 
-/// The last number that the group may have, so that group + 1 is a space of HLSL too.
+/// The last number that the group may have.
 pub(crate) const LAST_GROUP: u32 = 254;
 
 /// Makes the text that an engine's shader includes: the functions light_sample, light_resample, light_pmf,
@@ -87,13 +87,13 @@ pub(crate) const LAST_GROUP: u32 = 254;
 ///
 ///   effects       bits of GIRANDOLE_EFFECT_*: at least those of girandole_planner_effects
 ///   group         the group of the bindings in WGSL, and by default the space in HLSL: 0 to 254
-///   has_previous  1 for light_sample_picked_previous too, which binds the buffers of the last frame at group + 1; else 0
+///   has_previous  1 for light_reservoir_sample_previous too, which reads the last frame at binding 7; else 0
 ///   target        WGSL, HLSL or MSL; its entry_point must be NULL. SPIR-V has no texts to include: join the
 ///                 WGSL text with your own and pass both to girandole_translate
 ///
-/// HLSL: the spaces are macros, GIRANDOLE_SPACE and GIRANDOLE_PREVIOUS_SPACE, which a program may define
-/// before it includes the text. A binding that target moves to another space than the first binding of its
-/// group gets a space of its own instead of the macro. MSL: functions take the buffers that they read as further arguments.
+/// HLSL: the space is a macro, GIRANDOLE_SPACE, which a program may define
+/// before it includes the text. A binding that target moves to another space than the first one
+/// gets a space of its own instead of the macro. MSL: functions take the buffers that they read as further arguments.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_shader_include(
     effects: u32,
@@ -128,21 +128,19 @@ unsafe fn include(
         let message = "target.entry_point is not NULL, but an include text has no entry points";
         return Err(Failure::new(GIRANDOLE_ERROR_BAD_VALUE, message));
     }
-    let mut wgsl = plan::wgsl(group, effects);
-    if has_previous {
-        wgsl.push_str(&plan::wgsl_previous(group + 1, effects));
-    }
-    let source = Source::checked(wgsl)?;
+    let parts = ShaderParts::default();
+    let parts = if has_previous { parts.with_previous() } else { parts };
+    let source = Source::checked(plan::wgsl_with(group, effects, &parts))?;
     // SAFETY: the caller's promise.
     let mut made = unsafe { translate(&source, target)? };
     if let (GIRANDOLE_LANGUAGE_HLSL, Code::Text(text)) = (target.language, &made.code) {
-        made.code = Code::Text(hlsl_include(text, &made, group));
+        made.code = Code::Text(hlsl_include(text, &made));
     }
     Ok(made)
 }
 
 /// The text of naga with include guards, a table of bindings and macros for the spaces.
-fn hlsl_include(text: &CString, made: &GirandoleShader, group: u32) -> CString {
+fn hlsl_include(text: &CString, made: &GirandoleShader) -> CString {
     let mut head = String::from("// Made by girandole_shader_include. Do not edit.\n//\n");
     head.push_str("// register  space                      name\n");
     let mut macros = String::new();
@@ -150,14 +148,9 @@ fn hlsl_include(text: &CString, made: &GirandoleShader, group: u32) -> CString {
     for (index, row) in made.bindings.iter().enumerate() {
         let letter = row.register_letter as u8 as char;
         let own_space = format!("space{}", row.space);
-        let first = made.bindings.iter().find(|first| first.group == row.group);
-        // A macro is for the space of the first binding of the group.
-        let has_macro = first.is_none_or(|first| first.space == row.space);
-        let space = match (has_macro, row.group == group) {
-            (false, _) => own_space.as_str(),
-            (true, true) => "GIRANDOLE_SPACE",
-            (true, false) => "GIRANDOLE_PREVIOUS_SPACE",
-        };
+        // The macro is for the space of the first binding.
+        let has_macro = made.bindings[0].space == row.space;
+        let space = if has_macro { "GIRANDOLE_SPACE" } else { &own_space };
         // Two names are kept for each entry point, of which there are none.
         let name = made.names[index].to_string_lossy();
         let _ = writeln!(head, "// {letter}{:<8} {space:<26} {name}", row.index);
@@ -197,9 +190,7 @@ mod tests {
         };
         // SAFETY: both pointers are null, which is allowed.
         let made = unsafe { include(effects, group, has_previous, &target) }.expect("it is translated");
-        // Without a sky and profiles, the last frame's lights need no top level.
-        let of_last_frame = if effects == 0 { 4 } else { 5 };
-        assert_eq!(made.bindings.len(), if has_previous { 7 + of_last_frame } else { 7 });
+        assert_eq!(made.bindings.len(), if has_previous { 8 } else { 7 });
         let Code::Text(text) = made.code else { panic!("a text is no SPIR-V") };
         text.into_string().expect("UTF-8")
     }
@@ -213,11 +204,11 @@ mod tests {
                     "surface_point",
                     "sample",
                     "resample",
-                    "pick",
                     "pmf",
                     "pdf",
                     "hash",
-                    "sample_picked_previous",
+                    "reservoir_sample",
+                    "reservoir_sample_previous",
                     "mark",
                 ] {
                     assert!(text.contains(&format!(" light_{name}(")), "light_{name} in language {language}");
@@ -235,12 +226,9 @@ mod tests {
             let text = text(GIRANDOLE_ALL_EFFECTS, group, has_previous, GIRANDOLE_LANGUAGE_HLSL);
             let registers: Vec<_> = text.lines().filter(|line| line.contains("register(")).collect();
             let of = |space: &str| registers.iter().filter(|line| line.contains(&format!(", {space})"))).count();
-            let previous = if has_previous { 5 } else { 0 };
-            assert_eq!([of("GIRANDOLE_SPACE"), of("GIRANDOLE_PREVIOUS_SPACE")], [7, previous], "{registers:#?}");
-            assert_eq!(registers.len(), 7 + previous, "{registers:#?}");
+            let count = if has_previous { 8 } else { 7 };
+            assert_eq!([of("GIRANDOLE_SPACE"), registers.len()], [count; 2], "{registers:#?}");
             assert!(text.contains(&format!("#define GIRANDOLE_SPACE space{group}\n")));
-            let defined = text.contains(&format!("#define GIRANDOLE_PREVIOUS_SPACE space{}\n", group + 1));
-            assert_eq!(defined, has_previous);
         }
     }
 

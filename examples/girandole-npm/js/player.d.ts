@@ -7,7 +7,7 @@ export class Player implements PlanPlayer {
     buffer(buffer: number): GPUBuffer | undefined;
     create(buffer: number, label: string, bytes: number, kind: "uniform" | "storage" | "indirect"): void;
     write(buffer: number, offset: number, bytes: Uint8Array): void;
-    copy(from: number, to: number, bytes: number): void;
+    copy(from: number, to: number, offset: number, bytes: number): void;
     clear(buffer: number, offset: number, bytes: number): void;
     dispatch(kernel: string, buffers: Uint32Array, uniformOffset: number, x: number, y: number, z: number): void;
     dispatchIndirect(kernel: string, buffers: Uint32Array, uniformOffset: number, workgroups: number): void;

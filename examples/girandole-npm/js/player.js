@@ -41,8 +41,8 @@ export class Player {
         this.#device.queue.writeBuffer(this.#buffers.get(id), offset, bytes);
     }
 
-    copy(from, to, bytes) {
-        this.#outsideOfPasses(from, to).copyBufferToBuffer(this.#buffers.get(from), 0, this.#buffers.get(to), 0, bytes);
+    copy(from, to, offset, bytes) {
+        this.#outsideOfPasses(from, to).copyBufferToBuffer(this.#buffers.get(from), 0, this.#buffers.get(to), offset, bytes);
     }
 
     clear(id, offset, bytes) {

@@ -17,7 +17,7 @@ export interface PlanPlayer {
     /** Overwrites bytes of a buffer. They are readable only until the next call of the package. */
     write(buffer: number, offset: number, bytes: Uint8Array): void;
     /** Copies the first bytes of a buffer to the start of another. */
-    copy(from: number, to: number, bytes: number): void;
+    copy(from: number, to: number, offset: number, bytes: number): void;
     /** Sets bytes of a buffer to zero. */
     clear(buffer: number, offset: number, bytes: number): void;
     /** Runs a kernel with the buffers of its bindings. */
@@ -39,7 +39,7 @@ extern "C" {
     #[wasm_bindgen(method, catch)]
     fn write(this: &PlanPlayer, buffer: u32, offset: f64, bytes: &[u8]) -> Result<(), JsValue>;
     #[wasm_bindgen(method, catch)]
-    fn copy(this: &PlanPlayer, from: u32, to: u32, bytes: f64) -> Result<(), JsValue>;
+    fn copy(this: &PlanPlayer, from: u32, to: u32, offset: f64, bytes: f64) -> Result<(), JsValue>;
     #[wasm_bindgen(method, catch)]
     fn clear(this: &PlanPlayer, buffer: u32, offset: f64, bytes: f64) -> Result<(), JsValue>;
     #[wasm_bindgen(method, catch)]
@@ -90,7 +90,7 @@ impl PlanPlayer {
     fn play_one(&self, command: Command<'_>) -> Result<(), Failure> {
         let played = match command {
             Command::Write { buffer, offset, bytes } => self.write(buffer.get(), number(offset), bytes),
-            Command::Copy { from, to, bytes } => self.copy(from.get(), to.get(), number(bytes)),
+            Command::Copy { from, to, offset, bytes } => self.copy(from.get(), to.get(), number(offset), number(bytes)),
             Command::Clear { buffer, offset, bytes } => self.clear(buffer.get(), number(offset), number(bytes)),
             Command::Dispatch { kernel, buffers, uniform_offset, workgroups: [x, y, z] } => {
                 self.dispatch(kernel.entry(), numbers(buffers), uniform_offset, x, y, z)

@@ -36,7 +36,7 @@ fn estimate(@builtin(workgroup_id) point: vec3<u32>, @builtin(local_invocation_i
         if s.pmf > 0.0 {
             sum.lux += s.radiance * max(dot(at.normal, s.direction), 0.0) / (s.pmf * s.pdf);
         }
-        sum.without_light += f32(light_pick(at, u.xy).pmf == 0.0);
+        sum.without_light += f32(light_resample(at, u, 0.5, 1u).weight == 0.0);
     }
     let index = (batch.x * batch.y + point.x) * ${INVOCATIONS} + invocation;
     partials[index] = Partial(sum.lux / ${SAMPLES}, sum.without_light / ${SAMPLES});

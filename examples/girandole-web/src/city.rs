@@ -126,7 +126,7 @@ impl City {
         let lights = GpuLights::with_options(&gpu.device, &gpu.queue, options).map_err(text)?;
         let picture = Picture::new(&gpu, &buffers, [1, 1]);
         let (layout, _) = buffers.bind(&gpu.device, &picture.sums);
-        let pipelines = Pipelines::new(&gpu.device, &layout, &lights, (&stage.scene, &geometry))?;
+        let pipelines = Pipelines::new(&gpu.device, &layout, &lights, (&stage.scene, &geometry));
         let start = stage.scene.camera;
         Ok(Self {
             gpu,

@@ -12,7 +12,9 @@ fn listed(index: u32) -> vec2<u32> {
 // A point on one light of the list, with the given probability of that light.
 fn listed_light(number: u32, pmf: f32, at: MetSurface, u: vec2<f32>) -> LightSample {
     let names = listed(number + 1u);
-    return light_sample_picked(shading_point(at), LightPick(names.x, names.y, pmf), u);
+    var kept = light_reservoir_of(names.x, names.y, u);
+    kept.weight /= pmf;
+    return light_reservoir_sample(shading_point(at), kept);
 }
 
 // The radiance that a light adds; black where nothing arrives.

@@ -2,12 +2,12 @@
 
 use std::collections::HashMap;
 
-use girandole::gpu::{GpuLights, LightShader, TargetHook};
+use girandole::gpu::{GpuLights, LightShader};
 use girandole::{Effects, wgpu};
 
 use crate::light_list::LightList;
 use testbed::render::geometry::Geometry;
-use testbed::render::gpu::pipeline::{LIGHT_GROUP, Needs, TARGET, TARGET_ARGUMENT, Work, pipeline, shader_source};
+use testbed::render::gpu::pipeline::{LIGHT_GROUP, Needs, Work, pipeline, shader_source};
 use testbed::scene::Scene;
 
 /// Places of the traversal stack that the first hierarchy does not need. As objects move, its depth changes
@@ -44,10 +44,8 @@ pub struct Pipelines {
     device: wgpu::Device,
     /// Of group 0.
     layout: wgpu::BindGroupLayout,
-    /// For all effects, as `render`.
-    mark: LightShader,
-    /// Weighs candidates too.
-    render: LightShader,
+    /// For all effects.
+    shader: LightShader,
     /// What the pipelines are compiled for.
     needs: Needs,
     /// By the effects that they serve. Each is compiled when a frame asks for it: on a page, another
@@ -63,14 +61,12 @@ impl Pipelines {
         layout: &wgpu::BindGroupLayout,
         lights: &GpuLights,
         (scene, geometry): (&Scene, &Geometry),
-    ) -> Result<Self, String> {
-        let target = TargetHook::new(TARGET, TARGET_ARGUMENT).map_err(|error| error.to_string())?;
-        let mark = lights.shader(LIGHT_GROUP, Effects::all());
-        let render = mark.clone().with_target(target);
+    ) -> Self {
+        let shader = lights.shader(LIGHT_GROUP, Effects::all());
         let mut needs = Needs::new(scene, geometry);
         needs.stack_size += SPARE_STACK;
         let (device, layout, variants) = (device.clone(), layout.clone(), HashMap::new());
-        Ok(Self { device, layout, mark, render, needs, variants, listed: None })
+        Self { device, layout, shader, needs, variants, listed: None }
     }
 
     /// Drops all pipelines if the hierarchies have become too deep for them.
@@ -83,12 +79,12 @@ impl Pipelines {
 
     /// The pipelines for lights with these effects.
     pub fn get(&mut self, effects: Effects) -> &Variant {
-        let Self { device, layout, mark, render, needs, variants, .. } = self;
-        let compile =
-            |shader: &LightShader, work| pipeline(device, layout, &shader.with_effects(effects), *needs, work);
+        let Self { device, layout, shader, needs, variants, .. } = self;
+        let shader = shader.with_effects(effects);
+        let compile = |work| pipeline(device, layout, &shader, *needs, work);
         variants
             .entry(effects)
-            .or_insert_with(|| Variant { mark: compile(mark, Work::Mark), render: compile(render, Work::Render) })
+            .or_insert_with(|| Variant { mark: compile(Work::Mark), render: compile(Work::Render) })
     }
 
     /// The number of variants that were compiled.
@@ -112,7 +108,7 @@ impl Pipelines {
     }
 
     fn make_listed(&self, listed: Listed, effects: Effects, list: &LightList) -> wgpu::ComputePipeline {
-        let shader = self.render.with_effects(effects);
+        let shader = self.shader.with_effects(effects);
         let text = shader_source(&shader.wgsl, self.needs, Work::Render);
         let text = format!("{text}\n{}", include_str!("light_list.wgsl"));
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {

@@ -12,15 +12,13 @@ fn sample(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let shading_point = light_surface_point(requests[i].position, requests[i].normal);
     var chosen: LightSample;
-    var weight = 0.0;
     if CANDIDATES == 1u {
         chosen = light_sample(shading_point, requests[i].u);
-        weight = 1.0 / (chosen.pmf * chosen.pdf);
     } else {
-        let reservoir = light_resample(shading_point, requests[i].u, requests[i].choice, CANDIDATES);
-        chosen = reservoir.chosen;
-        weight = reservoir.weight;
+        let kept = light_resample(shading_point, requests[i].u, requests[i].choice, CANDIDATES);
+        chosen = light_reservoir_sample(shading_point, kept);
     }
+    let weight = 1.0 / (chosen.pmf * chosen.pdf);
     let cosine = max(dot(shading_point.normal, chosen.direction), 0.0);
     pixels[i] = vec4(select(vec3(0.0), chosen.radiance * cosine * weight, chosen.pmf > 0.0), chosen.dist);
 }

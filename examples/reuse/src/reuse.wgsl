@@ -1,28 +1,32 @@
-// Temporal reuse: each pixel keeps one sample from frame to frame. `docs/reuse.md` explains it.
+// Reuse over frames and pixels: each pixel keeps a reservoir. `docs/reuse.md` explains it.
+
+struct Variant {
+    // The cap on the count of kept reservoirs. With 0, nothing is reused.
+    cap: f32,
+    // How many neighbours of the last frame a pixel reuses besides itself.
+    neighbours: u32,
+    // The shadow rays of the last frame: 0 for its walls, 1 for those of this frame, as where an engine keeps only these,
+    // 2 for none.
+    rays_then: u32,
+    padding: u32,
+}
 
 struct Frame {
     number: u32,
     pixels_per_edge: u32,
     // New samples of a pixel.
     candidates: u32,
-    // The caps on `Kept::frames`: the frame is drawn once with each. With 0, nothing is reused.
-    @align(16) most_frames: vec4<f32>,
+    // Where the reservoirs of the last frame begin; those of this one are in the other half.
+    first_then: u32,
+    // What the camera has moved by in x, now and in the last frame, in pixels.
+    camera: vec2<i32>,
+    // How high the walls hang, now and in the last frame.
+    walls: vec2<f32>,
+    // The frame is drawn once with each.
+    variants: array<Variant, 7>,
 }
 
-// A kept sample: a light, the numbers that choose the point on it, and a weight instead of 1 / pmf.
-struct Kept {
-    instance: u32,
-    light: u32,
-    generation: u32,
-    weight: f32,
-    u: vec2<f32>,
-    // How many frames it stands for.
-    frames: f32,
-    // What the picture shows: the illuminance by this sample times its weight, in lux.
-    lux: f32,
-}
-
-@group(0) @binding(0) var<storage, read_write> kept: array<Kept>;
+@group(0) @binding(0) var<storage, read_write> kept: array<LightReservoir>;
 @group(0) @binding(1) var<uniform> frame: Frame;
 
 var<private> random_state: u32;
@@ -33,12 +37,12 @@ fn random() -> f32 {
 }
 
 // Whether a wall is in the way. Twin of `is_occluded` in main.rs.
-fn is_occluded(origin: vec3<f32>, direction: vec3<f32>, max_dist: f32) -> bool {
+fn is_occluded(origin: vec3<f32>, direction: vec3<f32>, max_dist: f32, walls: f32) -> bool {
     var is_hit = false;
     for (var i = 0u; i < 4u; i++) {
         let z = 4.0 * f32(i) - 6.0;
-        let to_low = (vec3(-9.0, 0.0, z - 0.1) - origin) / direction;
-        let to_high = (vec3(9.0, 4.0, z + 0.1) - origin) / direction;
+        let to_low = (vec3(-9.0, walls, z - 0.1) - origin) / direction;
+        let to_high = (vec3(9.0, walls + 4.0, z + 0.1) - origin) / direction;
         let nears = min(to_low, to_high);
         let fars = max(to_low, to_high);
         let near = max(max(nears.x, nears.y), max(nears.z, 0.0));
@@ -47,81 +51,55 @@ fn is_occluded(origin: vec3<f32>, direction: vec3<f32>, max_dist: f32) -> bool {
     return is_hit;
 }
 
-// The target of a sample that was picked with a pmf of 1: what it brings to the point, in lux. A renderer multiplies
-// by its BRDF.
-fn unshadowed(at: LightShadingPoint, s: LightSample) -> f32 {
-    return select(0.0, s.radiance.y * dot(at.normal, s.direction) / s.pdf, s.pmf > 0.0);
+// The point of a pixel. A renderer has it in its G-buffer.
+fn point_of(pixel: vec2<i32>, camera: i32) -> LightShadingPoint {
+    let place = 0.25 * (vec2<f32>(pixel + vec2(camera, 0)) + 0.5 - 0.5 * f32(frame.pixels_per_edge));
+    return light_surface_point(vec3(place.x, 0.0, place.y), vec3(0.0, 1.0, 0.0));
 }
 
-// The same with shadows.
-fn shadowed(at: LightShadingPoint, s: LightSample) -> f32 {
-    let lux = unshadowed(at, s);
-    if lux <= 0.0 || is_occluded(at.position, s.direction, 0.999 * s.dist) {
+// What a light reflects at a point, with shadows: here lux. A renderer multiplies by its BRDF.
+fn reflected(at: LightShadingPoint, s: LightSample, walls: f32) -> f32 {
+    if s.pmf <= 0.0 || is_occluded(at.position, s.direction, 0.999 * s.dist, walls) {
         return 0.0;
     }
-    return lux;
+    return s.radiance.y * dot(at.normal, s.direction) / s.pdf;
 }
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let pixels = frame.pixels_per_edge * frame.pixels_per_edge;
-    let pixel = id.x % pixels;
-    let x = f32(pixel % frame.pixels_per_edge) + 0.5 - 0.5 * f32(frame.pixels_per_edge);
-    let z = f32(pixel / frame.pixels_per_edge) + 0.5 - 0.5 * f32(frame.pixels_per_edge);
-    let at = light_surface_point(vec3(x, 0.0, z), vec3(0.0, 1.0, 0.0));
-    let place = id.y * groups.x * 64u + id.x;
-    random_state = light_hash(place ^ light_hash(frame.number));
+    let edge = frame.pixels_per_edge;
+    let index = id.x % (edge * edge);
+    let pixel = vec2<i32>(vec2(index % edge, index / edge));
+    let picture = id.y * groups.x * 64u + id.x - index;
+    let variant = frame.variants[id.y];
+    let at = point_of(pixel, frame.camera.x);
+    random_state = light_hash((picture + index) ^ light_hash(frame.number));
     light_mark(at);
-    let then = kept[place];
-    var now: Kept;
 
-    // One of the new samples, in proportion to what they bring without shadows. Its weight is 1 / pmf if it is the only
-    // one.
-    var total = 0.0;
-    var kept_lux = 0.0;
-    for (var i = 0u; i < frame.candidates; i++) {
-        let pick = light_pick(at, vec2(random(), random()));
-        let u = vec2(random(), random());
-        let choice = random();
-        let lux = unshadowed(at, light_sample_picked(at, pick, u));
-        if lux > 0.0 {
-            let weight = lux / (f32(frame.candidates) * pick.pmf);
-            total += weight;
-            if choice * total < weight {
-                now = Kept(pick.instance, pick.light, 0u, 0.0, u, 0.0, 0.0);
-                kept_lux = lux;
-            }
+    // A new reservoir.
+    let u = vec4(random(), random(), random(), random());
+    var own = light_resample(at, u, random(), frame.candidates);
+    own.reflected = reflected(at, light_reservoir_sample(at, own), frame.walls.x);
+
+    // Those of the last frame: where the surface of this pixel was, then of its neighbours there.
+    let before = pixel + vec2(frame.camera.x - frame.camera.y, 0);
+    for (var i = 0u; i <= variant.neighbours && variant.cap > 0.0; i++) {
+        var there = before;
+        if i > 0u {
+            there += vec2<i32>(round(6.0 * vec2(random(), random()) - 3.0));
         }
-    }
-    // That sample and the kept one share what lights bring: in proportion to the target now, and to that of the last
-    // frame for each of the frames that the kept sample stands for. Both know shadows.
-    let frames = min(then.frames, frame.most_frames[id.y]);
-    if total > 0.0 {
-        let pick = LightPick(now.instance, now.light, 1.0);
-        let lux = shadowed(at, light_sample_picked(at, pick, now.u));
-        let lux_then = shadowed(at, light_sample_picked_previous(at, pick, now.u));
-        total *= select(0.0, lux / (lux + frames * lux_then) * (lux / kept_lux), lux > 0.0);
-        kept_lux = lux;
-    }
-    // The kept sample, unless another light has its name now.
-    if then.weight > 0.0 && frames > 0.0 && light_generation(then.instance, then.light) == then.generation {
-        let pick = LightPick(then.instance, then.light, 1.0);
-        let lux = shadowed(at, light_sample_picked(at, pick, then.u));
-        let lux_then = shadowed(at, light_sample_picked_previous(at, pick, then.u));
-        let share = frames * lux_then / (lux + frames * lux_then);
-        let weight = select(0.0, share * lux * then.weight, lux > 0.0);
-        total += weight;
-        if random() * total < weight {
-            now = then;
-            kept_lux = lux;
+        if any(there < vec2(0)) || any(there >= vec2(i32(edge))) {
+            continue;
         }
+        var then = kept[frame.first_then + picture + u32(there.y) * edge + u32(there.x)];
+        then.count = min(then.count, variant.cap);
+        let at_then = point_of(there, frame.camera.y);
+        // Without rays, no walls are in the way.
+        let walls_then = array(frame.walls.y, frame.walls.x, 1.0e6)[variant.rays_then];
+        let here = reflected(at, light_reservoir_sample(at, then), frame.walls.x);
+        let own_there = reflected(at_then, light_reservoir_sample_previous(at_then, own), walls_then);
+        own = light_reservoir_merge(own, own_there, then, here, random());
     }
-    now.weight = 0.0;
-    now.lux = total;
-    if total > 0.0 {
-        now.weight = total / kept_lux;
-        now.generation = light_generation(now.instance, now.light);
-    }
-    now.frames = min(frames + 1.0, frame.most_frames[id.y]);
-    kept[place] = now;
+    let first = select(0u, arrayLength(&kept) / 2u, frame.first_then == 0u);
+    kept[first + picture + index] = own;
 }

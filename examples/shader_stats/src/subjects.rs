@@ -1,7 +1,7 @@
 //! The kernels that are compiled.
 
 use girandole::Effects;
-use girandole::plan::{self, KERNELS, cut_kernels, visibility_kernels};
+use girandole::plan::{self, KERNELS, ShaderParts, cut_kernels, visibility_kernels};
 
 /// A kernel of the library, or one that only calls a function of it.
 pub struct Subject {
@@ -20,7 +20,7 @@ fn worlds() -> [(&'static str, Effects); 3] {
 
 /// The functions that engines call, with the call of each. `q` is the question, `point` the shading
 /// point.
-const FUNCTIONS: [(&str, &str); 8] = [
+const FUNCTIONS: [(&str, &str); 9] = [
     ("light_mark", "light_mark(point);"),
     ("light_sample", "let s = light_sample(point, q.u); answers[id.x] = vec4(s.radiance, s.pdf) * s.pmf;"),
     // What a second call costs, and what a loop saves.
@@ -38,12 +38,34 @@ const FUNCTIONS: [(&str, &str); 8] = [
     ),
     (
         "light_resample",
-        "let r = light_resample(point, q.u, q.choice, 8u); answers[id.x] = vec4(r.chosen.radiance, r.weight);",
+        "let s = light_reservoir_sample(point, light_resample(point, q.u, q.choice, 8u));
+        answers[id.x] = vec4(s.radiance, s.pdf) * s.pmf;",
+    ),
+    (
+        // A stored reservoir is merged with another one of the last frame.
+        "light_reservoir_merge",
+        "let at_then = light_surface_point(q.u.xyz, q.normal);
+        var own = light_reservoir_of(q.instance, q.light, q.u.xy);
+        var then = light_reservoir_of(q.light, q.instance, q.u.zw);
+        own.reflected = q.u.y;
+        then.reflected = q.u.x;
+        let there = light_reservoir_sample_previous(at_then, own).radiance.y;
+        let here = light_reservoir_sample(point, then).radiance.y;
+        let kept = light_reservoir_merge(own, there, then, here, q.choice);
+        answers[id.x] = vec4(kept.weight, kept.count, kept.reflected, f32(kept.light));",
     ),
     ("light_pmf", "answers[id.x] = vec4(light_pmf(point, q.instance, q.light));"),
     ("light_pdf", "answers[id.x] = vec4(light_pdf(point, q.instance, q.light, q.u.xyz));"),
     ("light_hit", "let s = light_hit(point, q.u.xyz, q.u.w); answers[id.x] = vec4(s.radiance, s.pdf * s.pmf);"),
 ];
+
+/// The text with the functions that a call names.
+fn functions(call: &str, effects: Effects) -> String {
+    match call.contains("_previous(") {
+        true => plan::wgsl_with(0, effects, &ShaderParts::default().with_previous()),
+        false => plan::wgsl(0, effects),
+    }
+}
 
 /// A kernel that calls a function for each question. `functions` is the text with the function.
 fn caller(functions: &str, call: &str) -> String {
@@ -81,7 +103,7 @@ pub fn all() -> Vec<Subject> {
             kernel,
             effects,
             entry: "call",
-            wgsl: caller(&plan::wgsl(0, set), call),
+            wgsl: caller(&functions(call, set), call),
         })
     });
     own.chain([put()]).chain(functions).chain(cuts()).collect()

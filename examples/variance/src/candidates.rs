@@ -38,10 +38,11 @@ fn numbers(rng: &mut Rng) -> [f32; 5] {
 
 /// The unshadowed illuminance in lux, estimated by one chosen candidate.
 fn estimate(sampler: &LightSampler<'_>, shading_point: &ShadingPoint, u: [f32; 5], candidates: CandidateCount) -> f64 {
-    sampler.resample(shading_point, u, candidates).map_or(0.0, |reservoir| {
-        let incident = reservoir.chosen.incident;
+    let kept = sampler.resample(shading_point, u, candidates);
+    sampler.reservoir_sample(shading_point, &kept).map_or(0.0, |sample| {
+        let incident = sample.incident;
         let lux = luminance(incident.radiance) * incident.direction.dot(shading_point.normal).max(0.0);
-        f64::from(lux) * f64::from(reservoir.weight)
+        f64::from(lux) / f64::from(sample.pmf * incident.pdf)
     })
 }
 
@@ -74,7 +75,7 @@ fn nanoseconds(sampler: &LightSampler<'_>, shading_points: &[ShadingPoint], effo
         for (candidates, fastest) in CANDIDATES.into_iter().zip(&mut fastest) {
             let start = Instant::now();
             for (shading_point, u) in &inputs {
-                black_box(sampler.resample(shading_point, *u, candidates));
+                black_box(sampler.reservoir_sample(shading_point, &sampler.resample(shading_point, *u, candidates)));
             }
             *fastest = fastest.min(start.elapsed().as_secs_f64() * 1.0e9 / timed as f64);
         }

@@ -169,12 +169,12 @@ impl Learner<'_> {
             let (mut sum, mut squares) = (0.0, 0.0);
             for _ in 0..count {
                 let u = std::array::from_fn(|_| rng.unit());
-                let kept = sampler.resample(at, u, CandidateCount::of::<8>());
-                let lux = kept.filter(|kept| self.is_all_visible || !shadows.is_shadowed(at, &kept.chosen.incident));
+                let kept = sampler.reservoir_sample(at, &sampler.resample(at, u, CandidateCount::of::<8>()));
+                let lux = kept.filter(|kept| self.is_all_visible || !shadows.is_shadowed(at, &kept.incident));
                 let lux = lux.map_or(0.0, |kept| {
-                    let Incident { direction, radiance, .. } = kept.chosen.incident;
+                    let Incident { direction, radiance, pdf, .. } = kept.incident;
                     let cosine = if at.normal == Vec3::ZERO { 1.0 } else { at.normal.dot(direction) };
-                    f64::from(luminance(radiance) * cosine * kept.weight)
+                    f64::from(luminance(radiance) * cosine / (kept.pmf * pdf))
                 });
                 sum += lux;
                 squares += lux * lux;

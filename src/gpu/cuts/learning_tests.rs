@@ -40,7 +40,7 @@ const ENGINE: &str = "
 
 /// A light of the tree, and then the name of one that may be gone.
 const RECORD: &str = "
-        var chosen = light_sample_picked(at, LightPick(input.instance, input.light % 30u, 1.0), vec2(0.25, 0.75));
+        var chosen = light_reservoir_sample(at, light_reservoir_of(input.instance, input.light % 30u, vec2(0.25, 0.75)));
         chosen.light = input.light;
         light_record_visibility(at, chosen, input.is_visible != 0u);";
 

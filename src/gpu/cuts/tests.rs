@@ -90,7 +90,7 @@ const CHOOSE_AND_RECORD: &str = "
 const RESAMPLE: &str = "
         let u = inputs[id.x].u;
         let kept = light_resample(at, u, u.x, 8u);
-        outputs[id.x] = vec4(kept.chosen.instance, kept.chosen.light, bitcast<u32>(kept.weight), 0u);";
+        outputs[id.x] = vec4(kept.instance, kept.light, bitcast<u32>(kept.weight), 0u);";
 
 const COUNT: &str = "
         light_nodes_read = 0u;
@@ -309,10 +309,9 @@ fn others(sampler: &LightSampler<'_>, inputs: &[Input], outputs: &[Output]) -> u
 fn other_reservoirs(sampler: &LightSampler<'_>, inputs: &[Input], outputs: &[Output]) -> usize {
     let is_other = |(input, output): &(&Input, &Output)| {
         let (at, [x, y, z, w]) = (point(input), input.u);
-        let Some(kept) = sampler.resample(&at, [x, y, z, w, x], CandidateCount::of::<8>()) else {
-            return output.pmf > 0.0;
-        };
-        let (instance, light) = match kept.chosen.light {
+        let kept = sampler.resample(&at, [x, y, z, w, x], CandidateCount::of::<8>());
+        let Some(light) = kept.light else { return output.pmf > 0.0 };
+        let (instance, light) = match light {
             LightId::Local { instance, light } => (sampler.world.slot(instance).expect("it lives"), light),
             LightId::Directional(_) => (u32::MAX, 0),
         };

@@ -30,7 +30,7 @@ impl NodeCounter {
         });
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label,
-            bind_group_layouts: &[Some(&lights.group.layout), Some(&layout)],
+            bind_group_layouts: &[Some(&lights.kernel_layout), Some(&layout)],
             ..Default::default()
         });
         let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
@@ -74,7 +74,7 @@ impl NodeCounter {
             timestamp_writes: None,
         });
         pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, &lights.group.bind_group, &[]);
+        pass.set_bind_group(0, &lights.kernel_group(), &[]);
         pass.set_bind_group(1, &group, &[]);
         player::dispatch(&mut pass, count.div_ceil(LANES));
     }

@@ -17,6 +17,7 @@ const SAMPLERS: &str = "
     fn light_surface_point(position: u32, normal: u32) -> u32 { return 0u; }
     fn light_mark(shading_point: u32) {}
     fn light_sample(shading_point: u32, u: u32) -> u32 { return u; }
+    fn light_reservoir_sample(shading_point: u32, reservoir: u32) -> u32 { return reservoir; }
     fn light_resample(shading_point: u32, u: u32, choice: u32, candidates: u32) -> u32 {
         light_nodes_read = u;
         return u;

@@ -19,10 +19,8 @@ fn every_public_type_has_a_debug_form_and_may_be_shared_by_threads() {
     check::<GpuLights>();
     check::<GpuError>();
     check::<LightShader>();
-    check::<ReservoirRecord>();
     check::<SampleRecord>();
     check::<SampleRequest>();
-    check::<TargetHook>();
     check::<ShaderNameError>();
     check::<UploadReport>();
     let lights = gpu_lights();

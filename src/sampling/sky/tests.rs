@@ -134,11 +134,11 @@ fn moments(
 ) -> (f64, f64) {
     let (mut sum, mut squares) = (0.0, 0.0);
     for i in 0..count {
-        let kept = sampler.resample(at, numbers(i as usize), candidates);
+        let kept = sampler.reservoir_sample(at, &sampler.resample(at, numbers(i as usize), candidates));
         let light = kept.map_or(0.0, |kept| {
-            let incident = kept.chosen.incident;
+            let incident = kept.incident;
             let cosine = if at.normal == Vec3::ZERO { 1.0 } else { at.normal.dot(incident.direction) };
-            f64::from(luminance(incident.radiance) * cosine * kept.weight) / exact
+            f64::from(luminance(incident.radiance) * cosine / (kept.pmf * incident.pdf)) / exact
         });
         sum += light;
         squares += light * light;

@@ -128,7 +128,7 @@ const STAGE: &str = "
         if id.x >= arrayLength(&questions) { return; }
         let q = questions[id.x];
         let kept = light_resample(any_point_of(q), q.u, q.choice, 4u);
-        put_sample(12u * id.x, kept.chosen);
+        put_sample(12u * id.x, light_reservoir_sample(any_point_of(q), kept));
         answers[12u * id.x + 11u] = bitcast<u32>(kept.weight);
     }";
 

@@ -22,7 +22,7 @@ const ASK: &str = "
         if id.x >= arrayLength(&questions) { return; }
         let q = questions[id.x];
         let at = light_surface_point(q.position, vec3(0.0));
-        let found = light_sample_picked(at, LightPick(q.instance, q.light, 1.0), vec2(0.5));
+        let found = light_reservoir_sample(at, light_reservoir_of(q.instance, q.light, vec2(0.5)));
         answers[id.x] = vec2(light_pmf(at, q.instance, q.light), found.radiance.y);
     }";
 

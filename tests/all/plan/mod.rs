@@ -322,6 +322,9 @@ fn instances_whose_removal_a_device_missed_are_removed_by_what_sends_everything(
     check(&world, &played);
 }
 
+/// The bytes before the instances of the last frame: the parameters, and where the lights begin.
+const PREVIOUS_HEAD: usize = 80;
+
 #[test]
 fn after_a_loss_the_last_frame_has_no_lights_until_the_second_plan() {
     let (mut world, _, _) = lamps(100);
@@ -331,20 +334,19 @@ fn after_a_loss_the_last_frame_has_no_lights_until_the_second_plan() {
     played.frame(&world);
     played.planner.lose();
     let zeros = |played: &Played| {
-        let bound = played.planner.previous_bindings().expect("they are kept");
-        let (params, buffers) = bound.split_first().expect("five buffers");
-        let is_zero = |bytes: &[u8]| bytes.iter().all(|byte| *byte == 0);
-        // The numbers of slots and of directional lights, and all buffers.
-        is_zero(&played.device.content(*params)[..12]) && buffers.iter().all(|id| is_zero(played.device.content(*id)))
+        let bytes = played.device.content(played.planner.previous().expect("it is kept"));
+        // The numbers of slots and of directional lights, and all instances and lights.
+        bytes[..12].iter().chain(&bytes[PREVIOUS_HEAD..]).all(|byte| *byte == 0)
     };
     played.frame(&world);
     assert!(zeros(&played));
     played.frame(&world);
     assert!(!zeros(&played));
-    let [present, previous] =
-        [played.planner.bindings(), played.planner.previous_bindings()].map(|ids| ids.expect("a plan was made")[3]);
+    let present = played.planner.bindings().expect("a plan was made")[3];
+    let previous = played.planner.previous().expect("it is kept");
     let used = slots(&world) * INSTANCE_BYTES;
-    assert!(played.device.content(present)[..used] == played.device.content(previous)[..used]);
+    let bytes = &played.device.content(previous)[PREVIOUS_HEAD..];
+    assert!(played.device.content(present)[..used] == bytes[..used]);
 }
 
 #[test]

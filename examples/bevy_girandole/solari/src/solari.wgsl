@@ -2,7 +2,7 @@
 // bits, with the triangle of a mesh in the lower bits.
 
 import girandole::{
-    LightShadingPoint, LIGHT_DIRECTIONAL, light_cuts, light_glossy_point, light_nodes, light_pick, light_pmf, light_top,
+    LightShadingPoint, LIGHT_DIRECTIONAL, light_cuts, light_glossy_point, light_nodes, light_pmf, light_resample, light_top,
 };
 
 const GIRANDOLE_NO_LIGHT: u32 = 0xffffffffu;
@@ -50,12 +50,12 @@ fn girandole_name(first: u32, count: u32, number: u32) -> u32 {
 fn girandole_draw(point: LightShadingPoint, u: vec2<f32>) -> GirandoleDraw {
     let slots = girandole_names.slots;
     let directionals = girandole_names.directionals;
-    let pick = light_pick(point, u);
+    let pick = light_resample(point, vec4(u, 0.5, 0.5), 0.5, 1u);
     let is_directional = pick.instance == LIGHT_DIRECTIONAL;
     let of_slot = girandole_name(0u, slots, pick.instance);
     let light = select(of_slot, girandole_name(slots, directionals, pick.light), is_directional);
-    let is_drawn = pick.pmf > 0.0 && light != GIRANDOLE_NO_LIGHT;
-    return GirandoleDraw((light << 16u) | select(pick.light, 0u, is_directional), select(0.0, pick.pmf, is_drawn));
+    let is_drawn = pick.weight > 0.0 && light != GIRANDOLE_NO_LIGHT;
+    return GirandoleDraw((light << 16u) | select(pick.light, 0u, is_directional), select(0.0, 1.0 / pick.weight, is_drawn));
 }
 
 // The probability of a light; 0 if it has no name here.

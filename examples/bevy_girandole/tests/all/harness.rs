@@ -38,9 +38,9 @@ pub struct Setup {
     pub camera: GirandoleCamera,
 }
 
-/// A camera that takes the mean of nothing, so that frames are independent.
+/// A camera that takes the mean of nothing and reuses nothing, so that frames are independent.
 pub fn single_frames() -> GirandoleCamera {
-    GirandoleCamera { still_frames: 1, moving_frames: 1, ..default() }
+    GirandoleCamera { still_frames: 1, moving_frames: 1, reused_frames: 0, ..default() }
 }
 
 /// An application whose camera stands at (0, 3, 6) and looks at the origin.
@@ -138,6 +138,13 @@ pub fn pictures(app: &mut App, count: usize) -> Vec<Picture> {
         }
     }
     panic!("pictures do not come back");
+}
+
+/// Runs a frame. Returns the pictures that have come back, which are of earlier ones.
+pub fn new_pictures(app: &mut App) -> Vec<Picture> {
+    let received = app.world().resource::<Pictures>().clone();
+    frame(app);
+    received.0.lock().unwrap().drain(..).collect()
 }
 
 /// Runs some frames, after which everything that was changed before is drawn.

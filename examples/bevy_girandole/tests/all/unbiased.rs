@@ -8,7 +8,9 @@ use bevy::prelude::*;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use bevy_girandole::{Estimate, GirandoleCamera, GirandoleLight, GirandolePlugin, GirandoleSky};
 
-use crate::harness::{HEIGHT, Picture, Setup, WIDTH, add_scene, app, pictures, set_camera, single_frames};
+use crate::harness::{
+    HEIGHT, Picture, Setup, WIDTH, add_scene, app, new_pictures, pictures, set_camera, single_frames, start,
+};
 
 /// Independent frames of which a mean is taken.
 pub const FRAMES: usize = 96;
@@ -156,6 +158,46 @@ fn the_mean_of_many_frames_is_the_sum_over_all_lights() {
     // A mean over 12 frames has 3 in place of 1.
     let mean_square = squares.sum::<f64>() / (3 * history.len()) as f64;
     assert!(mean_square < 2.0, "history: {mean_square}");
+}
+
+/// Frames after which lamps are where they were. Pictures come back within as many.
+const PERIOD: usize = 8;
+
+/// The means of `runs` periods, while a lamp moves and another one is switched. Each run begins without a last frame.
+fn means_in_motion(app: &mut App, lamps: [Entity; 2], runs: u32) -> Means {
+    let [moving, switched] = lamps;
+    let run = |number| {
+        set_camera(app, |camera| camera.history = number);
+        let mut frames = Vec::new();
+        for frame in 0..2 * PERIOD {
+            let phase = frame % PERIOD;
+            let angle = std::f32::consts::TAU * phase as f32 / PERIOD as f32;
+            let world = app.world_mut();
+            let mut place = world.get_mut::<Transform>(moving).expect("a lamp");
+            place.translation = Vec3::new(2.0 * angle.cos(), 1.5, angle.sin());
+            let mut light = world.get_mut::<PointLight>(switched).expect("a lamp");
+            light.intensity = if phase < PERIOD / 2 { 60_000.0 } else { 0.0 };
+            frames.extend(new_pictures(app));
+        }
+        let last = &frames[frames.len() - PERIOD..];
+        (0..last[0].len()).map(|i| last.iter().map(|frame| frame[i]).sum::<Vec3>() / PERIOD as f32).collect()
+    };
+    means(&(0..runs).map(run).collect::<Vec<Picture>>())
+}
+
+#[test]
+fn lights_that_are_reused_while_lamps_move_have_the_same_mean() {
+    let camera = GirandoleCamera { reused_frames: 3, samples: 4, candidates: 4, ..single_frames() };
+    let mut app = scene(GirandolePlugin { shadows: false, ..default() }, camera);
+    let world = app.world_mut();
+    let lamps = [0.0, 1.0].map(|x| {
+        let light = PointLight { intensity: 60_000.0, range: 20.0, ..default() };
+        world.spawn((light, GirandoleLight, Transform::from_xyz(x, 1.0, 1.0))).id()
+    });
+    start(&mut app);
+    let reused = means_in_motion(&mut app, lamps, 32);
+    set_camera(&mut app, |camera| camera.estimate = Estimate::Exhaustive);
+    check("reuse", &reused, &means_in_motion(&mut app, lamps, 8));
 }
 
 #[test]

@@ -106,7 +106,7 @@ impl Draw for SharedCells<'_> {
     fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn> {
         let at = self.shading_point(surface, material);
         let lights = taught(self.world, self.learnt.as_ref()).with_cuts(&self.cuts);
-        lights.resample(&at, sample.u, self.settings.candidates).map(Into::into)
+        lights.reservoir_sample(&at, &lights.resample(&at, sample.u, self.settings.candidates)).map(Into::into)
     }
 
     fn learn(&self, surface: &Surface, sample: &Sample, drawn: &Drawn, is_visible: bool) {

@@ -23,9 +23,9 @@ pub struct Drawn {
     pub id: Option<LightId>,
 }
 
-impl From<Reservoir> for Drawn {
-    fn from(Reservoir { chosen, weight, .. }: Reservoir) -> Self {
-        Self { incident: chosen.incident, weight, light: 0, id: Some(chosen.light) }
+impl From<LightSample> for Drawn {
+    fn from(LightSample { light, pmf, incident, .. }: LightSample) -> Self {
+        Self { incident, weight: 1.0 / (pmf * incident.pdf), light: 0, id: Some(light) }
     }
 }
 
@@ -127,7 +127,8 @@ pub struct Resampled<'a> {
 
 impl Draw for Resampled<'_> {
     fn draw(&self, surface: &Surface, _: &Material, sample: &Sample) -> Option<Drawn> {
-        self.lights.resample(&surface.shading_point, sample.u, self.candidates).map(Into::into)
+        let at = &surface.shading_point;
+        self.lights.reservoir_sample(at, &self.lights.resample(at, sample.u, self.candidates)).map(Into::into)
     }
 }
 
@@ -140,8 +141,21 @@ pub struct ResampledByBrdf<'a> {
 
 impl Draw for ResampledByBrdf<'_> {
     fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn> {
-        let target = |light: &LightSample| luminance(reflected(surface, material, &light.incident));
-        self.lights.resample_by(&surface.shading_point, sample.u, self.candidates, target).map(Into::into)
+        let at = &surface.shading_point;
+        let [a, b, x, y, choice] = sample.u;
+        let mut state = u64::from(choice.to_bits());
+        let mut kept = Reservoir::default();
+        for i in 0..self.candidates.get() {
+            let [a, b, x, y] = self.candidates.numbers([a, b, x, y], i);
+            let mut own = self.lights.resample(at, [a, b, x, y, choice], CandidateCount::ONE);
+            own.reflected = self.lights.reservoir_sample(at, &own).map_or(0.0, |light| {
+                let unshadowed = luminance(reflected(surface, material, &light.incident)) / light.incident.pdf;
+                unshadowed * self.lights.visible_share(at, &light)
+            });
+            let choice = (split_mix::next(&mut state) >> 40) as f32 * (1.0 / 16_777_216.0);
+            kept = kept.merge(kept.reflected, &own, own.reflected, choice);
+        }
+        self.lights.reservoir_sample(at, &kept).map(Into::into)
     }
 }
 
@@ -155,7 +169,7 @@ pub struct ResampledWithGloss<'a> {
 impl Draw for ResampledWithGloss<'_> {
     fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn> {
         let at = surface.shading_point.with_gloss(gloss(surface, material));
-        self.lights.resample(&at, sample.u, self.candidates).map(Into::into)
+        self.lights.reservoir_sample(&at, &self.lights.resample(&at, sample.u, self.candidates)).map(Into::into)
     }
 }
 

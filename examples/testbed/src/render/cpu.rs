@@ -13,7 +13,7 @@ use super::shading::{View, brdf, gloss, shadow_offset, sky_radiance, through_haz
 use super::textures::OpacitySeed;
 use girandole::glam::{Vec2, Vec3, Vec4};
 use girandole::light::luminance;
-use girandole::{CandidateCount, Incident, LightId, LightSample, LightSampler, ShadingPoint};
+use girandole::{CandidateCount, Incident, LightId, LightSampler, ShadingPoint};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -215,12 +215,11 @@ impl Integrator<'_> {
     fn by_trees(&self, surface: &Surface<'_>, numbers: &SampleNumbers, rays: &mut ShadowRays) -> Vec3 {
         let [a, b, x, y] = numbers.light;
         let u = [a, b, x, y, numbers.choice];
-        let target = |sample: &LightSample| luminance(surface.reflected(&sample.incident));
-        let kept = self.lights.sampler.resample_by(&surface.shading_point, u, self.candidates, target);
-        let Some(kept) = kept else { return Vec3::ZERO };
-        let incident = kept.chosen.incident;
-        let contribution = surface.reflected(&incident) * kept.weight;
-        contribution * self.transmittance(surface, &incident, rays)
+        let sampler = self.lights.sampler;
+        let kept = sampler.resample(&surface.shading_point, u, self.candidates);
+        let Some(kept) = sampler.reservoir_sample(&surface.shading_point, &kept) else { return Vec3::ZERO };
+        let contribution = surface.reflected(&kept.incident) / (kept.pmf * kept.incident.pdf);
+        contribution * self.transmittance(surface, &kept.incident, rays)
     }
 
     /// The light of one sample, from a sampler to compare with.

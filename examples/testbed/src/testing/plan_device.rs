@@ -70,10 +70,10 @@ impl Device {
                     self.writes += 1;
                     self.bytes(buffer, offset, bytes.len() as u64).copy_from_slice(bytes);
                 }
-                Command::Copy { from, to, bytes } => {
+                Command::Copy { from, to, offset, bytes } => {
                     assert_ne!(from, to);
                     let copied = self.bytes(from, 0, bytes).to_vec();
-                    self.bytes(to, 0, bytes).copy_from_slice(&copied);
+                    self.bytes(to, offset, bytes).copy_from_slice(&copied);
                 }
                 Command::Clear { buffer, offset, bytes } => self.bytes(buffer, offset, bytes).fill(0),
                 Command::Dispatch { kernel, buffers, uniform_offset, workgroups } => {

@@ -64,7 +64,8 @@ fn camera(options: &Options) -> impl Bundle {
     let samples = if options.bevy_lights { 0 } else { options.samples };
     let estimate = options.heat_map.map_or(Estimate::Sampled, Estimate::HeatMap);
     let (candidates, moving_frames) = (options.candidates, options.moving_frames);
-    let view = GirandoleCamera { candidates, samples, moving_frames, estimate, ..default() };
+    let reused_frames = options.reused_frames;
+    let view = GirandoleCamera { candidates, samples, reused_frames, moving_frames, estimate, ..default() };
     // Colours of a heat map are shown as they are.
     let (tonemapping, bloom) = match options.heat_map {
         None => (Tonemapping::AcesFitted, Bloom::NATURAL),

@@ -6,7 +6,8 @@ use girandole::plan::HeatMap;
 pub const USAGE: &str = "Options:
   --lamps N        number of lamps (100000)
   --rooms          a hundred rooms with 1000 lamps in place of the field; --lamps may follow
-  --candidates N   candidates for each sample (8)
+  --candidates N   candidates for each sample (1)
+  --reuse N        frames that a kept light stands for (8)
   --samples N      samples for each pixel and frame (1)
   --mean N         frames whose mean is taken while lamps move (12)
   --heat-map NAME  noise, cuts, misses or lights in place of the picture
@@ -30,6 +31,7 @@ pub struct Options {
     pub no_ray_queries: bool,
     pub no_learning: bool,
     pub candidates: u32,
+    pub reused_frames: u32,
     pub samples: u32,
     pub moving_frames: u32,
     pub heat_map: Option<HeatMap>,
@@ -51,7 +53,8 @@ impl Default for Options {
             no_shadows: false,
             no_ray_queries: false,
             no_learning: false,
-            candidates: 8,
+            candidates: 1,
+            reused_frames: 8,
             samples: 1,
             moving_frames: 12,
             heat_map: None,
@@ -76,6 +79,7 @@ impl Options {
             match word.as_str() {
                 "--lamps" => options.lamps = number(&value()?)?,
                 "--candidates" => options.candidates = number(&value()?)?,
+                "--reuse" => options.reused_frames = number(&value()?)?,
                 "--samples" => options.samples = number(&value()?)?,
                 "--mean" => options.moving_frames = number(&value()?)?,
                 "--heat-map" => options.heat_map = Some(heat_map(&value()?)?),

@@ -12,11 +12,6 @@ pub const LIGHT_GROUP: u32 = 1;
 /// Invocations along each side of a workgroup.
 pub const WORKGROUP: u32 = 8;
 
-/// The function in `render.wgsl` by which candidates are weighed.
-pub const TARGET: &str = "reflected_luminance";
-/// The type in `render.wgsl` that the function takes beside a shading point and a light.
-pub const TARGET_ARGUMENT: &str = "Surface";
-
 /// `sample_texture` for scenes without textures, in which nothing calls it.
 const NO_TEXELS: &str = "fn sample_texture(record: u32, coordinates: vec4<f32>) -> vec4<f32> {
     return vec4<f32>(1.0);

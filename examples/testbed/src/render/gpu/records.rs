@@ -189,10 +189,10 @@ impl Record {
 mod tests {
     use super::super::super::nodes::Node;
     use super::super::geometry::PackedTriangle;
-    use super::super::pipeline::{LIGHT_GROUP, Needs, TARGET, TARGET_ARGUMENT, Work, shader_source};
+    use super::super::pipeline::{LIGHT_GROUP, Needs, Work, shader_source};
     use super::*;
     use girandole::Effects;
-    use girandole::plan::{ShaderParts, TargetHook, wgsl_with};
+    use girandole::plan::wgsl;
     use std::mem::offset_of;
 
     /// The members of a struct with their offsets, and its size.
@@ -207,8 +207,7 @@ mod tests {
 
     #[test]
     fn structs_have_the_same_layout_in_rust_and_wgsl() {
-        let target = TargetHook::new(TARGET, TARGET_ARGUMENT).expect("identifiers");
-        let light = wgsl_with(LIGHT_GROUP, Effects::all(), &ShaderParts::default().with_target(target));
+        let light = wgsl(LIGHT_GROUP, Effects::all());
         let parse = |textures| {
             let source = shader_source(&light, Needs { stack_size: 32, textures }, Work::Render);
             naga::front::wgsl::parse_str(&source).unwrap_or_else(|e| panic!("{e:?}"))

@@ -1,7 +1,7 @@
 // Each invocation renders one pixel: camera ray, nearest hit, several candidates from the library of
 // which one is kept, shadow ray, shading.
 //
-// The library's text (group 1) defines `light_resample_by`. Sky and BRDF are twins of `shading.rs`. The
+// The library's text is that of group 1. Sky and BRDF are twins of `shading.rs`. The
 // test `both_backends_render_the_same_picture` compares them.
 
 fn sky_radiance(direction: vec3<f32>) -> vec3<f32> {
@@ -53,11 +53,6 @@ fn reflected(surface: Surface, light: LightSample) -> vec3<f32> {
         return vec3<f32>(0.0);
     }
     return brdf(surface, light.direction) * light.radiance * cosine;
-}
-
-// The library keeps candidates in proportion to this.
-fn reflected_luminance(at: LightShadingPoint, surface: Surface, light: LightSample) -> f32 {
-    return luminance(reflected(surface, light));
 }
 
 // Whether something may block a ray within a distance. Twin of `Occluders::may_block` in
@@ -121,12 +116,14 @@ fn surface_radiance(direction: vec3<f32>, hit: Hit, numbers: SampleNumbers) -> v
     if at.is_unlit {
         return at.emitted;
     }
-    let kept = light_resample_by(shading_point(at), at.surface, numbers.light, numbers.pixel.w, frame.candidates);
-    if kept.weight <= 0.0 {
+    let place = shading_point(at);
+    let kept = light_resample(place, numbers.light, numbers.pixel.w, frame.candidates);
+    let light = light_reservoir_sample(place, kept);
+    if light.pmf <= 0.0 {
         return at.emitted;
     }
-    let contribution = reflected(at.surface, kept.chosen) * kept.weight;
-    return at.emitted + contribution * unblocked_share(at.position, kept.chosen);
+    let contribution = reflected(at.surface, light) / (light.pmf * light.pdf);
+    return at.emitted + contribution * unblocked_share(at.position, light);
 }
 
 @compute @workgroup_size(8, 8)

@@ -7,14 +7,14 @@ use super::scene::{Scene, SceneError};
 use super::settings::{LightChoice, Settings, cut_options, pixel_size};
 use crate::common::gpu::{map, wait};
 use girandole::glam::Vec4;
-use girandole::gpu::{GpuLights, GpuOptions, LightShader, TargetHook};
+use girandole::gpu::{GpuLights, GpuOptions, LightShader};
 use girandole::wgpu;
 use girandole::{Effects, LightWorld};
 use std::time::Duration;
 
 use super::buffers::{Buffers, PIXEL_BYTES, TIMESTAMP_BYTES};
 use super::festival::FestivalKernels;
-use super::pipeline::{LIGHT_GROUP, Needs, TARGET, TARGET_ARGUMENT, WORKGROUP, Work, pipeline};
+use super::pipeline::{LIGHT_GROUP, Needs, WORKGROUP, Work, pipeline};
 use super::records::{FrameUniform, PictureOptions};
 
 /// Most pixels of a band.
@@ -43,8 +43,8 @@ pub struct GpuRenderer {
     buffers: Buffers,
     layout: wgpu::BindGroupLayout,
     bind_group: wgpu::BindGroup,
-    /// The library's texts that the pipelines were compiled with.
-    shaders: Shaders,
+    /// The library's text that the pipelines were compiled with.
+    shader: LightShader,
     /// What they were compiled for.
     needs: Needs,
     pipelines: Pipelines,
@@ -54,24 +54,6 @@ pub struct GpuRenderer {
     band_rows: u32,
 }
 
-/// The library's texts for two kinds of work.
-struct Shaders {
-    mark: LightShader,
-    render: LightShader,
-}
-
-impl Shaders {
-    fn new(lights: &GpuLights, effects: Effects) -> Result<Self, SceneError> {
-        let target = TargetHook::new(TARGET, TARGET_ARGUMENT).map_err(|e| SceneError(e.to_string()))?;
-        let mark = lights.shader(LIGHT_GROUP, effects);
-        Ok(Self { render: mark.clone().with_target(target), mark })
-    }
-
-    fn with_effects(&self, effects: Effects) -> Self {
-        Self { mark: self.mark.with_effects(effects), render: self.render.with_effects(effects) }
-    }
-}
-
 struct Pipelines {
     mark: wgpu::ComputePipeline,
     render: wgpu::ComputePipeline,
@@ -79,10 +61,10 @@ struct Pipelines {
 
 impl Pipelines {
     /// Compiles both. `layout` is that of the scene's bind group.
-    fn new(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, shaders: &Shaders, needs: Needs) -> Self {
+    fn new(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, shader: &LightShader, needs: Needs) -> Self {
         Self {
-            mark: pipeline(device, layout, &shaders.mark, needs, Work::Mark),
-            render: pipeline(device, layout, &shaders.render, needs, Work::Render),
+            mark: pipeline(device, layout, shader, needs, Work::Mark),
+            render: pipeline(device, layout, shader, needs, Work::Render),
         }
     }
 }
@@ -110,16 +92,16 @@ impl GpuRenderer {
         let options = GpuOptions::default().with_cuts(cut_options(settings));
         let lights = GpuLights::with_options(device, &gpu.queue, options).map_err(|e| SceneError(e.to_string()))?;
         let effects = effects - Effects::MOVING;
-        let shaders = Shaders::new(&lights, effects)?;
+        let shader = lights.shader(LIGHT_GROUP, effects);
         let needs = Needs::new(scene, geometry);
         let offered = device.limits().max_storage_buffers_per_shader_stage;
         if offered < STORAGE_BUFFERS {
             let error = format!("the city needs {STORAGE_BUFFERS} storage buffers in a shader; this GPU has {offered}");
             return Err(SceneError(error));
         }
-        let pipelines = Pipelines::new(device, &layout, &shaders, needs);
+        let pipelines = Pipelines::new(device, &layout, &shader, needs);
         let festival = scene.festival.as_ref().map(|festival| FestivalKernels::new(device, &lights, festival));
-        Ok(Self { gpu, lights, buffers, layout, bind_group, shaders, needs, pipelines, festival, band_rows })
+        Ok(Self { gpu, lights, buffers, layout, bind_group, shader, needs, pipelines, festival, band_rows })
     }
 
     /// Destroys the device, as a driver that crashed would.
@@ -156,9 +138,9 @@ impl GpuRenderer {
         // and use a more general pipeline until then. This one blocks on purpose, so that the same seed
         // always gives the same picture.
         let effects = world.effects() - Effects::MOVING;
-        if self.needs.grow(geometry) || effects != self.shaders.render.effects {
-            self.shaders = self.shaders.with_effects(effects);
-            self.pipelines = Pipelines::new(&self.gpu.device, &self.layout, &self.shaders, self.needs);
+        if self.needs.grow(geometry) || effects != self.shader.effects {
+            self.shader = self.shader.with_effects(effects);
+            self.pipelines = Pipelines::new(&self.gpu.device, &self.layout, &self.shader, self.needs);
         }
         Ok(GpuUpdate { light_bytes, geometry_bytes, top_build: self.build_top(scene, world)? })
     }

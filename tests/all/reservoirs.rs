@@ -1,0 +1,226 @@
+//! Reservoirs that are merged over points and frames estimate the sum over all lights, and a merge with other shares
+//! does not.
+
+use girandole::glam::{DVec3, Mat3, Vec3};
+use girandole::gpu::GpuLights;
+use girandole::light::luminance;
+use girandole::{
+    CandidateCount, DirectionalLight, Effects, FrameBudget, Light, LightId, LightSampler, LightTree, LightWorld,
+    Placement, Policy, Reservoir, ShadingPoint,
+};
+
+use crate::gpu::{ask, close, gpu};
+use testbed::testing::support::Rng;
+
+/// Whether a ray passes walls, which cut the space into slabs with holes.
+fn is_visible(from: Vec3, toward: Vec3) -> bool {
+    let at = from + 0.37 * toward;
+    (at.x * 0.7).sin() + (at.z * 0.9).cos() < 0.6
+}
+
+/// What the light of a reservoir reflects at a point, with shadows.
+fn reflected(sampler: &LightSampler<'_>, at: &ShadingPoint, kept: &Reservoir) -> f32 {
+    sampler.reservoir_sample(at, kept).map_or(0.0, |s| lit(at, s.incident) / s.incident.pdf)
+}
+
+fn lit(at: &ShadingPoint, incident: girandole::Incident) -> f32 {
+    let cosine = if at.normal == Vec3::ZERO { 1.0 } else { at.normal.dot(incident.direction).max(0.0) };
+    let is_lit = is_visible(at.position, incident.direction * incident.dist.min(50.0));
+    if is_lit { luminance(incident.radiance) * cosine } else { 0.0 }
+}
+
+/// How two reservoirs are merged: at `at`, where the other comes from `beside`.
+type Merge = fn(&LightSampler<'_>, [&ShadingPoint; 2], &Reservoir, &Reservoir, f32) -> Reservoir;
+
+fn by_targets(
+    sampler: &LightSampler<'_>,
+    [at, beside]: [&ShadingPoint; 2],
+    own: &Reservoir,
+    other: &Reservoir,
+    choice: f32,
+) -> Reservoir {
+    own.merge(reflected(sampler, beside, own), other, reflected(sampler, at, other), choice)
+}
+
+/// The shares of 1/M: what lights reflect at the other point is left out.
+fn by_counts(
+    sampler: &LightSampler<'_>,
+    [at, _]: [&ShadingPoint; 2],
+    own: &Reservoir,
+    other: &Reservoir,
+    choice: f32,
+) -> Reservoir {
+    let here = reflected(sampler, at, other);
+    own.merge(own.reflected, &Reservoir { reflected: here, ..*other }, here, choice)
+}
+
+/// How many standard errors the mean of merged reservoirs differs from the sum over all lights, at each of some points.
+fn deviations(rng: &mut Rng, world: &LightWorld, merge: Merge) -> Vec<f64> {
+    let sampler = world.sampler();
+    let mut deviations = Vec::new();
+    for _ in 0..12 {
+        let at = rng.shading_point(8.0);
+        let beside = [1.0, 4.0].map(|size| {
+            let mut other = rng.shading_point(8.0);
+            other.position = at.position + rng.position(size);
+            other
+        });
+        let exact: f64 = sampler
+            .all_lights()
+            .filter_map(|light| sampler.sample_light(&at, light, [0.5; 2]))
+            .map(|incident| f64::from(lit(&at, incident)))
+            .sum();
+        let draw = |rng: &mut Rng, at: &ShadingPoint, count: f32| {
+            let own = sampler.resample(at, std::array::from_fn(|_| rng.unit()), CandidateCount::ONE);
+            Reservoir { reflected: reflected(&sampler, at, &own), count, ..own }
+        };
+        let (draws, mut sum, mut squares) = (6000, 0.0, 0.0);
+        for _ in 0..draws {
+            let mut own = draw(rng, &at, 1.0);
+            for (beside, count) in beside.iter().zip([7.0, 0.5]) {
+                let other = draw(rng, beside, count);
+                own = merge(&sampler, [&at, beside], &own, &other, rng.unit());
+            }
+            assert_eq!(own.count, 8.5);
+            let value = f64::from(own.reflected) * f64::from(own.weight);
+            sum += value;
+            squares += value * value;
+        }
+        let n = f64::from(draws);
+        let (mean, deviation) = (sum / n, ((squares / n - (sum / n).powi(2)) / n).sqrt());
+        // Only precise means tell anything.
+        if deviation < 0.05 * exact {
+            deviations.push((mean - exact).abs() / deviation);
+        }
+    }
+    deviations
+}
+
+/// Random lights without size, at rest and moved.
+fn world(rng: &mut Rng) -> LightWorld {
+    let mut world = LightWorld::new();
+    for _ in 0..4 {
+        let lamps = (0..12).map(|_| Light::point(rng.position(6.0), Vec3::splat(rng.between(1.0, 30.0))));
+        let tree = world.add_tree(LightTree::new(lamps.collect()).expect("valid"));
+        world.add_instance(tree, Placement::at(rng.position(6.0).as_dvec3()), Policy::Static).expect("valid");
+    }
+    let sun = DirectionalLight { direction: Vec3::new(0.3, -0.9, 0.2).normalize(), illuminance: Vec3::splat(2.0) };
+    world.add_directional(sun).expect("valid");
+    world
+}
+
+#[test]
+fn merged_reservoirs_have_the_sum_over_all_lights_as_their_mean() {
+    let mut rng = Rng(211);
+    let world = world(&mut rng);
+    let deviations = deviations(&mut rng, &world, by_targets);
+    // Five standard errors: a false alarm in one of 10^5 runs.
+    assert!(deviations.len() >= 8 && deviations.iter().all(|deviation| *deviation < 5.0), "{deviations:?}");
+}
+
+#[test]
+fn a_merge_that_leaves_out_the_other_point_is_found_out() {
+    let mut rng = Rng(211);
+    let world = world(&mut rng);
+    let deviations = deviations(&mut rng, &world, by_counts);
+    assert!(deviations.iter().filter(|deviation| **deviation > 10.0).count() >= 4, "{deviations:?}");
+}
+
+#[test]
+fn shares_of_a_merge_are_those_of_their_formula() {
+    let own = Reservoir { weight: 2.0, count: 1.0, reflected: 3.0, ..Reservoir::default() };
+    let other = Reservoir { weight: 5.0, count: 3.0, reflected: 4.0, numbers: [0.5; 2], ..Reservoir::default() };
+    // At one point the shares are those of counts: 1/4 * 3 * 2 = 1.5 and 3/4 * 4 * 5 = 15.
+    let merged = |choice| own.merge(3.0, &other, 4.0, choice);
+    assert_eq!(merged(0.90), Reservoir { weight: 16.5 / 4.0, count: 4.0, ..other });
+    assert_eq!(merged(0.92), Reservoir { weight: 16.5 / 3.0, count: 4.0, ..own });
+    // Own: 3 / (3 + 3 * 6) of 6; other: 12 / (12 + 2) of 2 * 5.
+    let merged = own.merge(6.0, &other, 2.0, 0.99);
+    assert_eq!((merged.reflected, merged.count), (3.0, 4.0));
+    assert!((f64::from(merged.weight) - (6.0 / 7.0 + 60.0 / 7.0) / 3.0).abs() < 1.0e-6);
+    // The first of several has no rival, and light that only the other point sees has none either.
+    assert_eq!(Reservoir::default().merge(0.0, &own, 3.0, 0.999_999_94), own);
+    assert_eq!(own.merge(0.0, &Reservoir { reflected: 0.0, ..other }, 4.0, 0.0), Reservoir { count: 4.0, ..own });
+    let dark = own.merge(3.0, &other, 0.0, 0.0);
+    assert!((dark.weight - 0.5).abs() < 1.0e-6 && dark.reflected == 3.0);
+}
+
+/// Two reservoirs, what their lights reflect elsewhere, and a choice. Some numbers are extreme or none.
+#[allow(clippy::manual_clamp, reason = "NaN becomes 0")]
+fn extremes(rng: &mut Rng) -> [f32; 9] {
+    let odd = [0.0, -1.0, f32::NAN, f32::INFINITY, f32::MIN_POSITIVE, 1.0e-40, 1.0e30, 1.0e37, f32::MAX];
+    let mut number = |plain: [f32; 2]| match rng.bits() % 3 {
+        0 => odd[(rng.bits() % 9) as usize],
+        _ => rng.between(plain[0], plain[1]),
+    };
+    let weights = [(); 2].map(|()| number([0.5, 50.0]).max(0.0).min(1.0e37));
+    let counts = [(); 2].map(|()| number([0.0, 20.0]).max(0.0).min(1.0e6));
+    let [a, b, c, d] = [(); 4].map(|()| number([0.0, 9.0]));
+    [weights[0], counts[0], a, weights[1], counts[1], b, c, d, number([0.0, 1.0])]
+}
+
+const ENGINE: &str = "
+    @group(0) @binding(0) var<storage, read> questions: array<array<f32, 9>>;
+    @group(0) @binding(1) var<storage, read_write> answers: array<vec4<f32>>;
+    @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
+        if id.x >= arrayLength(&questions) { return; }
+        let q = questions[id.x];
+        let own = LightReservoir(1u, 2u, 3u, 4u, q[0], q[1], q[2]);
+        let other = LightReservoir(5u, 6u, 7u, 8u, q[3], q[4], q[5]);
+        let merged = light_reservoir_merge(own, q[6], other, q[7], q[8]);
+        answers[id.x] = vec4(f32(merged.instance), merged.weight, merged.count, merged.reflected);
+    }";
+
+#[test]
+fn the_gpu_merges_as_the_cpu_and_numbers_that_are_none_stay_out() {
+    let (device, queue) = gpu();
+    let mut rng = Rng(212);
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let questions: Vec<_> = (0..4000).map(|_| extremes(&mut rng)).collect();
+    let text = lights.shader(1, Effects::empty()).join(ENGINE);
+    let answers: Vec<[f32; 4]> = ask(&mut lights, text, &questions, questions.len());
+    let (mut others, mut kept) = (0, 0);
+    for ([a, b, c, d, e, f, g, h, choice], [instance, weight, count, reflected]) in questions.iter().zip(&answers) {
+        let own = Reservoir { weight: *a, count: *b, reflected: *c, generation: 1, ..Reservoir::default() };
+        let other = Reservoir { weight: *d, count: *e, reflected: *f, generation: 5, ..Reservoir::default() };
+        let twin = own.merge(*g, &other, *h, *choice);
+        let is_sound = |number: f32| number.is_finite() && number >= 0.0;
+        assert!([*weight, *reflected, twin.weight, twin.reflected].into_iter().all(is_sound), "{twin:?}");
+        let is_same = close(*weight, twin.weight) && close(*reflected, twin.reflected) && *count == twin.count;
+        // A choice at the border of two parts.
+        others += usize::from(!is_same || *instance != twin.generation as f32);
+        kept += usize::from(twin.weight > 0.0);
+    }
+    assert!(others <= 8 && kept > 1500, "{others} differ, {kept} keep a light");
+}
+
+#[test]
+fn a_kept_light_is_evaluated_as_it_is_now_and_not_in_the_name_of_another() {
+    let mut world = LightWorld::new();
+    let lamp = |candela| Light::point(Vec3::Y * 2.0, Vec3::splat(candela));
+    let tree = world.add_tree(LightTree::new(vec![lamp(8.0)]).expect("valid"));
+    let instance = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+    let ground = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
+    let kept = world.sampler().resample(&ground, [0.3; 5], CandidateCount::of::<8>());
+    let light = LightId::Local { instance, light: 0 };
+    assert_eq!((kept.light, kept.weight, kept.count), (Some(light), 1.0, 1.0));
+    let lux = |world: &LightWorld| world.sampler().reservoir_sample(&ground, &kept).map(|s| s.incident.radiance.x);
+    assert_eq!(lux(&world), Some(2.0));
+    world.set_emission(tree, 0, Vec3::splat(4.0)).expect("valid");
+    world.update(FrameBudget::NONE);
+    assert_eq!(lux(&world), Some(1.0));
+    let far = Placement { linear: Mat3::IDENTITY, ..Placement::at(DVec3::Y * 2.0) };
+    world.move_instance(instance, far).expect("it lives");
+    assert_eq!(lux(&world), Some(0.25));
+    // Away and back again is another light.
+    world.remove_lights(tree, &[0]).expect("it lives");
+    world.update(FrameBudget::NONE);
+    assert_eq!(lux(&world), None);
+    assert_eq!(world.add_lights(tree, &[lamp(8.0)]).expect("valid"), [0]);
+    world.update(FrameBudget::NONE);
+    assert_eq!(lux(&world), None);
+    let named = world.sampler().reservoir_of(light, [0.5; 2]);
+    assert_eq!((named.light, named.weight), (Some(light), 1.0));
+    world.remove_instance(instance).expect("it lives");
+    assert_eq!(world.sampler().reservoir_of(light, [0.5; 2]), Reservoir { count: 1.0, ..Reservoir::default() });
+}
