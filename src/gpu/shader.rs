@@ -54,6 +54,8 @@ use crate::plan::text;
 /// ) -> LightReservoir
 /// // The light of a reservoir at any point, as it is now; its pmf is 1 / weight, and 0 if nothing arrives.
 /// fn light_reservoir_sample(shading_point: LightShadingPoint, reservoir: LightReservoir) -> LightSample
+/// // With `GpuOptions::previous` only: the same for a light as it was in the last frame.
+/// fn light_reservoir_sample_previous(shading_point: LightShadingPoint, reservoir: LightReservoir) -> LightSample
 /// // One of two, at the point of `own`, by what the lights of both reflect there and at the point of `other`. `u`
 /// // chooses. See `Reservoir::merge`.
 /// fn light_reservoir_merge(
@@ -93,8 +95,7 @@ use crate::plan::text;
 /// fn light_hash(bits: u32) -> u32
 /// ```
 ///
-/// [`GpuOptions::previous`](super::GpuOptions::previous) adds `light_reservoir_sample_previous`, for lights as they were
-/// in the last frame, and [`GpuOptions::learning`](super::GpuOptions::learning) a function that records
+/// [`GpuOptions::learning`](super::GpuOptions::learning) adds a function that records
 /// which of the chosen lights are visible. [`LightShader::with_heat_map`] adds
 /// `light_heat_map`, which shows how lights are chosen.
 ///
@@ -231,6 +232,8 @@ mod tests {
         fn engine_is_occluded(from_: vec3<f32>, direction: vec3<f32>, dist: f32) -> bool { return false; }
         fn engine_shade(surface: EngineSurface, s: LightSample) -> vec4<f32> { return vec4(s.radiance, 1.0); }
         fn engine_surface_then(pixel: vec2<u32>) -> EngineSurface { return EngineSurface(); }
+        fn engine_has_surface(pixel: vec2<u32>) -> bool { return true; }
+        fn engine_is_occluded_then(from_: vec3<f32>, direction: vec3<f32>, dist: f32) -> bool { return false; }
         fn engine_pixel_then(pixel: vec2<u32>) -> vec2<i32> { return vec2<i32>(pixel); }
         fn engine_is_alike(a: EngineSurface, b: EngineSurface) -> bool { return true; }
         fn engine_trace(from_: vec3<f32>, direction: vec3<f32>) -> f32 { return 0.0; }
