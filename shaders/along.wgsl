@@ -4,8 +4,8 @@
 
 // #if SEGMENTS
 // The distance in metres from the start of a segment to the point at which the light of a sample
-// arrives: of the last sample of a segment that this invocation took, which after light_resample is
-// the one that was kept. The fields of the sample are as seen from there, and its pdf is multiplied
+// arrives: of the last sample of a segment that this invocation took. The fields of the sample are as seen
+// from there, and its pdf is multiplied
 // by the density per metre of this distance. A variable, because samples and reservoirs have the
 // same records for all effects.
 var<private> light_along: f32;

@@ -28,5 +28,9 @@ fn light_reservoir_sample_previous(shading_point: LightShadingPoint, reservoir: 
         first.x, first.y, first.z, first.w, strides.x, strides.y, strides.z, strides.w,
         places.x, places.y, places.z, places.w, bitcast<vec3<i32>>(last.xyz), last.w,
     );
-    return light_reservoir_sample_then(shading_point, reservoir);
+    let chosen = light_reservoir_sample_then(shading_point, reservoir);
+    // #if SEGMENTS
+    light_along = light_along_then;
+    // #endif
+    return chosen;
 }

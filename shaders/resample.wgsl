@@ -100,15 +100,16 @@ fn light_shifted(u: f32, i: u32, step: u32) -> f32 {
     return select(sum, sum - 1.0, sum >= 1.0);
 }
 
-// The random numbers of candidate `i` of `count`. Twin of `candidate_numbers`.
-fn light_candidate_numbers(u: vec4<f32>, i: u32, count: u32) -> vec4<f32> {
-    if count == 1u {
+// The random numbers of candidate `i` of `candidates`, at most LIGHT_MAX_CANDIDATES. Twin of `candidate_numbers`.
+fn light_candidate_numbers(u: vec4<f32>, i: u32, candidates: u32) -> vec4<f32> {
+    if candidates <= 1u {
         return u;
     }
+    let count = min(candidates, LIGHT_MAX_CANDIDATES);
     // Multiplies by 2^24, which is exact; a quotient need not be.
     let fixed_point = u32(light_clamp_unit(u.x) * 16777216.0);
     return vec4(
-        f32(((i << 24u) + fixed_point) / count) * LIGHT_U_STEP,
+        f32(((min(i, count - 1u) << 24u) + fixed_point) / count) * LIGHT_U_STEP,
         light_shifted(u.y, i, LIGHT_LATTICE_Y),
         light_shifted(u.z, i, LIGHT_LATTICE_Z),
         light_shifted(u.w, i, LIGHT_LATTICE_W),

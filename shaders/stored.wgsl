@@ -241,7 +241,8 @@ fn light_generation_at(instance: u32, index: u32) -> u32 {
     return max(light_hash(births.x ^ light_hash(births.y)) >> 8u, 1u);
 }
 
-// Whether a light is there that once had a generation. Reads no node: lights of other trees have other birth numbers.
+// Whether a light is there that once had a generation. Reads no node: the lights of an instance become fewer only with
+// another tree, which has another birth number.
 fn light_is_same(instance: u32, light: u32, generation: u32) -> bool {
     var index = light_params.directional_base + light;
     if instance == LIGHT_DIRECTIONAL {
@@ -260,6 +261,13 @@ fn light_is_same(instance: u32, light: u32, generation: u32) -> bool {
             return false;
         }
     }
+    // #if SKY
+    // While the tree of a new sky is on its way, the patches of the old one do not fit the map.
+    let kind = light_record_quad(index * light_params.light_stride).w & LIGHT_KIND_MASK;
+    if kind == LIGHT_KIND_SKY && instance != light_params.sky {
+        return false;
+    }
+    // #endif
     return light_generation_at(instance, index) == generation;
 }
 

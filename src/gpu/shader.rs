@@ -63,8 +63,9 @@ use crate::plan::text;
 /// ) -> LightReservoir
 /// // A light that the engine names, with a weight of 1, and 0 if it is not there.
 /// fn light_reservoir_of(instance: u32, light: u32, u: vec2<f32>) -> LightReservoir
-/// // The numbers of candidate `i` of `count`, spread evenly, for an engine that merges candidates itself.
-/// fn light_candidate_numbers(u: vec4<f32>, i: u32, count: u32) -> vec4<f32>
+/// // The numbers of candidate `i` of up to LIGHT_MAX_CANDIDATES, spread evenly, for an engine that merges candidates
+/// // itself.
+/// fn light_candidate_numbers(u: vec4<f32>, i: u32, candidates: u32) -> vec4<f32>
 /// // The learnt share of rays toward a sample that are not blocked; 1 where nothing is learnt. Targets without
 /// // shadow rays are multiplied by it.
 /// fn light_visible_share(shading_point: LightShadingPoint, s: LightSample) -> f32

@@ -5,8 +5,8 @@
 
 use super::buffers::{BufferId, Ids, NewBuffer};
 use super::commands::Commands;
-use super::error::PlanError;
 use super::layout::ParamsRecord;
+use super::pool::Growth;
 
 /// Quads before the instances: the parameters, and where the lights begin. Twin of `LIGHT_PREVIOUS_HEAD`.
 pub(crate) const HEAD: u32 = size_of::<Head>() as u32 / 16;
@@ -53,6 +53,8 @@ pub(super) struct Copies {
     buffer: Option<Kept>,
     /// Source, and its bytes: of instances and of lights; `None` for what is not copied.
     sources: [Option<(BufferId, u64)>; 2],
+    /// The last frame has no lights: it is too large for a buffer.
+    is_empty: bool,
 }
 
 impl Previous {
@@ -65,19 +67,20 @@ impl Previous {
         self.buffer.map(|kept| kept.id)
     }
 
-    /// Reserves room for copies of the present buffers, of instances and of lights, of at most `most` bytes. `None` if
-    /// there are none yet.
+    /// Reserves room for copies of the present buffers, of instances and of lights, of at most `most` bytes; there are
+    /// none yet before the first plan. A frame that takes more is remembered as one without lights.
     pub fn reserve(
         &self,
         present: Option<[Present; 2]>,
-        most: u64,
+        (most, growth): (u64, Growth),
         (ids, new): (&mut Ids, &mut Vec<NewBuffer>),
-    ) -> Result<Copies, PlanError> {
+    ) -> Copies {
         if !self.is_kept {
-            return Ok(Copies::default());
+            return Copies::default();
         }
-        let head = 16 * u64::from(HEAD);
-        let [used, whole] = match present {
+        let size = |bytes: [u64; 2]| 16 * u64::from(HEAD) + bytes[0] + bytes[1];
+        let fitting = present.filter(|present| size(present.map(|(_, used, _)| used)) <= most);
+        let [used, whole] = match fitting {
             Some(present) => [present.map(|(_, used, _)| used), present.map(|(.., whole)| whole)],
             None => [[EMPTY_BYTES; 2]; 2],
         };
@@ -85,22 +88,18 @@ impl Previous {
         let kept = match self.buffer.filter(fits) {
             Some(kept) => kept,
             None => {
-                let size = |bytes: [u64; 2]| head + bytes[0] + bytes[1];
-                let bytes = if size(whole) <= most { whole } else { used };
-                if size(bytes) > most {
-                    return Err(PlanError::Full { what: WHAT, needed: size(bytes), limit: most });
-                }
-                let buffer = ids.storage(WHAT, size(bytes));
+                let bytes = if growth == Growth::Double && size(whole) <= most { whole } else { used };
+                let buffer = ids.storage("lights of the last frame", size(bytes));
                 new.push(buffer);
                 Kept { id: buffer.id, bytes }
             }
         };
         let is_new = self.buffer != Some(kept);
         let mut sources = [None; 2];
-        if let Some(present) = present.filter(|_| !self.is_lost) {
+        if let Some(present) = fitting.filter(|_| !self.is_lost) {
             sources = std::array::from_fn(|i| (self.is_stale[i] || is_new).then_some((present[i].0, present[i].1)));
         }
-        Ok(Copies { buffer: Some(kept), sources })
+        Copies { buffer: Some(kept), sources, is_empty: present.is_some() && fitting.is_none() }
     }
 
     /// Adds the copies, and the parameters of the last frame. Adds a buffer that is no longer used to `freed`.
@@ -128,10 +127,11 @@ impl Previous {
         for (source, start) in copies.sources.into_iter().zip(starts) {
             source.into_iter().for_each(|(from, bytes)| commands.copy_to(from, (kept.id, start), bytes));
         }
-        let is_lost = std::mem::take(&mut self.is_lost);
-        self.is_stale = [is_lost; 2];
-        // After a loss the buffer is zero, and shaders find no light.
-        let params = if is_lost { ParamsRecord { strides: params.strides, ..ParamsRecord::default() } } else { params };
+        let is_empty = std::mem::take(&mut self.is_lost) || copies.is_empty;
+        self.is_stale = [is_empty; 2];
+        // Without slots, shaders find no light.
+        let params =
+            if is_empty { ParamsRecord { strides: params.strides, ..ParamsRecord::default() } } else { params };
         self.write(params, commands);
     }
 
@@ -165,5 +165,3 @@ impl Previous {
         }
     }
 }
-
-const WHAT: &str = "lights of the last frame";

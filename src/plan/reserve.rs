@@ -144,15 +144,12 @@ impl LightPlanner {
             };
             result = self.make_room((world, effects), &mut changes, &mut room);
         }
-        let result = result.map_err(|(_, error)| error).and_then(|()| {
-            let most = self.trees.limits.largest_buffer;
-            room.copies = self.previous.reserve(present, most, (&mut self.buffers.ids, &mut room.new_buffers))?;
-            Ok(())
-        });
-        if let Err(error) = result {
+        if let Err((_, error)) = result {
             self.undo(room);
             return Err(error);
         }
+        let limits = (self.trees.limits.largest_buffer, growth);
+        room.copies = self.previous.reserve(present, limits, (&mut self.buffers.ids, &mut room.new_buffers));
         Ok(Reservation { planner: self, world, changes, effects, room, is_used: false })
     }
 

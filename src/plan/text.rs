@@ -250,15 +250,14 @@ fn functions(group: u32, effects: Effects, extras: Extras) -> String {
         optional(extras.heat_map, include_str!("../../shaders/heat.wgsl")),
     ]
     .concat();
-    let text = variant(&body, effects, extras);
-    at_group(&(if extras.previous { with_previous(text) } else { text }), group)
-}
-
-/// The same text with what evaluates the lights of the last frame.
-fn with_previous(text: String) -> String {
-    let given = ["light_params", "light_instance_quad", "light_record_quad", "light_record_quads"];
-    let copy = renamed(&text, "light_reservoir_sample", "_then", &given);
-    text + &copy + include_str!("../../shaders/previous.wgsl")
+    let mut text = variant(&body, effects, extras);
+    if extras.previous {
+        // A copy that reads the lights of the last frame.
+        let given = ["light_params", "light_instance_quad", "light_record_quad", "light_record_quads"];
+        text += &renamed(&text, "light_reservoir_sample", "_then", &given);
+        text += &variant(include_str!("../../shaders/previous.wgsl"), effects, extras);
+    }
+    at_group(&text, group)
 }
 
 /// Constants that `LightShader` documents for engines. Every variant has them.

@@ -96,7 +96,8 @@ pub struct GirandoleCamera {
     /// With 0 there are no new samples, and the light fades from the mean.
     pub samples: u32,
     /// Frames that the light which a pixel has kept stands for, at most: each pixel reuses that of the last frame and that of
-    /// a neighbour. More lower the noise, and let changes of lights and shadows lag behind. 0 reuses nothing.
+    /// a neighbour. More lower the noise, and let changes of lights and shadows lag behind. 0 reuses nothing, and so does a picture whose
+    /// pixels take more than the device can bind, at 28 bytes each.
     pub reused_frames: u32,
     /// Frames over which the mean is taken while the surface in a pixel moves or any light changes.
     /// More frames lower the noise, and let the picture lag further behind.

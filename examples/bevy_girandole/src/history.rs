@@ -29,10 +29,17 @@ pub struct Past {
 /// The bytes of a `LightReservoir`.
 const RESERVOIR_BYTES: u64 = 28;
 
+/// The bytes that the pixels of a picture keep.
+fn bytes_kept(size: UVec2) -> u64 {
+    u64::from(size.x) * u64::from(size.y) * RESERVOIR_BYTES
+}
+
 /// The textures and buffers of a camera, which are read and written in alternate frames.
 #[derive(Component)]
 pub struct History {
     size: UVec2,
+    /// Whether pixels keep lights.
+    keeps: bool,
     sides: [Past; 2],
     number: u32,
     /// What the last frame that was drawn was of.
@@ -69,12 +76,14 @@ pub struct HistoryFrame {
     pub has_new_exposure: bool,
     /// Of the picture in pixels.
     pub width: u32,
+    /// Whether pixels keep lights.
+    pub keeps: bool,
     pub past: Past,
     pub present: Past,
 }
 
 impl History {
-    fn new(device: &RenderDevice, size: UVec2) -> Self {
+    fn new(device: &RenderDevice, size: UVec2, keeps: bool) -> Self {
         let texture = |label, format| {
             let texture = device.create_texture(&TextureDescriptor {
                 label: Some(label),
@@ -91,7 +100,7 @@ impl History {
         let kept = || {
             device.create_buffer(&BufferDescriptor {
                 label: Some("girandole reservoirs"),
-                size: u64::from(size.x) * u64::from(size.y) * RESERVOIR_BYTES,
+                size: if keeps { bytes_kept(size) } else { RESERVOIR_BYTES },
                 usage: BufferUsages::STORAGE,
                 mapped_at_creation: false,
             })
@@ -101,7 +110,7 @@ impl History {
             dist: texture("girandole distance", DIST_FORMAT),
             kept: kept(),
         };
-        Self { size, sides: [side(), side()], number: 0, last: None }
+        Self { size, keeps, sides: [side(), side()], number: 0, last: None }
     }
 
     /// Advances to the next frame.
@@ -113,7 +122,7 @@ impl History {
         let has_new_exposure = last.is_some_and(|last| key.exposure != last.exposure);
         let [past, present] = if number.is_multiple_of(2) { [0, 1] } else { [1, 0] };
         let [past, present] = [past, present].map(|side| self.sides[side].clone());
-        HistoryFrame { number, has_past, has_new_exposure, width: self.size.x, past, present }
+        HistoryFrame { number, has_past, has_new_exposure, width: self.size.x, keeps: self.keeps, past, present }
     }
 }
 
@@ -128,12 +137,14 @@ pub fn forget(mut commands: Commands, cameras: Query<Entity, Or<(With<History>, 
 pub fn prepare(
     mut commands: Commands,
     device: Res<RenderDevice>,
-    cameras: Query<(Entity, &ExtractedCamera, Option<&History>), With<GirandoleCamera>>,
+    cameras: Query<(Entity, &ExtractedCamera, Option<&History>, &GirandoleCamera)>,
 ) {
-    for (entity, camera, history) in &cameras {
+    let most = u64::from(device.limits().max_storage_buffer_binding_size);
+    for (entity, camera, history, settings) in &cameras {
         let Some(size) = camera.physical_target_size.filter(|size| size.min_element() > 0) else { continue };
-        if history.is_none_or(|history| history.size != size) {
-            commands.entity(entity).insert(History::new(&device, size));
+        let keeps = settings.reused_frames > 0 && bytes_kept(size) <= most;
+        if history.is_none_or(|history| (history.size, history.keeps) != (size, keeps)) {
+            commands.entity(entity).insert(History::new(&device, size, keeps));
         }
     }
 }

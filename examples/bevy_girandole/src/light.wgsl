@@ -127,7 +127,9 @@ fn girandole_estimate(surface: LightingInput, texel: vec2<i32>, seed: u32) -> ve
             kept = girandole_merged(kept, surface, then, beside, numbers.choice);
         }
     }
-    girandole_kept[u32(texel.y) * girandole_view.width + u32(texel.x)] = kept;
+    if girandole_view.reused_frames > 0u {
+        girandole_kept[u32(texel.y) * girandole_view.width + u32(texel.x)] = kept;
+    }
     let light = light_reservoir_sample(girandole_shading_point(surface), kept);
     if light.pmf <= 0.0 || kept.reflected <= 0.0 {
         return vec3(0.0);

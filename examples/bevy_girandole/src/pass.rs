@@ -220,7 +220,7 @@ pub fn draw(
             Estimate::HeatMap(shown) => shown.number(),
             Estimate::Sampled | Estimate::Exhaustive => 0,
         },
-        reused_frames: settings.reused_frames,
+        reused_frames: if frame.keeps { settings.reused_frames } else { 0 },
         width: frame.width,
         padding: [0; 2],
     };

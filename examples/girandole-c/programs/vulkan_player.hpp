@@ -196,7 +196,7 @@ private:
                 used += command.size;
                 break;
             case GIRANDOLE_COMMAND_COPY:
-                device_.copy(buffers_.at(command.source), 0, buffers_.at(command.buffer), 0, command.size);
+                device_.copy(buffers_.at(command.source), 0, buffers_.at(command.buffer), command.offset, command.size);
                 break;
             case GIRANDOLE_COMMAND_CLEAR:
                 device_.clear(buffers_.at(command.buffer), command.offset, command.size);

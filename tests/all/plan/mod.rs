@@ -322,6 +322,26 @@ fn instances_whose_removal_a_device_missed_are_removed_by_what_sends_everything(
     check(&world, &played);
 }
 
+#[test]
+fn a_last_frame_that_does_not_fit_into_a_buffer_has_no_lights_and_refuses_nothing() {
+    // 80 bytes of parameters, 80 for each of 1,001 slots and 32 for each light: 131,072, the limit, and 131,104.
+    for (lights, slots) in [(1590, 1001), (1591, 0)] {
+        let (mut world, ..) = lamps(999);
+        let row = (0..lights).map(|i| Light::point(Vec3::X * i as f32, Vec3::ONE));
+        let tree = world.add_tree(LightTree::new(row.collect()).expect("valid"));
+        let key = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+        let mut played = Played { planner: LightPlanner::new(PlanLimits::new(131_072)), device: Device::default() };
+        played.planner.keep_previous(true);
+        for frame in 0..3 {
+            world.move_instance(key, Placement::at(DVec3::Y * f64::from(frame))).expect("it lives");
+            update(&mut world);
+            played.frame(&world);
+        }
+        let bytes = played.device.content(played.planner.previous().expect("it is kept"));
+        assert_eq!(bytes[..4], u32::to_ne_bytes(slots), "{lights} lights");
+    }
+}
+
 /// The bytes before the instances of the last frame: the parameters, and where the lights begin.
 const PREVIOUS_HEAD: usize = 80;
 
