@@ -72,20 +72,23 @@ public:
         return play(plan.get(), write_lights);
     }
 
+    // The program keeps no last frame, which is the last binding.
+    static constexpr uint32_t bound_buffers = GIRANDOLE_SHADER_BUFFERS - 1;
+
     // What shaders bind, at the group that their text was made for.
     std::vector<vulkan::Bound> bindings() {
         uint32_t ids[GIRANDOLE_SHADER_BUFFERS];
         girandole::check(girandole_planner_bindings(planner_.get(), ids));
         std::vector<vulkan::Bound> bound;
-        for (const uint32_t id : ids) {
+        for (uint32_t i = 0; i < bound_buffers; i++) {
             const auto type = bound.empty() ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
-            bound.push_back({type, buffers_.at(id).buffer});
+            bound.push_back({type, buffers_.at(ids[i]).buffer});
         }
         return bound;
     }
 
     static std::vector<VkDescriptorType> binding_types() {
-        std::vector<VkDescriptorType> types(GIRANDOLE_SHADER_BUFFERS, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER);
+        std::vector<VkDescriptorType> types(bound_buffers, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER);
         types[0] = VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER;
         return types;
     }

@@ -82,9 +82,7 @@ impl Pipelines {
         let Self { device, layout, shader, needs, variants, .. } = self;
         let shader = shader.with_effects(effects);
         let compile = |work| pipeline(device, layout, &shader, *needs, work);
-        variants
-            .entry(effects)
-            .or_insert_with(|| Variant { mark: compile(Work::Mark), render: compile(Work::Render) })
+        variants.entry(effects).or_insert_with(|| Variant { mark: compile(Work::Mark), render: compile(Work::Render) })
     }
 
     /// The number of variants that were compiled.
