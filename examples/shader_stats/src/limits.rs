@@ -51,7 +51,7 @@ pub const LIMITS: [Limit; 50] = [
     limit("light_sample_loop", "all", [136, 0, 6100]),
     limit("light_resample", "none", [80, 0, 1800]),
     limit("light_resample", "city", [88, 0, 3400]),
-    limit("light_resample", "all", [152, 0, 8900]),
+    limit("light_resample", "all", [152, 0, 9000]),
     limit("light_reservoir_merge", "none", [40, 0, 800]),
     limit("light_reservoir_merge", "city", [56, 0, 2100]),
     limit("light_reservoir_merge", "all", [96, 0, 5500]),
