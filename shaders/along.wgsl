@@ -4,10 +4,9 @@
 
 // #if SEGMENTS
 // The distance in metres from the start of a segment to the point at which the light of a sample
-// arrives: of the last sample of a segment that this invocation took. The fields of the sample are as seen
-// from there, and its pdf is multiplied
-// by the density per metre of this distance. A variable, because samples and reservoirs have the
-// same records for all effects.
+// arrives: of the last sample of a segment that this invocation took. The fields of the sample are as
+// seen from there, and its pdf is multiplied by the density per metre of this distance. A variable,
+// because samples have the same record for all effects.
 var<private> light_along: f32;
 
 // A distance from the start of a segment in metres, and its density per metre. The density is 0 if

@@ -1,5 +1,5 @@
 // The lights of the last frame. Joined behind a copy of `light_reservoir_sample` that reads these in place of the
-// present buffers: see `with_previous` in src/plan/text.rs. src/plan/previous.rs owns the buffer.
+// present buffers: see `functions` in src/plan/text.rs. src/plan/previous.rs owns the buffer.
 
 // Four quads with the parameters of that frame, one whose first word is where the lights begin, the instances, and the
 // lights.

@@ -136,8 +136,6 @@ pub struct GpuLights {
     /// The buffers that it was made for; `None` for zeros.
     bound: [Option<BufferId>; ALL],
     sources: SourceLink,
-    /// Shaders read the lights of the last frame.
-    has_previous: bool,
 }
 
 /// A bind group with its layout, and how many buffers it has.
@@ -233,7 +231,6 @@ impl GpuLights {
             is_dark: true,
             dark,
             group,
-            has_previous: options.previous,
             bound: [None; ALL],
             sources: SourceLink::new(device),
         };
@@ -326,7 +323,7 @@ impl GpuLights {
     /// `effects` are the effects that the text has to support; with [`Effects::all`] it supports
     /// every world. With [`GpuOptions::learning`] it has `light_record_visibility` ([`ShaderParts::learns`]).
     pub fn shader(&self, group: u32, effects: Effects) -> LightShader {
-        let parts = ShaderParts { learns: self.learns, previous: self.has_previous, ..ShaderParts::default() };
+        let parts = ShaderParts { learns: self.learns, previous: self.has_previous(), ..ShaderParts::default() };
         LightShader::new(group, effects, parts, self.group.layout.clone())
     }
 
@@ -342,9 +339,14 @@ impl GpuLights {
         }
     }
 
+    /// Whether shaders read the lights of the last frame.
+    fn has_previous(&self) -> bool {
+        self.group.count == ALL
+    }
+
     /// The bind group of the library's own kernels.
     fn kernel_group(&self) -> wgpu::BindGroup {
-        match self.has_previous {
+        match self.has_previous() {
             true => bind_lights(&self.device, &self.kernel_layout, &self.buffers()[..ALL - 1]),
             false => self.group.bind_group.clone(),
         }

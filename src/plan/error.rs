@@ -34,9 +34,9 @@ impl PlanError {
     }
 }
 
-/// No name of WGSL begins with the prefix. Code 900.
+/// The prefix cannot begin an ASCII identifier of WGSL. Code 900.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the prefix is {prefix:?}, with which no name of WGSL begins")]
+#[error("the prefix is {prefix:?}, which cannot begin an ASCII identifier of WGSL")]
 #[non_exhaustive]
 pub struct ShaderNameError {
     /// The given prefix.

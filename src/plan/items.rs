@@ -51,12 +51,12 @@ pub(super) fn renamed(text: &str, root: &str, suffix: &str, given: &[&str]) -> S
 /// With the prefix `gi_`, `light_sample` becomes `gi_light_sample`, and `LightSample` becomes
 /// `gi_LightSample`; members of types stay as they are.
 ///
-/// For a `LightShader`, put the text of its field `wgsl` through this
-/// function last: its methods make the text anew, without the prefix. O(text).
+/// For a `LightShader`, put the text of its field `wgsl` through this function last: its methods make the text anew,
+/// without the prefix. O(text).
 ///
 /// # Errors
-/// [`ShaderNameError`] for a prefix with which no name of WGSL begins: ASCII letters, digits and `_`, without a
-/// digit first and without two `_` first. WGSL allows letters beyond ASCII; here they are refused.
+/// [`ShaderNameError`] unless the prefix consists of ASCII letters, digits and `_`, and begins neither with a digit nor
+/// with two `_`. WGSL allows letters beyond ASCII; here they are refused.
 pub fn with_prefix(text: &str, prefix: &str) -> Result<String, ShaderNameError> {
     let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let starts_well = prefix.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_') && !prefix.starts_with("__");

@@ -94,9 +94,11 @@ impl LightSampler<'_> {
 }
 
 impl CandidateCount {
-    /// The numbers of candidate `i` (the last one, if it is beyond), from those of a sample: they are spread evenly. For programs that draw candidates
-    /// one by one and [merge](Reservoir::merge) them by a target of their own; [`LightSampler::resample`] does
-    /// the same. Twin of `light_candidate_numbers`.
+    /// Returns the random numbers of candidate `i`, from those of a sample: they are spread evenly. An index beyond the
+    /// candidates counts as the last one.
+    ///
+    /// For programs that draw candidates one by one and [merge](Reservoir::merge) them by a target of their own.
+    /// [`LightSampler::resample`] takes the same numbers. Twin of `light_candidate_numbers`.
     pub fn numbers(self, u: [f32; 4], i: u32) -> [f32; 4] {
         candidate_numbers(u, i.min(self.get() - 1), self.get())
     }

@@ -120,8 +120,7 @@ impl LightSampler<'_> {
     /// Returns the light of a reservoir at any shading point, as it is in this sampler's world: `1 / weight` is its
     /// `pmf`, so that `brdf * cosine * radiance / (pmf * pdf)` estimates the light by all lights.
     ///
-    /// `None` if nothing arrives, if the light is gone, or if another one has its name. A sampler of a clone of the
-    /// world, from before it changed, returns the light as it was then. The cost is that of
+    /// `None` if nothing arrives, if the light is gone, or if another one has its name. The cost is that of
     /// [`LightSampler::sample_light`].
     pub fn reservoir_sample(&self, shading_point: &ShadingPoint, reservoir: &Reservoir) -> Option<LightSample> {
         let light = reservoir.light.filter(|_| reservoir.weight > 0.0)?;
