@@ -201,8 +201,8 @@ pub use visibility::{VisibilityOptions, VisibilityTable};
 #[cfg(feature = "gpu")]
 pub use wgpu;
 pub use world::{
-    BackgroundReport, Changes, FrameReport, JobReport, LightWorld, OriginMode, RebuildState, RefusedRegion, Region,
-    RegionInstance, RegionTree, RegionView, RemovedRegion, Revision, TreeSource, WorldMemory,
+    BackgroundReport, Changes, FrameReport, JobReport, LightSnapshot, LightWorld, OriginMode, RebuildState,
+    RefusedRegion, Region, RegionInstance, RegionTree, RegionView, RemovedRegion, Revision, TreeSource, WorldMemory,
 };
 #[cfg(feature = "bake")]
 pub use world::{DumpError, LeftOut};

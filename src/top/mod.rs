@@ -65,6 +65,13 @@ impl Unit {
     const EMPTY: Self = Self { cluster: Cluster::EMPTY, kind: UnitKind::Empty };
 }
 
+impl Default for TopLevel {
+    /// Without instances.
+    fn default() -> Self {
+        Self::without_nodes(&[], 0)
+    }
+}
+
 impl TopLevel {
     /// Builds a tree over parts and their clusters, in the order of the slots of their instances,
     /// of which there are `slots`. O(n log n).

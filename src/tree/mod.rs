@@ -150,6 +150,11 @@ impl LightTree {
         Ok(Self::build_for(lights, reference.map(Box::new), BTreeSet::new()))
     }
 
+    /// Lights without nodes, which cannot be sampled.
+    pub(crate) fn of_lights(lights: &[Light]) -> Self {
+        Self { lights: lights.to_vec(), ..Self::default() }
+    }
+
     /// The lights by index: in the order in which they were given, then those that were added. A
     /// removed light keeps its place in this list until its index is used again; what stands there
     /// is dark, and [`Light::is_removed`] tells it from lights.

@@ -39,6 +39,7 @@ mod scene;
 mod sky;
 mod slot_set;
 mod slot_table;
+mod snapshot;
 mod staged;
 mod stamps;
 mod source_table;
@@ -73,6 +74,7 @@ pub use reports::{BackgroundReport, FrameReport, JobReport, RebuildState};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use scene::TreeVersion;
 pub(crate) use scene::{Instance, TreeEntry};
+pub use snapshot::LightSnapshot;
 pub use source_table::TreeSource;
 
 use crate::cluster::Cluster;

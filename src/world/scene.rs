@@ -105,6 +105,7 @@ pub(crate) struct TreeWeight {
 }
 
 /// An instance of a world.
+#[derive(Clone)]
 pub(crate) struct Instance {
     pub tree: TreeKey,
     pub placement: Placement,

@@ -68,6 +68,12 @@ impl<K: Key, T> SlotTable<K, T> {
         key
     }
 
+    /// Another value for each.
+    pub fn map<U>(&self, to: impl Fn(&T) -> U) -> SlotTable<K, U> {
+        let slots = self.slots.iter().map(|slot| slot.as_ref().map(|(key, value)| (*key, to(value)))).collect();
+        SlotTable { keys: self.keys.clone(), slots }
+    }
+
     pub fn remove(&mut self, key: K) -> Option<T> {
         self.keys.remove(key)?;
         self.slots[slot_of(key) as usize].take().map(|(_, value)| value)

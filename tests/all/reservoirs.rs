@@ -224,3 +224,54 @@ fn a_kept_light_is_evaluated_as_it_is_now_and_not_in_the_name_of_another() {
     world.remove_instance(instance).expect("it lives");
     assert_eq!(world.sampler().reservoir_of(light, [0.5; 2]), Reservoir { count: 1.0, ..Reservoir::default() });
 }
+
+#[test]
+fn a_snapshot_has_all_lights_as_they_were() {
+    let mut rng = Rng(29);
+    let mut world = LightWorld::new();
+    world.set_solid_angle_sampling(true);
+    let lights: Vec<Light> = (0..40).map(|_| rng.light(5.0)).collect();
+    let tree = world.add_tree(LightTree::new(lights).expect("valid"));
+    let place = |rng: &mut Rng| Placement {
+        linear: Mat3::from_rotation_y(rng.unit()),
+        ..Placement::at(rng.position(9.0).as_dvec3())
+    };
+    let instances: Vec<_> =
+        (0..6).map(|_| world.add_instance(tree, place(&mut rng), Policy::Budgeted).expect("valid")).collect();
+    let sun = DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::splat(2.0) };
+    let sun = world.add_directional(sun).expect("valid");
+    world.set_factor(instances[1], Vec3::splat(0.5)).expect("it lives");
+    world.set_mask(instances[2], 2).expect("it lives");
+    world.update(FrameBudget::UNLIMITED);
+    let seen = |lights: &dyn Fn(&ShadingPoint, &Reservoir) -> Option<girandole::LightSample>, kept: &[Reservoir]| {
+        let mut rng = Rng(5);
+        let points: Vec<ShadingPoint> = (0..20).map(|_| rng.shading_point(12.0)).collect();
+        points.iter().flat_map(|at| kept.iter().map(|kept| lights(at, kept))).collect::<Vec<_>>()
+    };
+    let sampler = world.sampler();
+    let kept: Vec<Reservoir> = sampler.all_lights().map(|light| sampler.reservoir_of(light, [0.2, 0.7])).collect();
+    let before = seen(&|at, kept| sampler.reservoir_sample(at, kept), &kept);
+    assert!(before.iter().flatten().count() > 500);
+
+    let snapshot = world.snapshot();
+    for (i, instance) in instances.iter().enumerate() {
+        match i {
+            0 => world.remove_instance(*instance).expect("it lives"),
+            _ => world.move_instance(*instance, place(&mut rng)).expect("it lives"),
+        }
+    }
+    world.set_factor(instances[3], Vec3::splat(3.0)).expect("it lives");
+    world.remove_lights(tree, &[3, 9]).expect("they live");
+    world.add_lights(tree, &[rng.light(5.0)]).expect("valid");
+    world.set_emission(tree, 20, Vec3::splat(9.0)).expect("it lives");
+    world.remove_directional(sun).expect("it lives");
+    world.update(FrameBudget::UNLIMITED);
+    assert_eq!(seen(&|at, kept| snapshot.reservoir_sample(at, kept), &kept), before);
+    let sampler = world.sampler();
+    assert_ne!(seen(&|at, kept| sampler.reservoir_sample(at, kept), &kept), before);
+    // What came later is not there.
+    let late = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+    let late = world.sampler().reservoir_of(LightId::Local { instance: late, light: 0 }, [0.5; 2]);
+    assert_eq!(late.weight, 1.0);
+    assert!(seen(&|at, kept| snapshot.reservoir_sample(at, kept), &[late]).iter().all(Option::is_none));
+}
