@@ -64,7 +64,7 @@ pub fn contests(options: &Options, closeness: &Closeness) -> Result<Vec<Contest>
     let lights = closeness.yard_lights;
     let city = || procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1, lamp_profile: None });
     let house = || {
-        let (scene, world, _) = rooms::rooms(true)?;
+        let (scene, world, _) = rooms::rooms(10, true)?;
         Ok::<_, SceneError>(Stage { scene, world, animation: Box::new(Still) })
     };
     let contest = |name: &str, stage: Stage, is_matte| Contest { name: name.into(), stage, is_matte, goal: GOALS[0] };

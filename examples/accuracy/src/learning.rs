@@ -146,7 +146,7 @@ mod tests {
     #[test]
     fn rooms_gain_from_what_is_learnt_and_the_film_shows_it() {
         let closeness = Closeness { size: (32, 18), seeds: 2, timed_pixels: 50, yard_lights: 200 };
-        let (scene, world, _) = rooms::rooms(true).expect("a sound scene");
+        let (scene, world, _) = rooms::rooms(10, true).expect("a sound scene");
         let mut arena =
             Arena::new(Stage { scene, world, animation: Box::new(Still) }, true, closeness.size).expect("surfaces");
         let costs = measure(&arena, true, &closeness).expect("it is measured");

@@ -27,4 +27,7 @@ pub mod contests;
 pub mod learning;
 pub mod rivals;
 
+pub mod reuse_scenes;
+pub mod reuse;
+
 pub mod run;

@@ -44,13 +44,14 @@
 
 use accuracy::options::Options;
 use accuracy::run::run;
-use accuracy::{learning, rivals};
+use accuracy::{learning, reuse, rivals};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
     testbed::common::exit::run_program(|options: &Options| match options {
         Options { rivals: true, .. } => rivals::run(options),
         Options { learning: true, .. } => learning::run(options),
+        Options { reuse: true, .. } => reuse::run(options),
         _ => run(options).map(drop),
     })
 }

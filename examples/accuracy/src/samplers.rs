@@ -89,7 +89,7 @@ impl<'a> Samplers<'a> {
             }
             Sampler::Rival(name) => {
                 let lights = (self.world.sampler(), &self.prepared.ids[..], &self.prepared.lights[..]);
-                rivals::by_name(name, lights, &self.view.view)?
+                rivals::by_name(name, lights, (&self.view.view, &self.view.view))?
             }
             Sampler::AllLights => return None,
         })

@@ -130,7 +130,8 @@ fn the_pictures_of_samplers_that_prepare_frames_have_the_mean_of_the_sum_over_al
         let carried = lights::carried(world);
         for (name, samples) in PREPARED {
             let list = (world.sampler(), studio.ids, &carried[..]);
-            let mut draw = rivals::by_name(name, list, studio.renderer.view).expect("a name of the list");
+            let mut draw =
+                rivals::by_name(name, list, (studio.renderer.view, studio.renderer.view)).expect("a name of the list");
             let (difference, error) = studio.difference(draw.as_mut(), samples, &reference);
             assert!(difference.abs() <= T_LIMIT * error, "{name}: off by {difference}, standard error {error}");
             // Wide intervals would pass anything.

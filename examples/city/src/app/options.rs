@@ -41,6 +41,10 @@ pub struct Options {
     /// Samples per pixel; each sample uses one light
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SPP)))]
     pub spp: u32,
+    /// With --spp 1, the draws that the light which a pixel keeps from the frame before stands for, at most; 0 to keep
+    /// none. Fewer forget changes sooner, and more have less noise
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(0..=1_000))]
+    pub reused_frames: u32,
     /// Clusters of lights that a sample splits before it chooses a light, on the CPU; more splits lower
     /// the noise and cost time
     #[arg(long, value_name = "N", default_value = "6", value_parser = parse_splits)]
@@ -153,6 +157,7 @@ impl Options {
             spp: self.spp,
             splits: self.splits,
             candidates: self.candidates,
+            reused_frames: self.reused_frames,
             seed: self.scene.seed,
             light_choice: if self.sum { LightChoice::Exhaustive } else { self.sampler },
         }

@@ -12,10 +12,12 @@ use testbed::render::choice::{Baselines, Choice};
 use testbed::render::cpu::{self, Lights};
 use testbed::render::geometry::{Geometry, GeometryChange};
 use testbed::render::gpu::{GpuRenderer, GpuUpdate};
+use testbed::render::history::LastFrame;
 use testbed::render::image::{Image, ShadowRays};
 use testbed::render::metering::meter;
 use testbed::render::sequence::frame_seed;
 use testbed::render::settings::{LightChoice, Settings, cut_options, pixel_size};
+use testbed::render::shading::View;
 use testbed::scene::{Camera, Scene, SceneError, Stage};
 
 /// How time passes from frame to frame.
@@ -112,6 +114,8 @@ pub struct Session {
     renderer: Renderer,
     baselines: Baselines,
     cuts: CutTable,
+    /// What the pixels of the last frame have kept, if the CPU has rendered it.
+    last: Option<LastFrame>,
     settings: Settings,
     pace: Pace,
     /// Number of the next frame.
@@ -146,6 +150,7 @@ impl Session {
             renderer,
             baselines: Baselines::default(),
             cuts: CutTable::new(cut_options(&settings)),
+            last: None,
             settings,
             pace,
             next: 0,
@@ -288,7 +293,10 @@ impl Session {
         times.geometry = laps.lap();
         let update = match renderer {
             Renderer::Cpu => GpuUpdate::default(),
-            Renderer::Gpu(_) if number > 0 && change.is_empty() && !is_changed => GpuUpdate::default(),
+            // What pixels keep refers to the lights of the frame before.
+            Renderer::Gpu(_) if number > 0 && change.is_empty() && !is_changed && settings.reused() == 0 => {
+                GpuUpdate::default()
+            }
             Renderer::Gpu(renderer) => renderer.update(scene, geometry, &change, world)?,
         };
         // An upload waits for the top level if it measures it.
@@ -307,7 +315,8 @@ impl Session {
     ) -> Result<Rendered, SceneError> {
         let mut laps = Laps::start();
         let mut times = StageTimes::default();
-        let Self { stage: Stage { scene, world, .. }, geometry, renderer, baselines, cuts, .. } = self;
+        let Self { stage: Stage { scene, world, .. }, geometry, renderer, baselines, cuts, last, .. } = self;
+        let last_frame = last.take().filter(|_| settings.reused() > 0);
         let (image, shadow_rays) = match renderer {
             Renderer::Gpu(renderer) if settings.light_choice.is_on_gpu() => {
                 renderer.render(scene, geometry, settings, seed, progress)?
@@ -328,7 +337,13 @@ impl Session {
                 let choice = baselines.get(settings.light_choice, world, geometry.occluders.radius());
                 times.baseline_build = laps.lap();
                 let lights = Lights { sampler, choice };
-                cpu::render(scene, geometry, lights, settings, seed, progress)
+                let shown = (&*scene, &*geometry);
+                let rendered = cpu::render(shown, lights, last_frame.as_ref(), settings, seed, progress);
+                if settings.reused() > 0 {
+                    let view = View::new(&scene.camera, settings.width, settings.height);
+                    *last = Some(LastFrame::new(settings.width, view, world, rendered.kept));
+                }
+                (rendered.image, rendered.rays)
             }
         };
         times.rendering = laps.lap();

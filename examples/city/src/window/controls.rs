@@ -66,6 +66,8 @@ pub struct Controls {
     pub pixel_size: u32,
     /// Whether the noise is filtered.
     pub is_filtered: bool,
+    /// Whether pixels of one sample keep lights from frame to frame while anything moves.
+    pub is_reused: bool,
     /// Whether several frames are accumulated.
     pub is_accumulated: bool,
     /// Whether the scene's time stands still.

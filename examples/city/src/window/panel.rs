@@ -8,7 +8,7 @@ use super::recording::{Record, Recording};
 use super::tree_boxes::{LOOSE, OLD, loose_color};
 use super::viewer::Shown;
 use egui::style::ScrollStyle;
-use egui::{Button, Color32, Rangef, Slider, SliderClamping, TextStyle, Ui};
+use egui::{Button, Checkbox, Color32, Rangef, Slider, SliderClamping, TextStyle, Ui};
 use egui_plot::{AxisHints, Line, Plot, PlotPoints};
 use girandole::{MAX_CANDIDATES, MAX_SPLITS};
 
@@ -145,6 +145,8 @@ fn sliders(ui: &mut Ui, controls: &mut Controls) {
     ui.add(Slider::new(&mut controls.exposure_ev, -8.0..=8.0).suffix(" EV").text("exposure"));
     ui.add(Slider::new(&mut controls.pixel_size, 1..=8).text("pixel size"));
     ui.checkbox(&mut controls.is_filtered, "filter the noise");
+    let reuse = Checkbox::new(&mut controls.is_reused, "reuse lights in motion");
+    ui.add_enabled(controls.spp == 1 && controls.sampler.is_on_gpu(), reuse);
     ui.checkbox(&mut controls.is_accumulated, "accumulate frames");
 }
 

@@ -60,6 +60,7 @@ fn first_controls(options: &Options) -> Controls {
         exposure_ev: 0.0,
         pixel_size: PIXEL_SIZE,
         is_filtered: !is_dump,
+        is_reused: true,
         is_accumulated: !is_dump,
         is_frozen: false,
     }

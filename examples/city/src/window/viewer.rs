@@ -81,8 +81,9 @@ pub struct Viewer {
     filtered: Option<Filtered>,
     /// How loose the trees of a dump are.
     looseness: Option<HashMap<TreeKey, f32>>,
-    /// The controls of the last picture.
+    /// The controls of the last picture, and its camera.
     last: Controls,
+    seen_from: Option<Camera>,
 }
 
 impl Viewer {
@@ -101,7 +102,16 @@ impl Viewer {
         let session = Session::new(options.scene.load(options.size)?, options.settings(), options.pace(), chosen)?;
         let accumulation = Accumulation::default();
         let looseness = options.open.is_some().then(|| looseness(session.world()));
-        Ok(Self { options, session, backend, accumulation, filtered: None, looseness, last: *controls })
+        Ok(Self {
+            options,
+            session,
+            backend,
+            accumulation,
+            filtered: None,
+            looseness,
+            last: *controls,
+            seen_from: None,
+        })
     }
 
     /// Where frames are rendered.
@@ -169,6 +179,11 @@ impl Viewer {
         }
         self.session.set_frozen(controls.is_frozen && !step);
         let is_still = self.session.is_still();
+        // Frames that add up to one picture are independent.
+        let is_moving = !is_still || self.seen_from != Some(self.camera());
+        let reused_frames = if is_moving && controls.is_reused { self.options.reused_frames } else { 0 };
+        self.session.set_settings(Settings { reused_frames, ..self.session.settings().clone() })?;
+        self.seen_from = Some(self.camera());
         let frame = self.session.frame(&|_| {})?;
         let is_other_sampler = controls.sampler != self.last.sampler;
         if is_other_sampler || !controls.is_accumulated {
@@ -263,6 +278,7 @@ mod tests {
             pixel_size: 4,
             is_filtered: false,
             is_accumulated: false,
+            is_reused: true,
             is_frozen: false,
         }
     }

@@ -127,6 +127,7 @@ fn the_window_shows_a_dump_without_surfaces() {
         exposure_ev: 0.0,
         pixel_size: 4,
         is_filtered: false,
+        is_reused: false,
         is_accumulated: false,
         is_frozen: false,
     };

@@ -498,6 +498,7 @@ fn shown(stage: Stage) -> (Vec<f32>, f32) {
         spp: 32,
         splits: SplitCount::DEFAULT,
         candidates: CandidateCount::of::<4>(),
+        reused_frames: 0,
         seed: 3,
         light_choice: LightChoice::Girandole,
     };

@@ -10,7 +10,7 @@ use testbed::render::image::Image;
 use testbed::render::settings::{LightChoice, Settings};
 use testbed::scene::dusk::{self, Dusk};
 use testbed::scene::procedural::{self, CityOptions, Size};
-use testbed::scene::{Stage, gltf_scene};
+use testbed::scene::{Camera, Stage, gltf_scene};
 use testbed::testing::small_scene;
 use testbed::testing::support::Rng;
 
@@ -26,6 +26,7 @@ pub fn settings(width: u32, height: u32, spp: u32, seed: u64) -> Settings {
         spp,
         splits: SplitCount::DEFAULT,
         candidates: CandidateCount::of::<4>(),
+        reused_frames: 0,
         seed,
         light_choice: LightChoice::Girandole,
     }
@@ -284,6 +285,77 @@ fn every_sampler_agrees_with_the_sum_over_all_lights() {
             relative_error < MAX_RELATIVE_ERROR,
             "{choice:?}: the standard error is {relative_error} of the brightness"
         );
+    }
+}
+
+/// Of so many frames, in which pixels keep lights.
+const KEPT_FRAMES: u32 = 8;
+
+fn keeping(width: u32, height: u32, seed: u64) -> Settings {
+    let settings = settings(width, height, 1, seed);
+    Settings { reused_frames: 20, candidates: CandidateCount::ONE, light_choice: LightChoice::Roots, ..settings }
+}
+
+#[test]
+fn pixels_keep_the_same_lights_on_both_backends() {
+    let sessions = [BackendChoice::Cpu, BackendChoice::Gpu].map(|choice| {
+        let stage = small_scene::stage(false).expect("a valid scene");
+        session(stage, keeping(48, 27, 5), choice)
+    });
+    let [mut cpu, mut gpu] = sessions;
+    for number in 0..KEPT_FRAMES {
+        // The camera moves too.
+        let camera = cpu.scene().camera;
+        let moved = Camera { eye: camera.eye + Vec3::X * 0.05, ..camera };
+        [&mut cpu, &mut gpu].into_iter().for_each(|session| session.set_camera(moved));
+        let (on_cpu, on_gpu) = (frame(&mut cpu), frame(&mut gpu));
+        let difference = rel_mse(&on_gpu.image, &on_cpu.image);
+        // [`MAX_REL_MSE`] for one sample.
+        assert!(difference < 16.0 * MAX_REL_MSE, "frame {number}: relMSE {difference}");
+        // A merge of two lights traces two rays more.
+        let [cpu, gpu] = [on_cpu, on_gpu].map(|frame| frame.stats.shadow_rays.traced + frame.stats.shadow_rays.skipped);
+        assert!(100 * cpu.abs_diff(gpu) < cpu && (number == 0 || cpu > 3_000), "frame {number}: {cpu} and {gpu} rays");
+    }
+}
+
+#[test]
+fn kept_lights_lower_the_noise_and_leave_the_means() {
+    // A session plays the frames of all seeds. The first one of each reuses nothing.
+    let session = |backend| small_scene_session(true, keeping(32, 18, 0), backend);
+    let last = |session: &mut Session, settings: Settings| {
+        let first = Settings { reused_frames: 0, ..keeping(32, 18, settings.seed) };
+        session.set_settings(first).expect("the same size");
+        frame(session);
+        session.set_settings(settings).expect("the same size");
+        (2..KEPT_FRAMES).for_each(|_| drop(frame(session)));
+        frame(session).image
+    };
+    // The same rays go through pixels.
+    let mut reference = session(BackendChoice::Cpu);
+    let all = |seed| Settings { light_choice: LightChoice::Exhaustive, ..keeping(32, 18, seed) };
+    let exact: Vec<Image> = (0..SEEDS).map(|seed| last(&mut reference, all(seed))).collect();
+    for backend in [BackendChoice::Cpu, BackendChoice::Gpu] {
+        let (mut sums, mut noise) = (vec![[DVec3::ZERO; 2]; TILES.0 * TILES.1 + 1], [0.0; 2]);
+        let [mut session, mut plain] = [backend, BackendChoice::Cpu].map(session);
+        for (seed, exact) in (0..).zip(&exact) {
+            let image = last(&mut session, keeping(32, 18, seed));
+            let plain = last(&mut plain, Settings { reused_frames: 0, ..keeping(32, 18, seed) });
+            for (noise, image) in noise.iter_mut().zip([&plain, &image]) {
+                *noise += rel_mse(image, exact) / SEEDS as f64;
+            }
+            for (tile, (kept, all)) in sums.iter_mut().zip(tile_means(&image).into_iter().zip(tile_means(exact))) {
+                let difference = (kept - all).as_dvec3();
+                tile[0] += difference;
+                tile[1] += difference * difference;
+            }
+        }
+        for (tile, [sum, square_sum]) in sums.iter().enumerate() {
+            let mean = *sum / SEEDS as f64;
+            let variance = (*square_sum - mean * *sum) / (SEEDS - 1) as f64;
+            let error = (variance / SEEDS as f64).map(f64::sqrt);
+            assert!(mean.abs().cmple(T_LIMIT * error).all(), "{backend:?}, tile {tile}: {mean}, error {error}");
+        }
+        assert!(noise[1] < 0.5 * noise[0], "{backend:?}: relMSE {}, and {} with kept lights", noise[0], noise[1]);
     }
 }
 

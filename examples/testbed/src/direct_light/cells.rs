@@ -3,7 +3,7 @@
 use super::draw::{Draw, Drawn, Frame, Sample, gloss};
 use super::view::{Surface, View};
 use crate::common::hash::pcg4d;
-use crate::scene::{Material, Scene};
+use crate::scene::{Camera, Material, Scene};
 use girandole::{
     CandidateCount, CutBuild, CutOptions, CutTable, LightSample, LightSampler, LightWorld, ShadingPoint,
     VisibilityError, VisibilityOptions, VisibilityTable,
@@ -35,40 +35,68 @@ pub struct CellSettings {
     pub taught: Option<u32>,
 }
 
-/// Draws several candidates from the cuts of cells and keeps one.
-pub struct SharedCells<'a> {
-    world: &'a LightWorld,
-    view: &'a View,
-    scene: &'a Scene,
+/// Cells with cuts, and what is learnt.
+pub struct Cells {
     settings: CellSettings,
     cuts: CutTable,
     learnt: Option<VisibilityTable>,
 }
 
-impl<'a> SharedCells<'a> {
-    /// Cells of a view that know nothing yet.
-    pub fn new(
-        world: &'a LightWorld,
-        (view, scene): (&'a View, &'a Scene),
-        settings: CellSettings,
-    ) -> Result<Self, VisibilityError> {
-        let mut cuts = CutTable::new(CutOptions::default());
-        let height = (view.pixels.len() / view.width) as f32;
-        let pixel = 2.0 * (0.5 * scene.camera.vertical_fov).tan() / height;
-        cuts.set_view(scene.camera.eye.as_dvec3() + world.origin(), EDGE * pixel);
+impl Cells {
+    /// Cells that know nothing yet.
+    pub fn new(settings: CellSettings) -> Result<Self, VisibilityError> {
         let options = settings.taught.map(|_| VisibilityOptions::new(LEARNT.0, LEARNT.1)).transpose()?;
-        Ok(Self { world, view, scene, settings, cuts, learnt: options.map(VisibilityTable::new) })
+        Ok(Self { settings, cuts: CutTable::new(CutOptions::default()), learnt: options.map(VisibilityTable::new) })
     }
 
-    /// Whether cells are built in a frame.
-    fn is_built_in(&self, frame: &Frame<'_>) -> bool {
-        frame.number == self.warm_up() || frame.number.is_multiple_of(FRAMES)
+    /// Sizes the cells for a picture of so many rows, or as if a pixel was `edge` times as wide.
+    pub fn set_view(&mut self, world: &LightWorld, camera: &Camera, rows: f32, edge: f32) {
+        let pixel = 2.0 * (0.5 * camera.vertical_fov).tan() / rows;
+        self.cuts.set_view(camera.eye.as_dvec3() + world.origin(), edge * pixel);
+    }
+
+    /// Takes in what shadow rays have taught.
+    pub fn end_frame(&mut self) {
+        if let Some(table) = &mut self.learnt {
+            table.end_frame();
+        }
+    }
+
+    /// Builds the cuts of the cells that were marked.
+    pub fn build(&mut self, world: &LightWorld) {
+        let builds: Vec<CutBuild<'_>> = self.cuts.builds(taught(world, self.learnt.as_ref())).collect();
+        builds.into_par_iter().for_each(CutBuild::run);
+    }
+
+    /// Draws in a world. Each draw marks its cell.
+    pub fn draws<'a>(&'a self, world: &'a LightWorld) -> CellDraws<'a> {
+        CellDraws { cells: self, lights: taught(world, self.learnt.as_ref()).with_cuts(&self.cuts) }
     }
 
     fn shading_point(&self, surface: &Surface, material: &Material) -> ShadingPoint {
         match self.settings.has_gloss {
             true => surface.shading_point.with_gloss(gloss(surface, material)),
             false => surface.shading_point,
+        }
+    }
+
+    fn draw(&self, lights: &LightSampler<'_>, at: &ShadingPoint, sample: &Sample) -> Option<Drawn> {
+        Drawn::kept(lights, at, &lights.resample(at, sample.u, self.settings.candidates))
+    }
+
+    /// Records one of [`RECORDED`] shadow rays, or each.
+    fn record(
+        &self,
+        world: LightSampler<'_>,
+        surface: &Surface,
+        sample: &Sample,
+        drawn: &Drawn,
+        (is_visible, all): (bool, bool),
+    ) {
+        let [hash, ..] = pcg4d([sample.pixel, sample.frame, 0, 0]);
+        if let Some(table) = self.learnt.as_ref().filter(|_| all || hash.is_multiple_of(RECORDED)) {
+            let drawn = LightSample { light: drawn.id, pmf: 1.0, incident: drawn.incident, user_data: 0 };
+            world.with_visibility(table).record_visibility(&surface.shading_point, &drawn, is_visible);
         }
     }
 }
@@ -79,12 +107,56 @@ fn taught<'a>(world: &'a LightWorld, learnt: Option<&'a VisibilityTable>) -> Lig
     learnt.map_or(lights, |table| lights.with_visibility(table))
 }
 
+/// Draws several candidates from the cuts of cells and keeps one.
+pub struct CellDraws<'a> {
+    cells: &'a Cells,
+    lights: LightSampler<'a>,
+}
+
+impl Draw for CellDraws<'_> {
+    fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn> {
+        let at = self.cells.shading_point(surface, material);
+        self.lights.mark(&at);
+        self.cells.draw(&self.lights, &at, sample)
+    }
+
+    fn learn(&self, surface: &Surface, sample: &Sample, drawn: &Drawn, is_visible: bool) {
+        self.cells.record(self.lights, surface, sample, drawn, (is_visible, false));
+    }
+}
+
+/// The same for a picture in which nothing moves: cells are built from all of its surfaces.
+pub struct SharedCells<'a> {
+    world: &'a LightWorld,
+    view: &'a View,
+    scene: &'a Scene,
+    cells: Cells,
+}
+
+impl<'a> SharedCells<'a> {
+    /// Cells of a view that know nothing yet.
+    pub fn new(
+        world: &'a LightWorld,
+        (view, scene): (&'a View, &'a Scene),
+        settings: CellSettings,
+    ) -> Result<Self, VisibilityError> {
+        let mut cells = Cells::new(settings)?;
+        cells.set_view(world, &scene.camera, (view.pixels.len() / view.width) as f32, EDGE);
+        Ok(Self { world, view, scene, cells })
+    }
+
+    /// Whether cells are built in a frame.
+    fn is_built_in(&self, frame: &Frame<'_>) -> bool {
+        frame.number == self.warm_up() || frame.number.is_multiple_of(FRAMES)
+    }
+}
+
 impl Draw for SharedCells<'_> {
     fn fold(&mut self, frame: &Frame<'_>) {
         let is_folded = frame.number < self.warm_up() || self.is_built_in(frame);
-        match &mut self.learnt {
+        match &mut self.cells.learnt {
             Some(table) if frame.number == 0 => table.clear(),
-            Some(table) if is_folded => table.end_frame(),
+            Some(_) if is_folded => self.cells.end_frame(),
             _ => {}
         }
     }
@@ -94,35 +166,27 @@ impl Draw for SharedCells<'_> {
             return;
         }
         // Nothing moves, so the table would keep the cuts of the picture before.
-        self.cuts.clear();
-        let sampler = self.world.sampler().with_cuts(&self.cuts);
+        self.cells.cuts.clear();
+        let sampler = self.world.sampler().with_cuts(&self.cells.cuts);
         self.view.pixels.par_iter().flat_map_iter(|pixel| pixel.surfaces.iter().flatten()).for_each(|surface| {
-            sampler.mark(&self.shading_point(surface, &self.scene.materials[surface.material as usize]));
+            sampler.mark(&self.cells.shading_point(surface, &self.scene.materials[surface.material as usize]));
         });
-        let builds: Vec<CutBuild<'_>> = self.cuts.builds(taught(self.world, self.learnt.as_ref())).collect();
-        builds.into_par_iter().for_each(CutBuild::run);
+        self.cells.build(self.world);
     }
 
     fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn> {
-        let at = self.shading_point(surface, material);
-        let lights = taught(self.world, self.learnt.as_ref()).with_cuts(&self.cuts);
-        lights.reservoir_sample(&at, &lights.resample(&at, sample.u, self.settings.candidates)).map(Into::into)
+        let at = self.cells.shading_point(surface, material);
+        let lights = taught(self.world, self.cells.learnt.as_ref()).with_cuts(&self.cells.cuts);
+        self.cells.draw(&lights, &at, sample)
     }
 
     fn learn(&self, surface: &Surface, sample: &Sample, drawn: &Drawn, is_visible: bool) {
-        let is_recorded = || {
-            let [hash, ..] = pcg4d([sample.pixel, sample.frame, 0, 0]);
-            sample.frame < self.warm_up() || hash.is_multiple_of(RECORDED)
-        };
-        if let (Some(table), Some(light)) = (&self.learnt, drawn.id.filter(|_| is_recorded())) {
-            let lights = self.world.sampler().with_visibility(table);
-            let drawn = LightSample { light, pmf: 1.0, incident: drawn.incident, user_data: 0 };
-            lights.record_visibility(&surface.shading_point, &drawn, is_visible);
-        }
+        let all = sample.frame < self.warm_up();
+        self.cells.record(self.world.sampler(), surface, sample, drawn, (is_visible, all));
     }
 
     fn warm_up(&self) -> u32 {
-        self.settings.taught.unwrap_or(0)
+        self.cells.settings.taught.unwrap_or(0)
     }
 
     fn samples_per_preparation(&self, pixels: f64) -> f64 {
@@ -130,6 +194,7 @@ impl Draw for SharedCells<'_> {
     }
 
     fn prepared_bytes(&self) -> usize {
-        self.cuts.memory_bytes() + self.learnt.as_ref().map_or(0, |table| table.options().cells() * LEARNT_BYTES)
+        let Cells { cuts, learnt, .. } = &self.cells;
+        cuts.memory_bytes() + learnt.as_ref().map_or(0, |table| table.options().cells() * LEARNT_BYTES)
     }
 }

@@ -7,7 +7,7 @@ use crate::render::shading::{brdf, specular_reflectance};
 use crate::scene::Material;
 use girandole::glam::Vec3;
 use girandole::light::luminance;
-use girandole::{CandidateCount, Gloss, Incident, LightId, LightSample, LightSampler, Reservoir};
+use girandole::{CandidateCount, Gloss, Incident, LightId, LightSample, LightSampler, Reservoir, ShadingPoint};
 
 /// A point on a light, and the factor that turns its light into an estimate of the light by all
 /// lights.
@@ -19,13 +19,28 @@ pub struct Drawn {
     pub weight: f32,
     /// The light's index, for samplers that read [`Found`]; 0 for others.
     pub light: u32,
-    /// The light's name, for samplers of the library.
-    pub id: Option<LightId>,
+    /// The light's name in the world.
+    pub id: LightId,
+    /// The numbers that choose the point on it.
+    pub numbers: [f32; 2],
 }
 
-impl From<LightSample> for Drawn {
-    fn from(LightSample { light, pmf, incident, .. }: LightSample) -> Self {
-        Self { incident, weight: 1.0 / (pmf * incident.pdf), light: 0, id: Some(light) }
+impl Drawn {
+    /// The light of a reservoir of the library at a shading point.
+    pub fn kept(lights: &LightSampler<'_>, at: &ShadingPoint, reservoir: &Reservoir) -> Option<Self> {
+        let LightSample { light, incident, .. } = lights.reservoir_sample(at, reservoir)?;
+        Some(Self {
+            incident,
+            weight: reservoir.weight / incident.pdf,
+            light: 0,
+            id: light,
+            numbers: reservoir.numbers,
+        })
+    }
+
+    /// The reservoir that keeps it, without what it reflects.
+    pub fn reservoir(&self, lights: &LightSampler<'_>) -> Reservoir {
+        Reservoir { weight: self.weight * self.incident.pdf, ..lights.reservoir_of(self.id, self.numbers) }
     }
 }
 
@@ -101,7 +116,8 @@ impl Draw for Single<'_> {
         let [a, b, x, y, _] = sample.u;
         let pick = self.chooser.choose(&surface.shading_point, [a, b])?;
         let incident = self.lights.sample_light(&surface.shading_point, pick.light, [x, y])?;
-        Some(Drawn { incident, weight: 1.0 / (incident.pdf * pick.pmf), light: 0, id: None })
+        let weight = 1.0 / (incident.pdf * pick.pmf);
+        Some(Drawn { incident, weight, light: 0, id: pick.light, numbers: [x, y] })
     }
 }
 
@@ -128,7 +144,7 @@ pub struct Resampled<'a> {
 impl Draw for Resampled<'_> {
     fn draw(&self, surface: &Surface, _: &Material, sample: &Sample) -> Option<Drawn> {
         let at = &surface.shading_point;
-        self.lights.reservoir_sample(at, &self.lights.resample(at, sample.u, self.candidates)).map(Into::into)
+        Drawn::kept(&self.lights, at, &self.lights.resample(at, sample.u, self.candidates))
     }
 }
 
@@ -155,7 +171,7 @@ impl Draw for ResampledByBrdf<'_> {
             let choice = (split_mix::next(&mut state) >> 40) as f32 * (1.0 / 16_777_216.0);
             kept = kept.merge(kept.reflected, &own, own.reflected, choice);
         }
-        self.lights.reservoir_sample(at, &kept).map(Into::into)
+        Drawn::kept(&self.lights, at, &kept)
     }
 }
 
@@ -169,7 +185,7 @@ pub struct ResampledWithGloss<'a> {
 impl Draw for ResampledWithGloss<'_> {
     fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn> {
         let at = surface.shading_point.with_gloss(gloss(surface, material));
-        self.lights.reservoir_sample(&at, &self.lights.resample(&at, sample.u, self.candidates)).map(Into::into)
+        Drawn::kept(&self.lights, &at, &self.lights.resample(&at, sample.u, self.candidates))
     }
 }
 
@@ -207,12 +223,12 @@ impl Draw for Streaming<'_> {
                 let weight = target * self.ids.len() as f32 / incident.pdf;
                 total += weight;
                 if keep * total < weight {
-                    kept = Some((incident, target));
+                    kept = Some((incident, target, light, point));
                 }
             }
         }
-        let (incident, target) = kept?;
-        Some(Drawn { incident, weight: total / (self.candidates as f32 * target), light: 0, id: None })
+        let (incident, target, id, numbers) = kept?;
+        Some(Drawn { incident, weight: total / (self.candidates as f32 * target), light: 0, id, numbers })
     }
 }
 

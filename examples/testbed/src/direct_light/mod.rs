@@ -17,5 +17,6 @@ pub mod frames;
 pub mod times;
 pub mod converged;
 pub mod rivals;
+pub mod reuse;
 
 pub mod reference;

@@ -14,6 +14,7 @@ use girandole::{Incident, LightId, LightSampler};
 pub type Numbers = fn(u32, u32, u32) -> [f32; 5];
 
 /// What all ways to draw share: the surfaces in view, their materials, and what casts shadows.
+#[derive(Clone, Copy)]
 pub struct Renderer<'a> {
     pub scene: &'a Scene,
     pub geometry: &'a Geometry,

@@ -4,9 +4,9 @@
 use crate::render::geometry::Geometry;
 use crate::render::rays::Hit;
 use crate::render::shading::{View as Frame, shadow_offset, sky_radiance};
-use crate::scene::Scene;
+use crate::scene::{Camera, Scene};
 use girandole::ShadingPoint;
-use girandole::glam::{Vec2, Vec3};
+use girandole::glam::{IVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
 /// Subpixels along each side of a pixel.
@@ -22,6 +22,8 @@ pub struct Surface {
     pub toward_eye: Vec3,
     /// Index into the scene's materials.
     pub material: u32,
+    /// Index into the scene's objects.
+    pub object: u32,
 }
 
 /// A pixel.
@@ -62,6 +64,46 @@ impl View {
     }
 }
 
+/// A square of a picture.
+#[derive(Clone, Copy, Debug)]
+pub struct Square {
+    /// The size of the picture, in pixels.
+    pub picture: (u32, u32),
+    /// Its upper left pixel.
+    pub corner: (u32, u32),
+    pub edge: u32,
+}
+
+impl Square {
+    /// What the middle of each pixel shows, without background.
+    pub fn view(&self, scene: &Scene, geometry: &Geometry) -> View {
+        let (frame, size) = self.frame(&scene.camera);
+        let pixel = |index: u32| {
+            let place =
+                Vec2::new((self.corner.0 + index % self.edge) as f32, (self.corner.1 + index / self.edge) as f32);
+            let surface = first_surface(geometry, frame.eye, frame.direction(place + 0.5, size));
+            Pixel { surfaces: [surface; SUBPIXELS], background: Vec3::ZERO }
+        };
+        View { width: self.edge as usize, pixels: (0..self.edge * self.edge).into_par_iter().map(pixel).collect() }
+    }
+
+    /// The pixel of the square that shows a position, if nothing is in the way. It may lie outside.
+    pub fn pixel(&self, camera: &Camera, position: Vec3) -> Option<IVec2> {
+        let (frame, size) = self.frame(camera);
+        let toward = position - frame.eye;
+        let depth = toward.dot(frame.forward);
+        let across = |axis: Vec3| toward.dot(axis) / (axis.length_squared() * depth);
+        let place = (Vec2::new(across(frame.right), -across(frame.up)) + 1.0) * 0.5 * size;
+        let corner = IVec2::new(self.corner.0 as i32, self.corner.1 as i32);
+        (depth > 0.0).then(|| place.floor().as_ivec2() - corner)
+    }
+
+    fn frame(&self, camera: &Camera) -> (Frame, Vec2) {
+        let (width, height) = self.picture;
+        (Frame::new(camera, width, height), Vec2::new(width as f32, height as f32))
+    }
+}
+
 /// The surface that a ray meets, and the radiance along the ray without the light of lamps.
 fn trace(scene: &Scene, geometry: &Geometry, eye: Vec3, direction: Vec3) -> (Option<Surface>, Vec3) {
     let Some(hit) = geometry.nearest(eye, direction) else {
@@ -89,5 +131,6 @@ fn surface_at(geometry: &Geometry, eye: Vec3, direction: Vec3, hit: &Hit) -> (Su
     let position = eye + direction * hit.distance;
     let position = position + normal * shadow_offset(position, hit.distance);
     let material = geometry.triangles[hit.triangle as usize].material;
-    (Surface { shading_point: ShadingPoint::surface(position, normal), toward_eye: -direction, material }, is_front)
+    let shading_point = ShadingPoint::surface(position, normal);
+    (Surface { shading_point, toward_eye: -direction, material, object: hit.object }, is_front)
 }

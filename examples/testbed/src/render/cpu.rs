@@ -4,6 +4,7 @@
 use super::baseline::Baseline;
 use super::choice::Choice;
 use super::geometry::Geometry;
+use super::history::{Kept, LastFrame, MERGES, Surface};
 use super::image::{Image, ShadowRays, first_half};
 use super::rays::Hit;
 use super::scene::{Material, Scene};
@@ -13,7 +14,7 @@ use super::shading::{View, brdf, gloss, shadow_offset, sky_radiance, through_haz
 use super::textures::OpacitySeed;
 use girandole::glam::{Vec2, Vec3, Vec4};
 use girandole::light::luminance;
-use girandole::{CandidateCount, Incident, LightId, LightSampler, ShadingPoint};
+use girandole::{CandidateCount, Incident, LightId, LightSample, LightSampler, Reservoir, ShadingPoint};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -29,41 +30,68 @@ pub struct Lights<'a> {
     pub choice: Choice<'a>,
 }
 
-/// Renders a frame. Lights are chosen as `lights` says; [`Settings::light_choice`] is not read.
-/// `progress` receives the finished share, from 0 to 1, on any thread.
+/// A picture, and what its pixels keep for the next one.
+pub struct Rendered {
+    pub image: Image,
+    pub rays: ShadowRays,
+    /// For each pixel, if [`Settings::reused`].
+    pub kept: Vec<Option<Kept>>,
+}
+
+/// Renders a frame, whose pixels take over lights of `last`. Lights are chosen as `lights` says;
+/// [`Settings::light_choice`] is not read. `progress` receives the finished share, from 0 to 1, on any thread.
 pub fn render(
-    scene: &Scene,
-    geometry: &Geometry,
+    (scene, geometry): (&Scene, &Geometry),
     lights: Lights<'_>,
+    last: Option<&LastFrame>,
     settings: &Settings,
     seed: u32,
     progress: &(dyn Fn(f64) + Sync),
-) -> (Image, ShadowRays) {
+) -> Rendered {
     let (width, height) = (settings.width as usize, settings.height as usize);
     let view = View::new(&scene.camera, settings.width, settings.height);
     let integrator = Integrator { scene, geometry, lights, candidates: settings.candidates };
     let size = Vec2::new(width as f32, height as f32);
+    let last = last.filter(|last| last.has_size(settings.width, settings.height));
     let mut sums = vec![Vec4::ZERO; width * height];
     let first_half = first_half(settings.spp);
     let done = AtomicUsize::new(0);
     let rows = sums.par_chunks_mut(width).enumerate().map(|(y, row)| {
-        let mut rays = ShadowRays::default();
+        let (mut rays, mut all_kept) = (ShadowRays::default(), Vec::new());
         for (x, sum) in row.iter_mut().enumerate() {
+            let pixel = (y * width + x) as u32;
+            let reuse = last.map(|last| Reuse { last, draws: settings.reused() as f32, pixel, seed });
             let sequence = PixelSequence::new(x as u32, y as u32, settings.spp, seed);
             let corner = Vec2::new(x as f32, y as f32);
             for sample in 0..settings.spp {
                 let numbers = sequence.sample(sample);
                 let direction = view.direction(corner + Vec2::from(numbers.jitter), size);
-                let opacity_seed = OpacitySeed::new((y * width + x) as u32, sample, seed);
-                let color = integrator.radiance(view.eye, direction, opacity_seed, &numbers, &mut rays);
+                let opacity_seed = OpacitySeed::new(pixel, sample, seed);
+                let (color, kept) =
+                    integrator.radiance((view.eye, direction), opacity_seed, &numbers, reuse, &mut rays);
                 *sum += color.extend(if sample < first_half { luminance(color) } else { 0.0 });
+                if settings.reused() > 0 {
+                    all_kept.push(kept);
+                }
             }
         }
         progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / height as f64);
-        rays
+        (rays, all_kept)
     });
-    let rays = rows.reduce(ShadowRays::default, |a, b| a + b);
-    (Image::from_sums(settings.width, settings.height, settings.spp, sums.into_iter()), rays)
+    let (rays, kept): (Vec<ShadowRays>, Vec<Vec<Option<Kept>>>) = rows.unzip();
+    let rays = rays.into_iter().fold(ShadowRays::default(), |a, b| a + b);
+    let kept = kept.into_iter().flatten().collect();
+    Rendered { image: Image::from_sums(settings.width, settings.height, settings.spp, sums.into_iter()), rays, kept }
+}
+
+/// What a pixel may take over of the last frame.
+#[derive(Clone, Copy)]
+struct Reuse<'a> {
+    last: &'a LastFrame,
+    /// The draws that a kept light stands for, at most.
+    draws: f32,
+    pixel: u32,
+    seed: u32,
 }
 
 /// Marks the surfaces that the first sample of each pixel shows in the table of the sampler of `lights`.
@@ -128,15 +156,7 @@ impl Met {
     }
 }
 
-/// A point that a camera ray met.
-struct Surface<'a> {
-    material: &'a Material,
-    shading_point: ShadingPoint,
-    /// The unit direction to the camera.
-    view: Vec3,
-}
-
-impl Surface<'_> {
+impl Surface {
     /// The radiance that one point of a light adds if nothing blocks it, not yet divided by a
     /// density.
     fn reflected(&self, incident: &Incident) -> Vec3 {
@@ -145,7 +165,12 @@ impl Surface<'_> {
         if cosine <= 0.0 {
             return Vec3::ZERO;
         }
-        brdf(self.material, normal, self.view, incident.direction) * incident.radiance * cosine
+        brdf(&self.material, normal, self.view, incident.direction) * incident.radiance * cosine
+    }
+
+    /// The luminance of the light of a sample without shadows, as if its light was the only one.
+    fn target(&self, light: &LightSample) -> f32 {
+        luminance(self.reflected(&light.incident)) / light.incident.pdf
     }
 }
 
@@ -153,17 +178,17 @@ impl Integrator<'_> {
     /// One sample of the radiance along a camera ray.
     fn radiance(
         &self,
-        eye: Vec3,
-        direction: Vec3,
+        (eye, direction): (Vec3, Vec3),
         opacity_seed: OpacitySeed,
         numbers: &SampleNumbers,
+        reuse: Option<Reuse<'_>>,
         rays: &mut ShadowRays,
-    ) -> Vec3 {
+    ) -> (Vec3, Option<Kept>) {
         let sky = &self.scene.sky;
-        let Some(seen) = self.seen(eye, direction, opacity_seed, numbers, rays) else {
-            return sky_radiance(sky, direction);
+        let Some((seen, kept)) = self.seen_by(eye, direction, opacity_seed, numbers, reuse, rays) else {
+            return (sky_radiance(sky, direction), None);
         };
-        through_haze(sky, seen.ambient + seen.emitted + seen.reflected, seen.distance)
+        (through_haze(sky, seen.ambient + seen.emitted + seen.reflected, seen.distance), kept)
     }
 
     /// The surface along a camera ray; `None` for the sky.
@@ -175,6 +200,19 @@ impl Integrator<'_> {
         numbers: &SampleNumbers,
         rays: &mut ShadowRays,
     ) -> Option<Seen> {
+        self.seen_by(eye, direction, opacity_seed, numbers, None, rays).map(|(seen, _)| seen)
+    }
+
+    /// The same, and what the pixel keeps.
+    fn seen_by(
+        &self,
+        eye: Vec3,
+        direction: Vec3,
+        opacity_seed: OpacitySeed,
+        numbers: &SampleNumbers,
+        reuse: Option<Reuse<'_>>,
+        rays: &mut ShadowRays,
+    ) -> Option<(Seen, Option<Kept>)> {
         let met = self.met(eye, direction, opacity_seed)?;
         let Met { hit, material, view, .. } = &met;
         let object = &self.geometry.objects[hit.object as usize];
@@ -182,15 +220,21 @@ impl Integrator<'_> {
         let emitted = if shines { material.emission * object.emission_scale } else { Vec3::ZERO };
         let ambient = self.scene.sky.ambient * material.base_color;
         if material.is_unlit {
-            return Some(Seen { emitted, reflected: Vec3::ZERO, ambient, distance: hit.distance, is_unlit: true });
+            let seen = Seen { emitted, reflected: Vec3::ZERO, ambient, distance: hit.distance, is_unlit: true };
+            return Some((seen, None));
         }
-        let surface = Surface { material, shading_point: self.shading_point(&met), view: *view };
+        let surface = Surface { material: *material, shading_point: self.shading_point(&met), view: *view };
+        let mut kept = None;
         let reflected = match self.lights.choice {
-            Choice::Trees => self.by_trees(&surface, numbers, rays),
+            Choice::Trees => {
+                let (light, reservoir) = self.by_trees(&surface, numbers, reuse, rays);
+                kept = Some(Kept { surface, reservoir });
+                light
+            }
             Choice::Baseline(baseline) => self.by_baseline(&surface, baseline, numbers, rays),
             Choice::All => self.by_all(&surface, numbers, rays),
         };
-        Some(Seen { emitted, reflected, ambient, distance: hit.distance, is_unlit: false })
+        Some((Seen { emitted, reflected, ambient, distance: hit.distance, is_unlit: false }, kept))
     }
 
     /// What is met along a camera ray; `None` for the sky.
@@ -210,22 +254,55 @@ impl Integrator<'_> {
         ShadingPoint::surface(position, normal).with_gloss(gloss(&met.material, met.view))
     }
 
-    /// The light of one sample: of several candidates, one is kept in proportion to what it
-    /// reflects without shadows, and gets a shadow ray.
-    fn by_trees(&self, surface: &Surface<'_>, numbers: &SampleNumbers, rays: &mut ShadowRays) -> Vec3 {
+    /// The light of one sample, and its reservoir: of several candidates, one is kept in proportion to what it
+    /// reflects without shadows, and gets a shadow ray. Then those of the last frame are merged.
+    fn by_trees(
+        &self,
+        surface: &Surface,
+        numbers: &SampleNumbers,
+        reuse: Option<Reuse<'_>>,
+        rays: &mut ShadowRays,
+    ) -> (Vec3, Reservoir) {
         let [a, b, x, y] = numbers.light;
-        let u = [a, b, x, y, numbers.choice];
-        let sampler = self.lights.sampler;
-        let kept = sampler.resample(&surface.shading_point, u, self.candidates);
-        let Some(kept) = sampler.reservoir_sample(&surface.shading_point, &kept) else { return Vec3::ZERO };
-        let contribution = surface.reflected(&kept.incident) / (kept.pmf * kept.incident.pdf);
-        contribution * self.transmittance(surface, &kept.incident, rays)
+        let (sampler, at) = (self.lights.sampler, &surface.shading_point);
+        let mut own = sampler.resample(at, [a, b, x, y, numbers.choice], self.candidates);
+        let mut light = sampler.reservoir_sample(at, &own);
+        own.reflected = self.target(surface, light.as_ref(), rays);
+        if let Some(reuse) = reuse {
+            own = (0..MERGES).fold(own, |own, n| self.merged(surface, own, reuse, n, rays));
+            light = sampler.reservoir_sample(at, &own);
+        }
+        let Some(light) = light.filter(|_| own.reflected > 0.0) else { return (Vec3::ZERO, own) };
+        // The share that passes what is in the way.
+        let share = own.reflected / surface.target(&light);
+        (surface.reflected(&light.incident) * (share / (light.pmf * light.incident.pdf)), own)
+    }
+
+    /// [`Surface::target`] with shadows.
+    fn target(&self, surface: &Surface, light: Option<&LightSample>, rays: &mut ShadowRays) -> f32 {
+        let target = light.map_or(0.0, |light| surface.target(light));
+        match light {
+            Some(light) if target > 0.0 => target * self.transmittance(surface, &light.incident, rays),
+            _ => 0.0,
+        }
+    }
+
+    /// Merges what a pixel of the last frame has kept.
+    fn merged(&self, surface: &Surface, own: Reservoir, reuse: Reuse<'_>, n: u32, rays: &mut ShadowRays) -> Reservoir {
+        let Reuse { last, draws, pixel, seed } = reuse;
+        let Some((kept, choice)) = last.merged(pixel, surface, n, seed) else { return own };
+        let other = Reservoir { count: kept.reservoir.count.min(draws), ..kept.reservoir };
+        let there = last.lights().reservoir_sample(&kept.surface.shading_point, &own);
+        let own_there = self.target(&kept.surface, there.as_ref(), rays);
+        let here = self.lights.sampler.reservoir_sample(&surface.shading_point, &other);
+        let other_here = self.target(surface, here.as_ref(), rays);
+        own.merge(own_there, &other, other_here, choice)
     }
 
     /// The light of one sample, from a sampler to compare with.
     fn by_baseline(
         &self,
-        surface: &Surface<'_>,
+        surface: &Surface,
         baseline: &Baseline,
         numbers: &SampleNumbers,
         rays: &mut ShadowRays,
@@ -242,7 +319,7 @@ impl Integrator<'_> {
     }
 
     /// The light of all lights, with one shadow ray to a point on each.
-    fn by_all(&self, surface: &Surface<'_>, numbers: &SampleNumbers, rays: &mut ShadowRays) -> Vec3 {
+    fn by_all(&self, surface: &Surface, numbers: &SampleNumbers, rays: &mut ShadowRays) -> Vec3 {
         let [.., x, y] = numbers.light;
         let one = |light: LightId| {
             let incident = self.lights.sampler.sample_light(&surface.shading_point, light, [x, y])?;
@@ -254,7 +331,7 @@ impl Integrator<'_> {
     }
 
     /// The share of the light from a point on a light that reaches a surface.
-    fn transmittance(&self, surface: &Surface<'_>, incident: &Incident, rays: &mut ShadowRays) -> f32 {
+    fn transmittance(&self, surface: &Surface, incident: &Incident, rays: &mut ShadowRays) -> f32 {
         let position = surface.shading_point.position;
         let limit = if incident.is_delta {
             incident.dist - self.scene.lamp_clearance

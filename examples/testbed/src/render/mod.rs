@@ -7,9 +7,10 @@
 //! 3. `textures`, `nodes`, `geometry` and `rays`: textured surfaces, and the hierarchies that rays
 //!    traverse;
 //! 4. `baseline` and `choice`: samplers to compare with, and how samples choose lights;
-//! 5. `cpu`: the whole renderer on threads, which is the easier one to read, and `metering`, an exposure
+//! 5. `history`: lights that pixels keep from frame to frame;
+//! 6. `cpu`: the whole renderer on threads, which is the easier one to read, and `metering`, an exposure
 //!    for what it shows;
-//! 6. `backend` and `gpu`: the same renderer as a compute shader.
+//! 7. `backend` and `gpu`: the same renderer as a compute shader.
 
 use super::scene;
 
@@ -30,6 +31,8 @@ pub mod baseline;
 #[cfg(feature = "native")]
 pub mod choice;
 
+#[cfg(feature = "native")]
+pub mod history;
 #[cfg(feature = "native")]
 pub mod cpu;
 #[cfg(feature = "native")]

@@ -19,6 +19,9 @@ pub struct Settings {
     /// Candidates of which each sample keeps one. More of them lower the noise of reflections and
     /// cost time, but no shadow rays.
     pub candidates: CandidateCount,
+    /// With one sample for each pixel, the draws that the light a pixel keeps from the frame before stands for, at most;
+    /// 0 to keep none. See [`history`](super::history).
+    pub reused_frames: u32,
     /// Of the random numbers.
     pub seed: u64,
     /// How lights are sampled. The GPU renders those that [`LightChoice::is_on_gpu`] names; the CPU renders all
@@ -54,6 +57,14 @@ impl LightChoice {
     /// Whether the GPU can render it.
     pub fn is_on_gpu(self) -> bool {
         matches!(self, Self::Girandole | Self::SharedCuts | Self::Roots)
+    }
+}
+
+impl Settings {
+    /// The draws that a kept light stands for, at most; 0 if no light is kept.
+    pub fn reused(&self) -> u32 {
+        let keeps = self.spp == 1 && self.light_choice.is_on_gpu();
+        if keeps { self.reused_frames } else { 0 }
     }
 }
 

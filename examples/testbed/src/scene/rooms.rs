@@ -1,4 +1,4 @@
-//! Ten rooms in two rows along a corridor, with doors between neighbours and to the corridor.
+//! Rooms in two rows along a corridor, with doors between neighbours and to the corridor.
 //!
 //! The plan lies in x and z. The corridor runs along x with its middle at z = 0. Room `r` is the
 //! `r / 2`-th of its row, and odd rooms lie at positive z.
@@ -12,8 +12,6 @@ use super::part::Part;
 use super::rng::Rng;
 use super::{Camera, Scene, SceneError};
 
-/// Number of rooms.
-const ROOMS: usize = 10;
 /// Length of a room along x and along z, metres.
 const ROOM: Vec2 = vec2(5.0, 6.0);
 /// Width of the corridor, metres.
@@ -48,11 +46,12 @@ const PANEL: f32 = 2_000.0;
 /// Nits of a window, about 11,000 lm.
 const WINDOW: f32 = 1_500.0;
 
-/// The scene, its lights, and eyes in every room and in the corridor. All doors are open or closed.
-pub fn rooms(are_open: bool) -> Result<(Scene, LightWorld, Vec<Vec3>), SceneError> {
+/// A scene of an even number of rooms, its lights, and eyes in every room and in the corridor. All doors are open or
+/// closed.
+pub fn rooms(count: usize, are_open: bool) -> Result<(Scene, LightWorld, Vec<Vec3>), SceneError> {
     let mut assembly = Assembly::new();
     let mut palette = Palette::default();
-    let shell = assembly.mesh(shell(&mut palette, are_open).mesh);
+    let shell = assembly.mesh(shell(&mut palette, count, are_open).mesh);
     assembly.object(shell, Affine3A::IDENTITY);
     let cabinet = assembly.mesh(cabinet(&mut palette).mesh);
     let window = palette.glow(COOL, WINDOW);
@@ -60,7 +59,7 @@ pub fn rooms(are_open: bool) -> Result<(Scene, LightWorld, Vec<Vec3>), SceneErro
     let kits: Vec<Kit> =
         LEVELS.iter().map(|level| Kit::new(&mut assembly, &mut palette, *level)).collect::<Result<_, SceneError>>()?;
     let mut eyes = Vec::new();
-    for room in 0..ROOMS {
+    for room in 0..count {
         let mut rng = Rng::new(SEED, room as u64);
         let kit = &kits[rng.below(kits.len())];
         // The room's own space has its middle on the floor at the origin and the corridor at -z.
@@ -82,9 +81,9 @@ pub fn rooms(are_open: bool) -> Result<(Scene, LightWorld, Vec<Vec3>), SceneErro
         assembly.object(cabinet, to_world * Affine3A::from_translation(vec3(side, 0.0, rng.range(0.5, 2.0))));
         eyes.push(to_world.transform_point3(Vec3::Y * EYE_HEIGHT));
     }
-    let corridor = assembly.design(corridor_panels(palette.glow(NEUTRAL, PANEL * 0.3)))?;
+    let corridor = assembly.design(corridor_panels(count, palette.glow(NEUTRAL, PANEL * 0.3)))?;
     assembly.place(corridor, Affine3A::IDENTITY, Policy::Static)?;
-    let length = PITCH * (ROOMS / 2) as f32;
+    let length = PITCH * (count / 2) as f32;
     eyes.extend([0.25, 0.75].map(|share| vec3(length * share, EYE_HEIGHT, 0.0)));
     let Assembly { mut scene, mut world } = assembly;
     scene.materials = palette.materials;
@@ -93,6 +92,15 @@ pub fn rooms(are_open: bool) -> Result<(Scene, LightWorld, Vec<Vec3>), SceneErro
     scene.camera = Camera { eye, target, vertical_fov: FIELD_OF_VIEW, up: Vec3::Y };
     world.update(FrameBudget::UNLIMITED);
     Ok((scene, world, eyes))
+}
+
+/// A closed door of the room that the camera looks at, with its hinge at the origin, and where it hangs.
+pub fn door(material: u32) -> (Part, Affine3A) {
+    let mut part = Part::default();
+    part.cuboid(vec3(0.0, 0.0, -0.5 * WALL), vec3(DOOR.x, DOOR.y, -0.5 * WALL + 0.04), material);
+    // In the space of the room, whose wall to the corridor is at -z.
+    let hinge = Affine3A::from_translation(vec3(-0.5 * DOOR.x, 0.0, -0.5 * (ROOM.y + WALL)));
+    (part, room_to_world(CAMERA_ROOM) * hinge)
 }
 
 /// The lamps of a level of brightness.
@@ -122,10 +130,10 @@ fn room_to_world(room: usize) -> Affine3A {
 }
 
 /// Floor, ceiling and all walls, with openings for doors or without.
-fn shell(palette: &mut Palette, are_open: bool) -> Part {
+fn shell(palette: &mut Palette, count: usize, are_open: bool) -> Part {
     let mut part = Part::default();
     let [plaster, carpet] = [palette.matte(0.6, 0.59, 0.56), palette.matte(0.25, 0.24, 0.23)];
-    let length = PITCH * (ROOMS / 2) as f32;
+    let length = PITCH * (count / 2) as f32;
     let inner = CORRIDOR * 0.5 + WALL;
     let outer = inner + ROOM.y;
     let (low, high) = (vec2(-WALL, -outer - WALL), vec2(length + WALL, outer + WALL));
@@ -139,7 +147,7 @@ fn shell(palette: &mut Palette, are_open: bool) -> Part {
         let across = |near: f32, far: f32| [(side * near).min(side * far), (side * near).max(side * far)];
         let [from, to] = across(outer, outer + WALL);
         wall(&mut part, vec2(low.x, from), vec2(high.x, to), None, plaster);
-        for column in 0..ROOMS / 2 {
+        for column in 0..count / 2 {
             let start = column as f32 * PITCH;
             let [from, to] = across(inner - WALL, inner);
             let door = start + PITCH * 0.5;
@@ -180,10 +188,10 @@ fn ceiling([columns, rows]: [usize; 2], panel: Glow) -> Part {
     part
 }
 
-/// Ten panels over the corridor.
-fn corridor_panels(panel: Glow) -> Part {
+/// A panel over the corridor for each room.
+fn corridor_panels(count: usize, panel: Glow) -> Part {
     let mut part = Part::default();
-    for column in 0..ROOMS {
+    for column in 0..count {
         let x = (column as f32 + 0.5) * PITCH * 0.5;
         part.glow(vec3(x, HEIGHT - GAP, 0.0), Vec3::X * 0.15, Vec3::Z * 0.15, panel);
     }
@@ -239,9 +247,11 @@ mod tests {
     use super::*;
     use crate::render::geometry::Geometry;
 
+    const ROOMS: usize = 10;
+
     #[test]
     fn walls_block_and_doors_do_not() {
-        let (scene, _, eyes) = rooms(true).expect("a valid scene");
+        let (scene, _, eyes) = rooms(ROOMS, true).expect("a valid scene");
         let geometry = Geometry::new(&scene).expect("valid geometry");
         let is_blocked = |from: Vec3, to: Vec3| geometry.occluded(from, (to - from).normalize(), from.distance(to));
         let beside_door = |eye: Vec3| eye.with_z(eye.z.signum() * (CORRIDOR * 0.5 + WALL + 1.5));
@@ -262,7 +272,7 @@ mod tests {
 
     #[test]
     fn the_rooms_have_the_stated_lights_and_doors() {
-        let (scene, world, eyes) = rooms(true).expect("a valid scene");
+        let (scene, world, eyes) = rooms(ROOMS, true).expect("a valid scene");
         assert_eq!(eyes.len(), ROOMS + 2);
         assert!((350..=450).contains(&world.light_count()), "{}", world.light_count());
         let count = |part: Part| part.lights.len();

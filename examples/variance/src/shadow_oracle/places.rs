@@ -48,7 +48,7 @@ pub fn rooms() -> Result<Place, SceneError> {
 
 /// The same with all doors open or closed.
 pub fn rooms_with_doors(are_open: bool) -> Result<Place, SceneError> {
-    let (scene, world, eyes) = rooms::rooms(are_open)?;
+    let (scene, world, eyes) = rooms::rooms(10, are_open)?;
     Ok(Place { name: "ten rooms".into(), geometry: Geometry::new(&scene)?, scene, world, eyes })
 }
 

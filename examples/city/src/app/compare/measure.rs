@@ -194,7 +194,7 @@ impl Plan {
         work: f64,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Rendered, SceneError> {
-        let settings = Settings { light_choice, spp, ..self.settings.clone() };
+        let settings = Settings { light_choice, spp, reused_frames: 0, ..self.settings.clone() };
         let seed = frame_seed(settings.seed, frame);
         let (done, all) = self.work;
         let rendered = session.render(&settings, seed, &|share| progress((done + share * work) / all));

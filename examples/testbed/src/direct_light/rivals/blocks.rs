@@ -74,9 +74,9 @@ impl Draw for SharedCuts<'_> {
         let node = *cut.get((first + sample.frame as usize) % cut.len().max(1))?;
         let [a, b, x, y, _] = sample.u;
         let (light, pmf) = self.tree.pick(node, &surface.shading_point, wide([a, b]))?;
-        let incident =
-            self.lights.sampler.sample_light(&surface.shading_point, self.lights.ids[light as usize], [x, y])?;
-        Some(Drawn { incident, weight: cut.len() as f32 / (incident.pdf * pmf), light, id: None })
+        let (id, numbers) = (self.lights.ids[light as usize], [x, y]);
+        let incident = self.lights.sampler.sample_light(&surface.shading_point, id, numbers)?;
+        Some(Drawn { incident, weight: cut.len() as f32 / (incident.pdf * pmf), light, id, numbers })
     }
 
     fn samples_per_preparation(&self, pixels: f64) -> f64 {

@@ -12,17 +12,17 @@ use girandole::{Light, LightId, LightSampler};
 /// All names.
 pub const NAMES: [&str; 5] = ["regir", "presampled 8", "presampled 32", "stochastic lightcuts", "nee-at"];
 
-/// The sampler of a name for a view of lights; `None` for a name that does not exist. `lights` and
-/// `ids` as for [`crate::measuring::samplers::published`].
+/// The sampler of a name for a view of lights; `None` for a name that does not exist. `view` is a part of the picture
+/// `whole`. `lights` and `ids` as for [`crate::measuring::samplers::published`].
 pub fn by_name<'a>(
     name: &str,
     (sampler, ids, lights): (LightSampler<'a>, &'a [LightId], &'a [Light]),
-    view: &'a View,
+    (view, whole): (&'a View, &View),
 ) -> Option<Box<dyn Draw + 'a>> {
     let lights = LightList::new(sampler, ids, lights);
     let width = view.width as u32;
     Some(match name {
-        "regir" => Box::new(ReGir::new(lights, view)),
+        "regir" => Box::new(ReGir::new(lights, view, whole)),
         "presampled 8" => Box::new(Presampled::new(lights, width, 8)),
         "presampled 32" => Box::new(Presampled::new(lights, width, 32)),
         "stochastic lightcuts" => Box::new(SharedCuts::new(lights, view)),
@@ -49,7 +49,7 @@ mod tests {
         let pixel = |index: usize| {
             let at = vec3((index % SIDE) as f32, 0.0, (index / SIDE) as f32) * 0.5;
             let shading_point = ShadingPoint::surface(at, Vec3::Y);
-            let surface = Surface { shading_point, toward_eye: Vec3::Y, material: 0 };
+            let surface = Surface { shading_point, toward_eye: Vec3::Y, material: 0, object: 0 };
             Pixel { surfaces: [Some(surface); SUBPIXELS], background: Vec3::ZERO }
         };
         View { width: SIDE, pixels: (0..SIDE * SIDE).map(pixel).collect() }
@@ -87,13 +87,13 @@ mod tests {
         let (view, world) = (floor(), world(vec![Light::point(vec3(3.0, 2.0, 5.0), Vec3::ONE)]));
         let (lights, ids): (_, Vec<_>) = (carried(&world), world.sampler().all_lights().collect());
         for name in NAMES {
-            let mut draw = by_name(name, (world.sampler(), &ids, &lights), &view).expect("it exists");
+            let mut draw = by_name(name, (world.sampler(), &ids, &lights), (&view, &view)).expect("it exists");
             for drawn in last_frame(draw.as_mut(), &view, 3, |_| 1.0) {
                 let (light, weight) = drawn.expect("the light is in sight");
                 assert!(light == 0 && (weight - 1.0).abs() < 1.0e-4, "{name}: {weight}");
             }
         }
-        assert!(by_name("none", (world.sampler(), &ids, &lights), &view).is_none());
+        assert!(by_name("none", (world.sampler(), &ids, &lights), (&view, &view)).is_none());
     }
 
     #[test]
@@ -103,7 +103,7 @@ mod tests {
         let (view, world) = (floor(), world((0..1_000).map(lamp).collect()));
         let (lights, ids): (_, Vec<_>) = (carried(&world), world.sampler().all_lights().collect());
         let share = |frames| {
-            let mut draw = by_name("nee-at", (world.sampler(), &ids, &lights), &view).expect("it exists");
+            let mut draw = by_name("nee-at", (world.sampler(), &ids, &lights), (&view, &view)).expect("it exists");
             let drawn = last_frame(draw.as_mut(), &view, frames, |light| if light == 700 { 1.0 } else { 0.0 });
             drawn.iter().flatten().filter(|(light, _)| *light == 700).count() as f64 / drawn.len() as f64
         };

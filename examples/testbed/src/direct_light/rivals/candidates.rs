@@ -80,7 +80,7 @@ impl<'a> LightList<'a> {
     pub fn drawn(&self, surface: &Surface, kept: &Candidate, weight: f32) -> Option<Drawn> {
         let light = self.ids[kept.light as usize];
         let incident = self.sampler.sample_light(&surface.shading_point, light, kept.u)?;
-        Some(Drawn { incident, weight: weight / incident.pdf, light: kept.light, id: None })
+        Some(Drawn { incident, weight: weight / incident.pdf, light: kept.light, id: light, numbers: kept.u })
     }
 }
 

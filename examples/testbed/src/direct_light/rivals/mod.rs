@@ -14,4 +14,4 @@ mod nee_at;
 mod by_name;
 
 pub use by_name::{NAMES, by_name};
-pub use candidates::FULL_HD;
+pub use candidates::{FULL_HD, Random};

@@ -36,6 +36,8 @@ pub struct ReGir<'a> {
     summaries: Vec<Summary>,
     /// The edge of a cell in metres.
     edge: f32,
+    /// The share of the grid's cells that this view looks up.
+    share: f64,
     /// The place of each cell that is filled.
     cells: HashMap<IVec3, u32>,
     /// The coordinates of the cells, by place.
@@ -55,30 +57,38 @@ struct Summary {
 }
 
 impl<'a> ReGir<'a> {
-    /// A grid as fine as the limit on cells allows.
-    pub fn new(lights: LightList<'a>, view: &View) -> Self {
-        let surfaces = || view.pixels.iter().flat_map(|pixel| pixel.surfaces.iter().flatten());
-        let most = MOST_CELLS.min(view.pixels.len() / PIXELS_PER_CELL).max(8);
+    /// A grid as fine as the limit on cells allows for the picture `whole`, of which `view` is a part.
+    pub fn new(lights: LightList<'a>, view: &View, whole: &View) -> Self {
+        let most = MOST_CELLS.min(whole.pixels.len() / PIXELS_PER_CELL).max(8);
         let mut edge = FINEST.0;
-        let places = loop {
-            let corners = |surface: &Surface| {
-                let base = surface.shading_point.position / edge;
-                (0..8).map(move |i| {
-                    cell(base + Vec3::new((i & 1) as f32 - 0.5, (i >> 1 & 1) as f32 - 0.5, (i >> 2) as f32 - 0.5))
-                })
-            };
-            let mut places: Vec<IVec3> = surfaces().flat_map(corners).collect();
-            places.sort_unstable_by_key(|place| place.to_array());
-            places.dedup();
-            if places.len() <= most {
-                break places;
+        let all = loop {
+            let all = places(whole, edge).len();
+            if all <= most {
+                break all;
             }
             edge *= FINEST.1;
         };
+        let places = places(view, edge);
+        let share = (places.len() as f64 / all.max(1) as f64).min(1.0);
         let cells = places.iter().copied().zip(0..).collect();
         let summaries = lights.lights.iter().map(Summary::new).collect();
-        Self { lights, summaries, edge, cells, places, slots: Vec::new() }
+        Self { lights, summaries, edge, share, cells, places, slots: Vec::new() }
     }
+}
+
+/// The cells that the surfaces of a view can look up.
+fn places(view: &View, edge: f32) -> Vec<IVec3> {
+    let corners = |surface: &Surface| {
+        let base = surface.shading_point.position / edge;
+        (0..8).map(move |i| {
+            cell(base + Vec3::new((i & 1) as f32 - 0.5, (i >> 1 & 1) as f32 - 0.5, (i >> 2) as f32 - 0.5))
+        })
+    };
+    let surfaces = view.pixels.iter().flat_map(|pixel| pixel.surfaces.iter().flatten());
+    let mut places: Vec<IVec3> = surfaces.flat_map(corners).collect();
+    places.sort_unstable_by_key(|place| place.to_array());
+    places.dedup();
+    places
 }
 
 /// The cell of a position, whose unit is the edge of a cell.
@@ -160,7 +170,7 @@ impl Draw for ReGir<'_> {
 
     /// The cells in view hardly grow with the picture.
     fn samples_per_preparation(&self, pixels: f64) -> f64 {
-        pixels.max(FULL_HD)
+        pixels.max(FULL_HD) * self.share
     }
 
     fn prepared_bytes(&self) -> usize {

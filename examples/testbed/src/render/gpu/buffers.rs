@@ -8,6 +8,8 @@ use girandole::wgpu;
 
 /// Bytes of a pixel: its sums of radiance, and its numbers of shadow rays.
 pub const PIXEL_BYTES: u64 = 32;
+/// Bytes of what a pixel keeps: `Kept` in `reuse.wgsl`.
+pub const KEPT_BYTES: u64 = 80;
 /// Bytes of two timestamps.
 pub const TIMESTAMP_BYTES: u64 = 16;
 
@@ -19,6 +21,8 @@ pub struct Buffers {
     pub image: wgpu::Buffer,
     /// Receives a copy of `image`.
     pub image_readback: wgpu::Buffer,
+    /// What the pixels of two frames keep, if they keep anything.
+    pub kept: Option<wgpu::Buffer>,
     /// `None` if the adapter has no timestamps.
     pub timer: Option<Timer>,
 }
@@ -46,6 +50,7 @@ impl Buffers {
             scene: SceneBuffers::new(device, &gpu.queue, scene, geometry)?,
             image,
             image_readback,
+            kept: None,
             timer: gpu.timestamps.then(|| Timer {
                 queries: device.create_query_set(&wgpu::QuerySetDescriptor {
                     label: Some("city top-level build"),
@@ -77,9 +82,28 @@ impl Buffers {
         Ok(true)
     }
 
+    /// Makes room for what so many pixels keep, unless no binding is as large. Returns whether the buffer changed.
+    pub fn set_kept(&mut self, gpu: &Gpu, pixels: u64) -> Result<bool, SceneError> {
+        let limits = gpu.device.limits();
+        let size = 2 * KEPT_BYTES * pixels;
+        let size = if size > limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) { 0 } else { size };
+        if self.kept.as_ref().map_or(0, wgpu::Buffer::size) == size {
+            return Ok(false);
+        }
+        let memory = gpu.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let (usage, mapped_at_creation) = (wgpu::BufferUsages::STORAGE, false);
+        let descriptor = wgpu::BufferDescriptor { label: Some("city kept lights"), size, usage, mapped_at_creation };
+        let kept = (size > 0).then(|| gpu.device.create_buffer(&descriptor));
+        if let Some(error) = pollster::block_on(memory.pop()) {
+            return Err(SceneError(format!("the adapter does not have enough memory: {error}")));
+        }
+        self.kept = kept;
+        Ok(true)
+    }
+
     /// Bind group 0 of the render shader, and its layout.
     pub fn bind(&self, device: &wgpu::Device) -> (wgpu::BindGroupLayout, wgpu::BindGroup) {
-        self.scene.bind(device, &self.image)
+        self.scene.bind(device, &self.image, self.kept.as_ref())
     }
 }
 

@@ -25,13 +25,15 @@ pub struct Needs {
     pub stack_size: usize,
     /// Whether any surface has a texture.
     pub textures: bool,
+    /// Whether pixels keep lights from frame to frame.
+    pub reuse: bool,
 }
 
 impl Needs {
     /// The needs of a scene. The stack is rounded up so that a slightly deeper upper hierarchy needs no
     /// other shader.
     pub fn new(scene: &Scene, geometry: &Geometry) -> Self {
-        let mut needs = Self { stack_size: 0, textures: !scene.textures.is_empty() };
+        let mut needs = Self { stack_size: 0, textures: !scene.textures.is_empty(), reuse: false };
         needs.grow(geometry);
         needs
     }
@@ -45,6 +47,14 @@ impl Needs {
         is_small
     }
 }
+
+/// The text of shaders whose pixels keep nothing.
+const NO_REUSE: &str = "const REUSES = false;
+fn keep_nothing(pixel: u32) {}
+fn reused(pixel: u32, at: MetSurface, place: LightShadingPoint, fresh: LightReservoir) -> LightReservoir {
+    return fresh;
+}
+";
 
 /// What a shader does for each pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,13 +79,18 @@ impl Work {
 pub fn shader_source(light: &str, needs: Needs, work: Work) -> String {
     let stack_size = needs.stack_size;
     format!(
-        "{light}\nconst STACK_SIZE: u32 = {stack_size}u;\nconst TEXEL_ROW: u32 = {TEXEL_ROW}u;\n{}\n{}\n{}\n{}\n{}\n{}",
+        "{light}\nconst STACK_SIZE: u32 = {stack_size}u;\nconst TEXEL_ROW: u32 = {TEXEL_ROW}u;\n{}\n{}\n{}\n{}\n{}\n{}\n{}",
         sobol_text(),
         include_str!("sequence.wgsl"),
         if needs.textures { include_str!("texels.wgsl") } else { NO_TEXELS },
         include_str!("textures.wgsl"),
         include_str!("surface.wgsl"),
-        work.text().1
+        work.text().1,
+        match work {
+            Work::Render if needs.reuse => include_str!("reuse.wgsl"),
+            Work::Render => NO_REUSE,
+            Work::Mark => "",
+        }
     )
 }
 

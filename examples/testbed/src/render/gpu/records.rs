@@ -44,11 +44,23 @@ pub struct FrameUniform {
     pub is_spread: u32,
     /// The radiance that shows as white, in nits.
     pub white: f32,
-    pub padding: [u32; 3],
+    /// The draws that a kept light stands for, at most; 0 if the last frame has kept none.
+    pub kept_draws: f32,
+    /// The first of the records of pixels that this frame keeps, and of those of the last one.
+    pub kept_first: u32,
+    pub kept_first_then: u32,
     pub glow: Vec3,
     pub padding_after_glow: u32,
     pub sun: Vec3,
     pub padding_after_sun: u32,
+    pub eye_then: Vec3,
+    pub padding_after_eye: u32,
+    pub right_then: Vec3,
+    pub padding_after_right: u32,
+    pub up_then: Vec3,
+    pub padding_after_up: u32,
+    pub forward_then: Vec3,
+    pub padding_after_forward: u32,
 }
 
 /// What a picture is made with.
@@ -99,11 +111,21 @@ impl FrameUniform {
             first_half: first_half(spp),
             is_spread: 1,
             white: 1.0 / scene.exposure,
-            padding: [0; 3],
+            kept_draws: 0.0,
+            kept_first: 0,
+            kept_first_then: 0,
             glow: scene.sky.glow,
             padding_after_glow: 0,
             sun: scene.sky.sun,
             padding_after_sun: 0,
+            eye_then: view.eye,
+            padding_after_eye: 0,
+            right_then: view.right,
+            padding_after_right: 0,
+            up_then: view.up,
+            padding_after_up: 0,
+            forward_then: view.forward,
+            padding_after_forward: 0,
         }
     }
 }
@@ -192,7 +214,7 @@ mod tests {
     use super::super::pipeline::{LIGHT_GROUP, Needs, Work, shader_source};
     use super::*;
     use girandole::Effects;
-    use girandole::plan::wgsl;
+    use girandole::plan::{ShaderParts, wgsl_with};
     use std::mem::offset_of;
 
     /// The members of a struct with their offsets, and its size.
@@ -207,9 +229,10 @@ mod tests {
 
     #[test]
     fn structs_have_the_same_layout_in_rust_and_wgsl() {
-        let light = wgsl(LIGHT_GROUP, Effects::all());
+        let parts = ShaderParts::default().with_previous();
+        let light = wgsl_with(LIGHT_GROUP, Effects::all(), &parts);
         let parse = |textures| {
-            let source = shader_source(&light, Needs { stack_size: 32, textures }, Work::Render);
+            let source = shader_source(&light, Needs { stack_size: 32, textures, reuse: textures }, Work::Render);
             naga::front::wgsl::parse_str(&source).unwrap_or_else(|e| panic!("{e:?}"))
         };
         // A scene without textures has a shader of its own.
@@ -251,8 +274,15 @@ mod tests {
             first_half,
             is_spread,
             white,
+            kept_draws,
+            kept_first,
+            kept_first_then,
             glow,
-            sun
+            sun,
+            eye_then,
+            right_then,
+            up_then,
+            forward_then
         );
         same!("Node", Node, min0, child0, max0, padding0, min1, child1, max1, padding1);
         same!("Triangle", PackedTriangle, corner, material, edge1, flags, edge2, attributes);

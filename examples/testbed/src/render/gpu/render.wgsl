@@ -84,13 +84,14 @@ fn spread(pixel: u32, numbers: SampleNumbers) -> SampleNumbers {
 }
 
 fn radiance(pixel: u32, index: u32, corner: vec2<f32>, numbers: SampleNumbers) -> vec3<f32> {
+    keep_nothing(pixel);
     let direction = camera_direction(corner, numbers.pixel.xy);
     let hit = trace(frame.eye, direction, FAR, false, opacity_seed(pixel, index));
     camera_distance = hit.dist;
     if hit.object == NOTHING {
         return sky_radiance(direction);
     }
-    return through_haze(surface_radiance(direction, hit, numbers), hit.dist);
+    return through_haze(surface_radiance(pixel, direction, hit, numbers), hit.dist);
 }
 
 // The share of the light of a sample that arrives past other surfaces.
@@ -110,20 +111,42 @@ fn unblocked_share(position: vec3<f32>, light: LightSample) -> f32 {
     return transmittance;
 }
 
+// The luminance of the light of a sample as if its light was the only one, without and with shadows.
+fn unshadowed_target(surface: Surface, light: LightSample) -> f32 {
+    if light.pmf <= 0.0 {
+        return 0.0;
+    }
+    return luminance(reflected(surface, light)) / light.pdf;
+}
+
+fn reflected_target(at: MetSurface, light: LightSample) -> f32 {
+    let unshadowed = unshadowed_target(at.surface, light);
+    if unshadowed <= 0.0 {
+        return 0.0;
+    }
+    return unshadowed * unblocked_share(at.position, light);
+}
+
 // The radiance that the surface of a hit sends against the direction of the ray.
-fn surface_radiance(direction: vec3<f32>, hit: Hit, numbers: SampleNumbers) -> vec3<f32> {
+fn surface_radiance(pixel: u32, direction: vec3<f32>, hit: Hit, numbers: SampleNumbers) -> vec3<f32> {
     let at = met_surface(direction, hit);
     if at.is_unlit {
         return at.emitted;
     }
     let place = shading_point(at);
-    let kept = light_resample(place, numbers.light, numbers.pixel.w, frame.candidates);
-    let light = light_reservoir_sample(place, kept);
-    if light.pmf <= 0.0 {
+    var own = light_resample(place, numbers.light, numbers.pixel.w, frame.candidates);
+    var light = light_reservoir_sample(place, own);
+    own.reflected = reflected_target(at, light);
+    if REUSES {
+        own = reused(pixel, at, place, own);
+        light = light_reservoir_sample(place, own);
+    }
+    if own.reflected <= 0.0 || light.pmf <= 0.0 {
         return at.emitted;
     }
-    let contribution = reflected(at.surface, light) / (light.pmf * light.pdf);
-    return at.emitted + contribution * unblocked_share(at.position, light);
+    // The share that passes what is in the way.
+    let share = own.reflected / unshadowed_target(at.surface, light);
+    return at.emitted + reflected(at.surface, light) * (share / (light.pmf * light.pdf));
 }
 
 @compute @workgroup_size(8, 8)

@@ -5,6 +5,7 @@ use super::geometry::{Geometry, GeometryChange};
 use super::image::{Image, ShadowRays};
 use super::scene::{Scene, SceneError};
 use super::settings::{LightChoice, Settings, cut_options, pixel_size};
+use super::shading::View;
 use crate::common::gpu::{map, wait};
 use girandole::glam::Vec4;
 use girandole::gpu::{GpuLights, GpuOptions, LightShader};
@@ -22,8 +23,8 @@ const BAND_PIXELS: u32 = 1 << 20;
 /// Samples per dispatch: a fraction of a second on the slowest driver, which runs on the CPU.
 const DISPATCH_SAMPLES: u32 = 1 << 18;
 
-/// The storage buffers of a shader: four of the scene, and six of the lights.
-const STORAGE_BUFFERS: u32 = 10;
+/// The storage buffers of a shader: five of the scene, and seven of the lights.
+const STORAGE_BUFFERS: u32 = 12;
 
 /// What an update of the device cost.
 #[derive(Clone, Copy, Debug, Default)]
@@ -52,6 +53,17 @@ pub struct GpuRenderer {
     festival: Option<FestivalKernels>,
     /// Rows of a band.
     band_rows: u32,
+    /// The frame whose pixels have kept lights.
+    last: Option<KeptFrame>,
+}
+
+/// A frame whose pixels have kept lights.
+#[derive(Clone, Copy)]
+struct KeptFrame {
+    view: View,
+    size: [u32; 2],
+    /// The first of its records.
+    first: u32,
 }
 
 struct Pipelines {
@@ -89,7 +101,7 @@ impl GpuRenderer {
         let band_rows = band_rows(settings);
         let buffers = Buffers::new(&gpu, scene, geometry, u64::from(settings.width) * u64::from(band_rows))?;
         let (layout, bind_group) = buffers.bind(device);
-        let options = GpuOptions::default().with_cuts(cut_options(settings));
+        let options = GpuOptions::default().with_cuts(cut_options(settings)).with_previous();
         let lights = GpuLights::with_options(device, &gpu.queue, options).map_err(|e| SceneError(e.to_string()))?;
         let effects = effects - Effects::MOVING;
         let shader = lights.shader(LIGHT_GROUP, effects);
@@ -101,7 +113,21 @@ impl GpuRenderer {
         }
         let pipelines = Pipelines::new(device, &layout, &shader, needs);
         let festival = scene.festival.as_ref().map(|festival| FestivalKernels::new(device, &lights, festival));
-        Ok(Self { gpu, lights, buffers, layout, bind_group, shader, needs, pipelines, festival, band_rows })
+        let mut renderer = Self {
+            gpu,
+            lights,
+            buffers,
+            layout,
+            bind_group,
+            shader,
+            needs,
+            pipelines,
+            festival,
+            band_rows,
+            last: None,
+        };
+        renderer.set_settings(settings)?;
+        Ok(renderer)
     }
 
     /// Destroys the device, as a driver that crashed would.
@@ -113,8 +139,19 @@ impl GpuRenderer {
     pub fn set_settings(&mut self, settings: &Settings) -> Result<(), SceneError> {
         self.band_rows = band_rows(settings);
         let band_pixels = u64::from(settings.width) * u64::from(self.band_rows);
-        if self.buffers.set_band(&self.gpu, band_pixels)? {
+        let mut is_bound = !self.buffers.set_band(&self.gpu, band_pixels)?;
+        let pixels = u64::from(settings.width) * u64::from(settings.height);
+        // Once they keep lights, pixels go on, so that no pipeline is compiled when a camera stops.
+        if settings.reused() > 0 || self.needs.reuse {
+            is_bound &= !self.buffers.set_kept(&self.gpu, pixels)?;
+        }
+        if !is_bound {
             (self.layout, self.bind_group) = self.buffers.bind(&self.gpu.device);
+        }
+        let reuse = self.buffers.kept.is_some();
+        if reuse != self.needs.reuse {
+            self.needs.reuse = reuse;
+            self.pipelines = Pipelines::new(&self.gpu.device, &self.layout, &self.shader, self.needs);
         }
         Ok(())
     }
@@ -161,6 +198,7 @@ impl GpuRenderer {
             seed,
         };
         let mut frame = FrameUniform::new(scene, geometry, self.buffers.scene.first_object(), &options);
+        let kept = self.begin_reuse(scene, settings, &mut frame);
         self.build_cuts(scene, settings, &frame)?;
         let mut rays = ShadowRays::default();
         let mut sums: Vec<Vec4> = Vec::with_capacity(settings.width as usize * settings.height as usize);
@@ -188,7 +226,24 @@ impl GpuRenderer {
             let count = |pixel: &Vec4| ShadowRays { traced: pixel.x as u64, skipped: pixel.y as u64 };
             rays = counts.iter().map(count).fold(rays, |a, b| a + b);
         }
+        self.last = kept;
         Ok((Image::from_sums(settings.width, settings.height, settings.spp, sums.into_iter()), rays))
+    }
+
+    /// Lets pixels take over lights of the last frame. Returns what the next one takes over.
+    fn begin_reuse(&self, scene: &Scene, settings: &Settings, frame: &mut FrameUniform) -> Option<KeptFrame> {
+        let size = [settings.width, settings.height];
+        if settings.reused() == 0 || !self.needs.reuse {
+            return None;
+        }
+        if let Some(last) = self.last.filter(|last| last.size == size) {
+            frame.kept_draws = settings.reused() as f32;
+            frame.kept_first_then = last.first;
+            frame.kept_first = if last.first == 0 { size[0] * size[1] } else { 0 };
+            (frame.eye_then, frame.forward_then) = (last.view.eye, last.view.forward);
+            (frame.right_then, frame.up_then) = (last.view.right, last.view.up);
+        }
+        Some(KeptFrame { view: View::new(&scene.camera, size[0], size[1]), size, first: frame.kept_first })
     }
 
     /// Has kernels move their lights, then builds the top level of the light trees. Returns the time that the

@@ -100,8 +100,13 @@ impl SceneBuffers {
         uploaded
     }
 
-    /// Bind group 0 of the render shader, with the pixels that it writes, and its layout.
-    pub fn bind(&self, device: &wgpu::Device, image: &wgpu::Buffer) -> (wgpu::BindGroupLayout, wgpu::BindGroup) {
+    /// Bind group 0 of the render shader, with the pixels that it writes and what they keep, and its layout.
+    pub fn bind(
+        &self,
+        device: &wgpu::Device,
+        image: &wgpu::Buffer,
+        kept: Option<&wgpu::Buffer>,
+    ) -> (wgpu::BindGroupLayout, wgpu::BindGroup) {
         let storage = |read_only| wgpu::BufferBindingType::Storage { read_only };
         let bindings = [
             (&self.uniform, wgpu::BufferBindingType::Uniform),
@@ -110,14 +115,16 @@ impl SceneBuffers {
             (&self.records, storage(true)),
             (image, storage(false)),
         ];
-        let layout_entry = |(binding, &(_, ty)): (u32, &(_, _))| wgpu::BindGroupLayoutEntry {
+        let layout_entry = |(binding, (_, ty)): (u32, (_, _))| wgpu::BindGroupLayoutEntry {
             binding,
             visibility: wgpu::ShaderStages::COMPUTE,
             ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
             count: None,
         };
         let texels = bindings.len() as u32;
-        let mut layout_entries: Vec<_> = (0..).zip(&bindings).map(layout_entry).collect();
+        let kept = kept.map(|kept| (texels + 1, (kept, storage(false))));
+        let bindings = || (0..).zip(bindings).chain(kept);
+        let mut layout_entries: Vec<_> = bindings().map(layout_entry).collect();
         layout_entries.push(wgpu::BindGroupLayoutEntry {
             binding: texels,
             visibility: wgpu::ShaderStages::COMPUTE,
@@ -132,8 +139,7 @@ impl SceneBuffers {
             label: Some("city"),
             entries: &layout_entries,
         });
-        let mut entries: Vec<_> = (0..)
-            .zip(&bindings)
+        let mut entries: Vec<_> = bindings()
             .map(|(binding, (buffer, _))| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
             .collect();
         let resource = wgpu::BindingResource::TextureView(&self.texels);

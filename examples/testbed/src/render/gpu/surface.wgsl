@@ -42,9 +42,19 @@ struct Frame {
     is_spread: u32,
     // The radiance that shows as white, in nits.
     white: f32,
+    // The draws that a kept light stands for, at most; 0 if the last frame has kept none.
+    kept_draws: f32,
+    // The first of the records of pixels that this frame keeps, and of those of the last one.
+    kept_first: u32,
+    kept_first_then: u32,
     // Of the sky around the sun.
     glow: vec3<f32>,
     sun: vec3<f32>,
+    // The camera of the last frame.
+    eye_then: vec3<f32>,
+    right_then: vec3<f32>,
+    up_then: vec3<f32>,
+    forward_then: vec3<f32>,
 }
 
 struct Node {

@@ -1,0 +1,203 @@
+//! Scenes for reuse from frame to frame, and what changes in them.
+
+use super::rival_scenes::{Lamps, street, yard};
+use girandole::glam::{Affine3A, Vec3, vec3};
+use girandole::{InstanceKey, LightWorld};
+use std::f32::consts::{FRAC_PI_2, TAU};
+use testbed::direct_light::stage::prepare;
+use testbed::render::geometry::Geometry;
+use testbed::scene::procedural::{self, CityOptions, Size};
+use testbed::scene::{Animation, Object, Scene, SceneError, Stage, Still, rooms};
+
+/// Frames of a second.
+const RATE: f64 = 60.0;
+/// How far the camera goes in a frame, relative to the distance of what it looks at: about a pixel.
+const CAMERA_STEP: f32 = 0.001;
+/// One in so many lamps sways by so many metres, so often in a second.
+const SWAYING: usize = 3;
+const SWAY: (f32, f32) = (0.3, 0.7);
+/// The frame in which a door begins to open, after those that teach, and the frames until it is open.
+const DOOR: (u32, u32) = (0, 16);
+
+/// What changes from frame to frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Change {
+    Nothing,
+    /// It goes to its right.
+    Camera,
+    /// Cars drive, or lamps sway.
+    Lights,
+    /// The door that the camera looks at.
+    Door,
+}
+
+impl Change {
+    /// Its name in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Nothing => "nothing",
+            Self::Camera => "the camera moves",
+            Self::Lights => "lights move",
+            Self::Door => "a door opens",
+        }
+    }
+}
+
+/// A scene that changes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Place {
+    City,
+    Rooms,
+    Panels,
+    Street,
+    Points(usize),
+}
+
+impl Place {
+    /// All places with what changes in them.
+    pub const ALL: [(Self, &'static [Change]); 6] = [
+        (Self::City, &[Change::Nothing, Change::Lights, Change::Camera]),
+        (Self::Rooms, &[Change::Nothing, Change::Lights, Change::Camera, Change::Door]),
+        (Self::Panels, &[Change::Nothing, Change::Camera]),
+        (Self::Street, &[Change::Nothing, Change::Camera]),
+        (Self::Points(1_000), &[Change::Nothing, Change::Lights]),
+        (Self::Points(100), &[Change::Nothing, Change::Lights]),
+    ];
+
+    /// Its name in tables.
+    pub fn name(self) -> String {
+        match self {
+            Self::City => "city S".into(),
+            Self::Rooms => "70 rooms".into(),
+            Self::Panels => "10,000 panels".into(),
+            Self::Street => "glossy street".into(),
+            Self::Points(count) => format!("{count} points"),
+        }
+    }
+
+    /// Whether materials become diffuse.
+    pub fn is_matte(self) -> bool {
+        self != Self::Street
+    }
+
+    /// The scene, which `change` changes `warm_up` frames after its start.
+    fn stage(self, change: Change, warm_up: u32) -> Result<Stage, SceneError> {
+        let stage = match self {
+            Self::City => procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1, lamp_profile: None })?,
+            Self::Rooms => house(change, warm_up)?,
+            Self::Panels => yard(Lamps::Panels, 10_000)?,
+            Self::Street => street()?,
+            Self::Points(count) => yard(Lamps::Points, count)?,
+        };
+        let mut stage = prepare(stage, 0.0)?;
+        match change {
+            Change::Nothing | Change::Camera => stage.animation = Box::new(Still),
+            Change::Lights if self != Self::City => stage.animation = Box::new(Sway::new(&stage.scene, &stage.world)),
+            Change::Lights | Change::Door => {}
+        }
+        Ok(stage)
+    }
+}
+
+fn house(change: Change, warm_up: u32) -> Result<Stage, SceneError> {
+    let (mut scene, world, _) = rooms::rooms(70, true)?;
+    if change != Change::Door {
+        return Ok(Stage { scene, world, animation: Box::new(Still) });
+    }
+    // The first material is that of the walls.
+    let (part, hinge) = rooms::door(0);
+    scene.meshes.push(part.mesh);
+    let mesh = (scene.meshes.len() - 1) as u32;
+    scene.objects.push(Object { mesh, transform: hinge, emission_scale: 1.0, visible: true });
+    let opening = Opening { object: scene.objects.len() - 1, hinge, start: f64::from(warm_up + DOOR.0) / RATE };
+    Ok(Stage { scene, world, animation: Box::new(opening) })
+}
+
+/// A door that opens by a right angle.
+struct Opening {
+    object: usize,
+    hinge: Affine3A,
+    start: f64,
+}
+
+impl Animation for Opening {
+    fn advance(&mut self, time: f64, scene: &mut Scene, _: &mut LightWorld) -> Result<(), SceneError> {
+        let share = ((time - self.start) * RATE / f64::from(DOOR.1)).clamp(0.0, 1.0) as f32;
+        scene.objects[self.object].transform = self.hinge * Affine3A::from_rotation_y(FRAC_PI_2 * share);
+        Ok(())
+    }
+}
+
+/// Lamps that sway with what they hang in.
+struct Sway(Vec<(usize, InstanceKey, Affine3A)>);
+
+impl Sway {
+    fn new(scene: &Scene, world: &LightWorld) -> Self {
+        let lamp = |instance: InstanceKey| {
+            let placement = world.placement(instance)?;
+            let at = placement.translation.as_vec3();
+            // What lies at the origin is the whole of a scene.
+            let is_same = |object: &Object| {
+                let [linear, other] = [placement.linear.into(), object.transform.matrix3];
+                at != Vec3::ZERO
+                    && object.transform.translation.abs_diff_eq(at.into(), 1e-4)
+                    && other.abs_diff_eq(linear, 1e-4)
+            };
+            let object = scene.objects.iter().position(is_same)?;
+            Some((object, instance, scene.objects[object].transform))
+        };
+        Self(world.instances().step_by(SWAYING).filter_map(lamp).collect())
+    }
+}
+
+impl Animation for Sway {
+    fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
+        for (object, instance, base) in &self.0 {
+            let phase = *object as f32;
+            let offset = SWAY.0 * (TAU * SWAY.1 * time as f32 + phase).sin();
+            let transform = Affine3A::from_translation(vec3(phase.cos(), 0.0, phase.sin()) * offset) * *base;
+            scene.objects[*object].transform = transform;
+            world.move_instance(*instance, transform)?;
+        }
+        Ok(())
+    }
+}
+
+/// A scene as it is in one frame.
+pub struct Playing {
+    pub stage: Stage,
+    pub geometry: Geometry,
+    change: Change,
+    /// What the camera goes by in a frame.
+    step: Vec3,
+    number: u32,
+}
+
+impl Playing {
+    /// The first frame.
+    pub fn new(place: Place, change: Change, warm_up: u32) -> Result<Self, SceneError> {
+        let mut stage = place.stage(change, warm_up)?;
+        if place.is_matte() {
+            stage.scene = super::scene_view::matte(stage.scene);
+        }
+        let geometry = Geometry::new(&stage.scene)?;
+        let camera = &stage.scene.camera;
+        let toward = camera.target - camera.eye;
+        let step = toward.cross(camera.up).normalize_or_zero() * (CAMERA_STEP * toward.length());
+        Ok(Self { stage, geometry, change, step, number: 0 })
+    }
+
+    /// Plays the next frame.
+    pub fn advance(&mut self) -> Result<(), SceneError> {
+        self.number += 1;
+        let Stage { scene, world, animation } = &mut self.stage;
+        animation.advance(f64::from(self.number) / RATE, scene, world)?;
+        world.update(girandole::FrameBudget::UNLIMITED);
+        if self.change == Change::Camera {
+            scene.camera.eye += self.step;
+            scene.camera.target += self.step;
+        }
+        self.geometry.update(scene)?;
+        Ok(())
+    }
+}
