@@ -30,7 +30,7 @@ use testbed::scene::SceneError;
 
 /// The columns of `reuse.csv`. Errors are those of a frame, with 95 % intervals; times are nanoseconds of a pixel, as
 /// means over all frames but the first. `over` is the product of error and time over that of the library.
-const COLUMNS: [&str; 16] = [
+const COLUMNS: [&str; 17] = [
     "scene",
     "change",
     "sampler",
@@ -38,6 +38,7 @@ const COLUMNS: [&str; 16] = [
     "rel_mse",
     "rel_mse_low",
     "rel_mse_high",
+    "rel_mse_of_all",
     "mean",
     "mean_low",
     "mean_high",
@@ -125,7 +126,7 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
     fs::create_dir_all(out).map_err(|error| SceneError(format!("cannot create {}: {error}", out.display())))?;
     let mut table = Table::create(&out.join("reuse.csv"), &COLUMNS).map_err(SceneError)?;
     testbed::say!("{}", markdown_head(&COLUMNS));
-    let all = Place::ALL.iter().rev().take(closeness.places);
+    let all = Place::ALL[Place::ALL.len() - closeness.places..].iter();
     let all: Vec<(Place, Change)> =
         all.flat_map(|(place, changes)| changes.iter().map(move |change| (*place, *change))).collect();
     let bar = progress("scenes", all.len() as u64);
@@ -164,7 +165,8 @@ fn fields(entries: &[Entry], index: usize, frame: usize) -> Vec<String> {
     let [low, high] = error.positive_interval();
     let over = Ratio::of(&entry.product(frame), &entries[0].product(frame));
     let times = entry.seconds.map(|time| format!("{:.0}", time * 1.0e9));
-    [error.mean, low, high]
+    let of_all = entry.estimate(frame, |score| score.rel_mse_of_all);
+    [error.mean, low, high, of_all.mean]
         .map(short)
         .into_iter()
         .chain([mean.mean, mean.low(), mean.high()].map(|mean| format!("{mean:.4}")))
@@ -186,7 +188,12 @@ fn measure(place: Place, change: Change, closeness: &Closeness) -> Result<Vec<En
                 squares.iter().map(|square: &Vec<Entry>| value(&square[index].scores[frame][picture])).sum::<f64>()
                     / count
             };
-            Score { mape: sum(|score| score.mape), rel_mse: sum(|score| score.rel_mse), mean: sum(|score| score.mean) }
+            Score {
+                mape: sum(|score| score.mape),
+                rel_mse: sum(|score| score.rel_mse),
+                rel_mse_of_all: sum(|score| score.rel_mse_of_all),
+                mean: sum(|score| score.mean),
+            }
         };
         let scores =
             std::array::from_fn(|frame| (0..closeness.pictures as usize).map(|picture| of(frame, picture)).collect());

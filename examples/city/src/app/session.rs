@@ -12,7 +12,7 @@ use testbed::render::choice::{Baselines, Choice};
 use testbed::render::cpu::{self, Lights};
 use testbed::render::geometry::{Geometry, GeometryChange};
 use testbed::render::gpu::{GpuRenderer, GpuUpdate};
-use testbed::render::history::LastFrame;
+use testbed::render::history::History;
 use testbed::render::image::{Image, ShadowRays};
 use testbed::render::metering::meter;
 use testbed::render::sequence::frame_seed;
@@ -115,7 +115,7 @@ pub struct Session {
     baselines: Baselines,
     cuts: CutTable,
     /// What the pixels of the last frame have kept, if the CPU has rendered it.
-    last: Option<LastFrame>,
+    history: Option<History>,
     settings: Settings,
     pace: Pace,
     /// Number of the next frame.
@@ -150,7 +150,7 @@ impl Session {
             renderer,
             baselines: Baselines::default(),
             cuts: CutTable::new(cut_options(&settings)),
-            last: None,
+            history: None,
             settings,
             pace,
             next: 0,
@@ -267,10 +267,16 @@ impl Session {
     pub fn advance(&mut self) -> Result<Advance, SceneError> {
         let mut laps = Laps::start();
         let mut times = StageTimes::default();
-        let Self { stage: Stage { scene, world, animation }, geometry, renderer, settings, pace, .. } = self;
+        let Self { stage: Stage { scene, world, animation }, geometry, renderer, settings, pace, history, .. } = self;
         let number = self.next;
         self.next += 1;
         // A still animation is advanced once, and the geometry is compared with the scene once.
+        if matches!(renderer, Renderer::Cpu) && settings.reused() > 0 {
+            match history {
+                Some(history) => history.follow(scene)?,
+                None => *history = Some(History::new(scene)?),
+            }
+        }
         let moves = number == 0 || !(self.is_frozen || animation.is_still());
         if moves {
             animation.advance(pace.start + f64::from(self.clock) / pace.fps, scene, world)?;
@@ -315,8 +321,10 @@ impl Session {
     ) -> Result<Rendered, SceneError> {
         let mut laps = Laps::start();
         let mut times = StageTimes::default();
-        let Self { stage: Stage { scene, world, .. }, geometry, renderer, baselines, cuts, last, .. } = self;
-        let last_frame = last.take().filter(|_| settings.reused() > 0);
+        let Self { stage: Stage { scene, world, .. }, geometry, renderer, baselines, cuts, history, .. } = self;
+        if let Some(history) = history.as_mut().filter(|_| settings.reused() == 0) {
+            history.forget();
+        }
         let (image, shadow_rays) = match renderer {
             Renderer::Gpu(renderer) if settings.light_choice.is_on_gpu() => {
                 renderer.render(scene, geometry, settings, seed, progress)?
@@ -338,10 +346,10 @@ impl Session {
                 times.baseline_build = laps.lap();
                 let lights = Lights { sampler, choice };
                 let shown = (&*scene, &*geometry);
-                let rendered = cpu::render(shown, lights, last_frame.as_ref(), settings, seed, progress);
-                if settings.reused() > 0 {
+                let rendered = cpu::render(shown, lights, history.as_ref(), settings, seed, progress);
+                if let Some(history) = history.as_mut().filter(|_| settings.reused() > 0) {
                     let view = View::new(&scene.camera, settings.width, settings.height);
-                    *last = Some(LastFrame::new(settings.width, view, world, rendered.kept));
+                    history.keep(settings.width, view, world, rendered.kept);
                 }
                 (rendered.image, rendered.rays)
             }

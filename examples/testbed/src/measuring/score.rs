@@ -18,6 +18,8 @@ pub struct Score {
     pub mape: f64,
     /// The mean of the squares of these fractions over 99.9 % of the pixels.
     pub rel_mse: f64,
+    /// The same over all pixels.
+    pub rel_mse_of_all: f64,
     /// The mean of the picture over the mean of the reference.
     pub mean: f64,
 }
@@ -33,9 +35,11 @@ impl Score {
         let mut errors: Vec<f64> = picture.iter().zip(reference).map(error).collect();
         errors.sort_by(f64::total_cmp);
         let kept = &errors[..errors.len() - errors.len() / TRIM];
+        let mean_square = |errors: &[f64]| errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64;
         Self {
             mape: errors.iter().sum::<f64>() / errors.len() as f64,
-            rel_mse: kept.iter().map(|error| error * error).sum::<f64>() / kept.len() as f64,
+            rel_mse: mean_square(kept),
+            rel_mse_of_all: mean_square(&errors),
             mean: mean(picture) / mean(reference),
         }
     }

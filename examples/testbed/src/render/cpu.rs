@@ -4,7 +4,7 @@
 use super::baseline::Baseline;
 use super::choice::Choice;
 use super::geometry::Geometry;
-use super::history::{Kept, LastFrame, MERGES, Surface};
+use super::history::{Before, History, Kept, MERGES, Surface};
 use super::image::{Image, ShadowRays, first_half};
 use super::rays::Hit;
 use super::scene::{Material, Scene};
@@ -38,12 +38,12 @@ pub struct Rendered {
     pub kept: Vec<Option<Kept>>,
 }
 
-/// Renders a frame, whose pixels take over lights of `last`. Lights are chosen as `lights` says;
+/// Renders a frame, whose pixels take over lights of the frame before. Lights are chosen as `lights` says;
 /// [`Settings::light_choice`] is not read. `progress` receives the finished share, from 0 to 1, on any thread.
 pub fn render(
     (scene, geometry): (&Scene, &Geometry),
     lights: Lights<'_>,
-    last: Option<&LastFrame>,
+    history: Option<&History>,
     settings: &Settings,
     seed: u32,
     progress: &(dyn Fn(f64) + Sync),
@@ -52,7 +52,7 @@ pub fn render(
     let view = View::new(&scene.camera, settings.width, settings.height);
     let integrator = Integrator { scene, geometry, lights, candidates: settings.candidates };
     let size = Vec2::new(width as f32, height as f32);
-    let last = last.filter(|last| last.has_size(settings.width, settings.height));
+    let before = history.and_then(|history| history.before(settings.width, settings.height));
     let mut sums = vec![Vec4::ZERO; width * height];
     let first_half = first_half(settings.spp);
     let done = AtomicUsize::new(0);
@@ -60,7 +60,7 @@ pub fn render(
         let (mut rays, mut all_kept) = (ShadowRays::default(), Vec::new());
         for (x, sum) in row.iter_mut().enumerate() {
             let pixel = (y * width + x) as u32;
-            let reuse = last.map(|last| Reuse { last, draws: settings.reused() as f32, pixel, seed });
+            let reuse = before.map(|before| Reuse { before, draws: settings.reused() as f32, pixel, seed });
             let sequence = PixelSequence::new(x as u32, y as u32, settings.spp, seed);
             let corner = Vec2::new(x as f32, y as f32);
             for sample in 0..settings.spp {
@@ -87,7 +87,7 @@ pub fn render(
 /// What a pixel may take over of the last frame.
 #[derive(Clone, Copy)]
 struct Reuse<'a> {
-    last: &'a LastFrame,
+    before: Before<'a>,
     /// The draws that a kept light stands for, at most.
     draws: f32,
     pixel: u32,
@@ -267,7 +267,7 @@ impl Integrator<'_> {
         let (sampler, at) = (self.lights.sampler, &surface.shading_point);
         let mut own = sampler.resample(at, [a, b, x, y, numbers.choice], self.candidates);
         let mut light = sampler.reservoir_sample(at, &own);
-        own.reflected = self.target(surface, light.as_ref(), rays);
+        own.reflected = self.target(self.geometry, surface, light.as_ref(), rays);
         if let Some(reuse) = reuse {
             own = (0..MERGES).fold(own, |own, n| self.merged(surface, own, reuse, n, rays));
             light = sampler.reservoir_sample(at, &own);
@@ -279,23 +279,29 @@ impl Integrator<'_> {
     }
 
     /// [`Surface::target`] with shadows.
-    fn target(&self, surface: &Surface, light: Option<&LightSample>, rays: &mut ShadowRays) -> f32 {
+    fn target(
+        &self,
+        geometry: &Geometry,
+        surface: &Surface,
+        light: Option<&LightSample>,
+        rays: &mut ShadowRays,
+    ) -> f32 {
         let target = light.map_or(0.0, |light| surface.target(light));
         match light {
-            Some(light) if target > 0.0 => target * self.transmittance(surface, &light.incident, rays),
+            Some(light) if target > 0.0 => target * self.transmittance(geometry, surface, &light.incident, rays),
             _ => 0.0,
         }
     }
 
     /// Merges what a pixel of the last frame has kept.
     fn merged(&self, surface: &Surface, own: Reservoir, reuse: Reuse<'_>, n: u32, rays: &mut ShadowRays) -> Reservoir {
-        let Reuse { last, draws, pixel, seed } = reuse;
-        let Some((kept, choice)) = last.merged(pixel, surface, n, seed) else { return own };
+        let Reuse { before, draws, pixel, seed } = reuse;
+        let Some((kept, choice)) = before.merged(pixel, surface, n, seed) else { return own };
         let other = Reservoir { count: kept.reservoir.count.min(draws), ..kept.reservoir };
-        let there = last.lights().reservoir_sample(&kept.surface.shading_point, &own);
-        let own_there = self.target(&kept.surface, there.as_ref(), rays);
+        let there = before.lights().reservoir_sample(&kept.surface.shading_point, &own);
+        let own_there = self.target(before.geometry, &kept.surface, there.as_ref(), rays);
         let here = self.lights.sampler.reservoir_sample(&surface.shading_point, &other);
-        let other_here = self.target(surface, here.as_ref(), rays);
+        let other_here = self.target(self.geometry, surface, here.as_ref(), rays);
         own.merge(own_there, &other, other_here, choice)
     }
 
@@ -313,7 +319,7 @@ impl Integrator<'_> {
             let incident = self.lights.sampler.sample_light(&surface.shading_point, pick.light, [x, y])?;
             let contribution = surface.reflected(&incident) / (incident.pdf * pick.pmf);
             let reflects = contribution.max_element() > 0.0;
-            reflects.then(|| contribution * self.transmittance(surface, &incident, rays))
+            reflects.then(|| contribution * self.transmittance(self.geometry, surface, &incident, rays))
         };
         sample().unwrap_or_default()
     }
@@ -325,24 +331,24 @@ impl Integrator<'_> {
             let incident = self.lights.sampler.sample_light(&surface.shading_point, light, [x, y])?;
             let contribution = surface.reflected(&incident) / incident.pdf;
             let reflects = contribution.max_element() > 0.0;
-            reflects.then(|| contribution * self.transmittance(surface, &incident, rays))
+            reflects.then(|| contribution * self.transmittance(self.geometry, surface, &incident, rays))
         };
         self.lights.sampler.all_lights().filter_map(one).sum()
     }
 
     /// The share of the light from a point on a light that reaches a surface.
-    fn transmittance(&self, surface: &Surface, incident: &Incident, rays: &mut ShadowRays) -> f32 {
+    fn transmittance(&self, geometry: &Geometry, surface: &Surface, incident: &Incident, rays: &mut ShadowRays) -> f32 {
         let position = surface.shading_point.position;
         let limit = if incident.is_delta {
             incident.dist - self.scene.lamp_clearance
         } else {
             incident.dist * SHADOW_RAY_SHARE
         };
-        if !self.geometry.occluders.may_block(position, incident.direction, limit) {
+        if !geometry.occluders.may_block(position, incident.direction, limit) {
             rays.skipped += 1;
             return 1.0;
         }
         rays.traced += 1;
-        self.geometry.transmittance(position, incident.direction, limit)
+        geometry.transmittance(position, incident.direction, limit)
     }
 }

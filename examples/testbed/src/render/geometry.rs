@@ -241,6 +241,11 @@ impl Geometry {
         &self.nodes[..self.top_count]
     }
 
+    /// The same with the room for more.
+    pub fn top_nodes_and_room(&self) -> &[Node] {
+        &self.nodes[..self.objects.len().max(1)]
+    }
+
     fn place(&self, object: &Object) -> PlacedObject {
         // Some builds of glam panic on a matrix without an inverse.
         let is_flat = object.transform.matrix3.determinant() == 0.0;

@@ -1,9 +1,9 @@
 //! Lights that pixels keep from frame to frame and share with neighbours: the pass of docs/reuse.md, on the CPU.
 //!
-//! `gpu/reuse.wgsl` is its twin. Shadow rays of the last frame meet the scene of the present one, so light that comes
-//! out of a shadow fades in. A surface that moves finds the pixel that showed the same place.
+//! `gpu/reuse.wgsl` is its twin. A surface that moves finds the pixel that showed the same place.
 
-use super::scene::Material;
+use super::geometry::Geometry;
+use super::scene::{Material, Scene, SceneError};
 use super::shading::View;
 use crate::common::hash::pcg4d;
 use girandole::glam::{IVec2, Vec2, Vec3};
@@ -30,8 +30,14 @@ pub struct Kept {
     pub reservoir: Reservoir,
 }
 
+/// What is left of the frame before.
+pub struct History {
+    geometry: Geometry,
+    last: Option<LastFrame>,
+}
+
 /// A frame as its pixels have kept it.
-pub struct LastFrame {
+struct LastFrame {
     size: (u32, u32),
     view: View,
     lights: LightSnapshot,
@@ -39,39 +45,66 @@ pub struct LastFrame {
     pixels: Vec<Option<Kept>>,
 }
 
-impl LastFrame {
+impl History {
+    /// Nothing is kept yet.
+    pub fn new(scene: &Scene) -> Result<Self, SceneError> {
+        Ok(Self { geometry: Geometry::new(scene)?, last: None })
+    }
+
+    /// Takes over where things are, before they move to the next frame.
+    pub fn follow(&mut self, scene: &Scene) -> Result<(), SceneError> {
+        self.geometry.update(scene).map(drop)
+    }
+
     /// Keeps a frame of this width.
-    pub fn new(width: u32, view: View, world: &LightWorld, pixels: Vec<Option<Kept>>) -> Self {
+    pub fn keep(&mut self, width: u32, view: View, world: &LightWorld, pixels: Vec<Option<Kept>>) {
         let size = (width, pixels.len() as u32 / width);
-        Self { size, view, lights: world.snapshot(), pixels }
+        self.last = Some(LastFrame { size, view, lights: world.snapshot(), pixels });
     }
 
+    /// Forgets what pixels have kept.
+    pub fn forget(&mut self) {
+        self.last = None;
+    }
+
+    /// The frame before, if it has the same size.
+    pub fn before(&self, width: u32, height: u32) -> Option<Before<'_>> {
+        let last = self.last.as_ref().filter(|last| last.size == (width, height))?;
+        Some(Before { geometry: &self.geometry, last })
+    }
+}
+
+/// The frame before.
+#[derive(Clone, Copy)]
+pub struct Before<'a> {
+    /// Where things were.
+    pub geometry: &'a Geometry,
+    last: &'a LastFrame,
+}
+
+impl<'a> Before<'a> {
     /// The lights as they were.
-    pub fn lights(&self) -> &LightSnapshot {
-        &self.lights
-    }
-
-    /// Whether the next frame has the same size.
-    pub fn has_size(&self, width: u32, height: u32) -> bool {
-        self.size == (width, height)
+    pub fn lights(self) -> &'a LightSnapshot {
+        &self.last.lights
     }
 
     /// What the `n`-th pixel of [`MERGES`] has kept, if it shows a surface that may share lights with one at `pixel`. The
     /// last number chooses between both lights.
-    pub fn merged(&self, pixel: u32, surface: &Surface, n: u32, seed: u32) -> Option<(&Kept, f32)> {
+    pub fn merged(self, pixel: u32, surface: &Surface, n: u32, seed: u32) -> Option<(&'a Kept, f32)> {
+        let LastFrame { size: (width, height), view, pixels, .. } = self.last;
         let [x, y, choice, _] = pcg4d([pixel, seed, n, 0x9e37_79b9]).map(|bits| (bits >> 8) as f32 / 16_777_216.0);
-        let size = Vec2::new(self.size.0 as f32, self.size.1 as f32);
-        let toward = surface.shading_point.position - self.view.eye;
-        let depth = toward.dot(self.view.forward);
+        let size = Vec2::new(*width as f32, *height as f32);
+        let toward = surface.shading_point.position - view.eye;
+        let depth = toward.dot(view.forward);
         let across = |axis: Vec3| toward.dot(axis) / (axis.length_squared() * depth);
-        let place = ((Vec2::new(across(self.view.right), -across(self.view.up)) + 1.0) * 0.5 * size).floor().as_ivec2();
+        let place = ((Vec2::new(across(view.right), -across(view.up)) + 1.0) * 0.5 * size).floor().as_ivec2();
         let offset = if n == 0 { Vec2::ZERO } else { ((Vec2::new(x, y) * 2.0 - 1.0) * REACH).round() };
         let place = place + offset.as_ivec2();
-        let (width, height) = (self.size.0 as i32, self.size.1 as i32);
+        let (width, height) = (*width as i32, *height as i32);
         if depth <= 0.0 || place.cmplt(IVec2::ZERO).any() || place.x >= width || place.y >= height {
             return None;
         }
-        let kept = self.pixels[(place.y * width + place.x) as usize].as_ref()?;
+        let kept = pixels[(place.y * width + place.x) as usize].as_ref()?;
         are_alike(&surface.shading_point, &kept.surface.shading_point, depth).then_some((kept, choice))
     }
 }

@@ -60,7 +60,12 @@ pub struct FrameUniform {
     pub up_then: Vec3,
     pub padding_after_up: u32,
     pub forward_then: Vec3,
-    pub padding_after_forward: u32,
+    /// The scene of the last frame.
+    pub top_root_then: u32,
+    pub occluder_min_then: Vec3,
+    pub top_first_then: u32,
+    pub occluder_max_then: Vec3,
+    pub first_object_then: u32,
 }
 
 /// What a picture is made with.
@@ -125,7 +130,11 @@ impl FrameUniform {
             up_then: view.up,
             padding_after_up: 0,
             forward_then: view.forward,
-            padding_after_forward: 0,
+            top_root_then: geometry.top.root,
+            occluder_min_then: geometry.occluders.min,
+            top_first_then: 0,
+            occluder_max_then: geometry.occluders.max,
+            first_object_then: first_object,
         }
     }
 }
@@ -282,7 +291,12 @@ mod tests {
             eye_then,
             right_then,
             up_then,
-            forward_then
+            forward_then,
+            top_root_then,
+            occluder_min_then,
+            top_first_then,
+            occluder_max_then,
+            first_object_then
         );
         same!("Node", Node, min0, child0, max0, padding0, min1, child1, max1, padding1);
         same!("Triangle", PackedTriangle, corner, material, edge1, flags, edge2, attributes);

@@ -59,7 +59,9 @@ fn reflected(surface: Surface, light: LightSample) -> vec3<f32> {
 // `geometry.rs`.
 fn may_be_occluded(origin: vec3<f32>, direction: vec3<f32>, limit: f32) -> bool {
     let end = origin + direction * min(limit, FAR);
-    return limit > 0.0 && all(min(origin, end) <= frame.occluder_max) && all(max(origin, end) >= frame.occluder_min);
+    let low = select(frame.occluder_min, frame.occluder_min_then, is_then);
+    let high = select(frame.occluder_max, frame.occluder_max_then, is_then);
+    return limit > 0.0 && all(min(origin, end) <= high) && all(max(origin, end) >= low);
 }
 
 // The numbers of shadow rays that this invocation traced, and that it skipped because nothing could

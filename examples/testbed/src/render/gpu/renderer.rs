@@ -1,7 +1,7 @@
 //! The frames of the GPU backend.
 
 use super::backend::Gpu;
-use super::geometry::{Geometry, GeometryChange};
+use super::geometry::{Geometry, GeometryChange, Occluders};
 use super::image::{Image, ShadowRays};
 use super::scene::{Scene, SceneError};
 use super::settings::{LightChoice, Settings, cut_options, pixel_size};
@@ -64,6 +64,8 @@ struct KeptFrame {
     size: [u32; 2],
     /// The first of its records.
     first: u32,
+    top_root: u32,
+    occluders: Occluders,
 }
 
 struct Pipelines {
@@ -169,6 +171,9 @@ impl GpuRenderer {
         change: &GeometryChange,
         world: &LightWorld,
     ) -> Result<GpuUpdate, SceneError> {
+        if self.last.is_some() {
+            self.buffers.scene.keep(&self.gpu.device, &self.gpu.queue);
+        }
         let geometry_bytes = self.buffers.scene.upload(&self.gpu.queue, geometry, change);
         let light_bytes = self.lights.upload(world).map_err(|e| SceneError(e.to_string()))?.bytes;
         // The effect MOVING changes no shader. An interactive program would compile on another thread
@@ -198,7 +203,7 @@ impl GpuRenderer {
             seed,
         };
         let mut frame = FrameUniform::new(scene, geometry, self.buffers.scene.first_object(), &options);
-        let kept = self.begin_reuse(scene, settings, &mut frame);
+        let kept = self.begin_reuse(scene, geometry, settings, &mut frame);
         self.build_cuts(scene, settings, &frame)?;
         let mut rays = ShadowRays::default();
         let mut sums: Vec<Vec4> = Vec::with_capacity(settings.width as usize * settings.height as usize);
@@ -231,7 +236,13 @@ impl GpuRenderer {
     }
 
     /// Lets pixels take over lights of the last frame. Returns what the next one takes over.
-    fn begin_reuse(&self, scene: &Scene, settings: &Settings, frame: &mut FrameUniform) -> Option<KeptFrame> {
+    fn begin_reuse(
+        &self,
+        scene: &Scene,
+        geometry: &Geometry,
+        settings: &Settings,
+        frame: &mut FrameUniform,
+    ) -> Option<KeptFrame> {
         let size = [settings.width, settings.height];
         if settings.reused() == 0 || !self.needs.reuse {
             return None;
@@ -242,8 +253,13 @@ impl GpuRenderer {
             frame.kept_first = if last.first == 0 { size[0] * size[1] } else { 0 };
             (frame.eye_then, frame.forward_then) = (last.view.eye, last.view.forward);
             (frame.right_then, frame.up_then) = (last.view.right, last.view.up);
+            frame.top_root_then = last.top_root;
+            [frame.first_object_then, frame.top_first_then] = self.buffers.scene.first_then();
+            (frame.occluder_min_then, frame.occluder_max_then) = (last.occluders.min, last.occluders.max);
         }
-        Some(KeptFrame { view: View::new(&scene.camera, size[0], size[1]), size, first: frame.kept_first })
+        let view = View::new(&scene.camera, size[0], size[1]);
+        let (top_root, occluders) = (geometry.top.root, geometry.occluders);
+        Some(KeptFrame { view, size, first: frame.kept_first, top_root, occluders })
     }
 
     /// Has kernels move their lights, then builds the top level of the light trees. Returns the time that the

@@ -1,6 +1,5 @@
 // Lights that pixels keep from frame to frame and share with neighbours: the pass of docs/reuse.md. Twin of
-// `history.rs`. Shadow rays of the last frame meet the scene of the present one, and a surface that moves finds the pixel
-// that showed the same place.
+// `history.rs`. A surface that moves finds the pixel that showed the same place.
 
 const REUSES = true;
 // How far away a neighbour is, in pixels along each axis, at most.
@@ -61,7 +60,9 @@ fn merged(pixel: u32, n: u32, at: MetSurface, place: LightShadingPoint, own: Lig
     let view = normalize(frame.eye_then - then.position);
     let surface = Surface(then.base_color, then.roughness, then.normal, then.metallic, view);
     let at_then = MetSurface(surface, then.position, vec3<f32>(0.0), false);
+    is_then = true;
     let own_there = reflected_target(at_then, light_reservoir_sample_previous(shading_point(at_then), own));
+    is_then = false;
     let other_here = reflected_target(at, light_reservoir_sample(place, other));
     return light_reservoir_merge(own, own_there, other, other_here, numbers.z);
 }

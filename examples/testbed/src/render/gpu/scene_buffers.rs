@@ -1,5 +1,6 @@
 //! The buffers that the shader reads, and how it binds them.
 
+use super::super::nodes::Node;
 use super::geometry::{Geometry, GeometryChange, PackedTriangle};
 use super::records::{FrameUniform, Record};
 use super::scene::{Scene, SceneError};
@@ -10,15 +11,21 @@ use girandole::wgpu::{self, util::DeviceExt};
 /// The scene on a device.
 pub struct SceneBuffers {
     pub uniform: wgpu::Buffer,
+    /// Those of the geometry, and the upper hierarchy of the last frame.
     nodes: wgpu::Buffer,
     /// Triangles, then their attributes.
     triangles: wgpu::Buffer,
-    /// Materials, then textures, then objects.
+    /// Materials, then textures, then objects, and the objects of the last frame.
     records: wgpu::Buffer,
+    /// On the way from one frame to the next: WebGPU copies no buffer to itself.
+    scratch: wgpu::Buffer,
     /// The texels of all images.
     texels: wgpu::TextureView,
     /// Number of records that precede those of the objects.
     first_object: usize,
+    /// Objects of the scene, and nodes of the geometry.
+    objects: usize,
+    all_nodes: usize,
 }
 
 impl SceneBuffers {
@@ -45,10 +52,11 @@ impl SceneBuffers {
         let materials = scene.materials.iter().map(|material| Record::of_material(material, first_texture));
         let textures =
             scene.textures.iter().zip(&texels.first).map(|(texture, &first)| Record::of_texture(texture, first));
-        let records: Vec<Record> =
-            materials.chain(textures).chain(geometry.objects.iter().map(Record::of_object)).collect();
+        let objects = || geometry.objects.iter().map(Record::of_object);
+        let records: Vec<Record> = materials.chain(textures).chain(objects().chain(objects())).collect();
         let records: &[u8] = bytemuck::cast_slice(&records);
-        let nodes: &[u8] = bytemuck::cast_slice(&geometry.nodes);
+        let nodes = [&geometry.nodes[..], geometry.top_nodes_and_room()].concat();
+        let nodes: &[u8] = bytemuck::cast_slice(&nodes);
         // WebGPU refuses an empty binding. No node refers to the triangle that takes its place.
         let unused = [PackedTriangle::zeroed()];
         let triangles = if geometry.triangles.is_empty() { &unused[..] } else { &geometry.triangles };
@@ -69,17 +77,43 @@ impl SceneBuffers {
                 usage: Usage::UNIFORM | Usage::COPY_DST,
                 mapped_at_creation: false,
             }),
-            nodes: filled("city nodes", nodes, Usage::STORAGE | Usage::COPY_DST),
+            nodes: filled("city nodes", nodes, Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC),
             triangles: filled("city triangles", triangles, Usage::STORAGE),
-            records: filled("city records", records, Usage::STORAGE | Usage::COPY_DST),
+            records: filled("city records", records, Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC),
+            scratch: device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("city scratch"),
+                size: (geometry.objects.len().max(1) * size_of::<Record>().max(size_of::<Node>())) as u64,
+                usage: Usage::COPY_SRC | Usage::COPY_DST,
+                mapped_at_creation: false,
+            }),
             texels: texels.upload(device, queue),
             first_object: scene.materials.len() + scene.textures.len(),
+            objects: geometry.objects.len(),
+            all_nodes: geometry.nodes.len(),
         })
     }
 
     /// Number of records that precede those of the objects.
     pub fn first_object(&self) -> u32 {
         self.first_object as u32
+    }
+
+    /// The first record of an object of the last frame, and the first node of its upper hierarchy.
+    pub fn first_then(&self) -> [u32; 2] {
+        [self.first_object + self.objects, self.all_nodes].map(|first| first as u32)
+    }
+
+    /// Keeps the scene as that of the last frame, before it changes.
+    pub fn keep(&self, device: &wgpu::Device, queue: &wgpu::Queue) {
+        let mut encoder = device.create_command_encoder(&Default::default());
+        let mut copy = |buffer: &wgpu::Buffer, from: usize, to: usize, bytes: usize| {
+            encoder.copy_buffer_to_buffer(buffer, from as u64, &self.scratch, 0, bytes as u64);
+            encoder.copy_buffer_to_buffer(&self.scratch, 0, buffer, to as u64, bytes as u64);
+        };
+        copy(&self.nodes, 0, self.all_nodes * size_of::<Node>(), self.objects.max(1) * size_of::<Node>());
+        let [from, to] = [self.first_object, self.first_object + self.objects].map(|first| first * size_of::<Record>());
+        copy(&self.records, from, to, self.objects * size_of::<Record>());
+        queue.submit([encoder.finish()]);
     }
 
     /// Uploads what changed and returns the number of bytes.

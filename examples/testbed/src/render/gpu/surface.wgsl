@@ -55,6 +55,12 @@ struct Frame {
     right_then: vec3<f32>,
     up_then: vec3<f32>,
     forward_then: vec3<f32>,
+    // The scene of the last frame: the first of its nodes and of its objects, and its occluders.
+    top_root_then: u32,
+    occluder_min_then: vec3<f32>,
+    top_first_then: u32,
+    occluder_max_then: vec3<f32>,
+    first_object_then: u32,
 }
 
 struct Node {
@@ -134,6 +140,9 @@ fn enter_box(low: vec3<f32>, high: vec3<f32>, origin: vec3<f32>, inverse: vec3<f
 // The share of the light that the translucent surfaces that a shadow ray met let through.
 var<private> transmittance: f32;
 
+// Whether rays meet the scene of the last frame.
+var<private> is_then: bool;
+
 // The nearest hit of a camera ray, or any hit of a shadow ray that stops the light that is left. `seed`
 // is that of a camera ray's decisions at translucent surfaces.
 fn trace(world_origin: vec3<f32>, world_direction: vec3<f32>, limit: f32, is_shadow: bool, seed: vec2<u32>) -> Hit {
@@ -147,12 +156,16 @@ fn trace(world_origin: vec3<f32>, world_direction: vec3<f32>, limit: f32, is_sha
     var origin = world_origin;
     var direction = world_direction;
     var inverse = safe_inverse(direction);
-    var reference = frame.top_root;
+    var reference = select(frame.top_root, frame.top_root_then, is_then);
+    let top_first = select(0u, frame.top_first_then, is_then);
+    let first_object = select(frame.first_object, frame.first_object_then, is_then);
+    // The upper hierarchy has references of its own.
+    var first_node = top_first;
     loop {
         // All invocations of a wave test boxes until each has reached a leaf, so that boxes and
         // triangles do not mix.
         while (reference & LEAF) == 0u {
-            let node = nodes[reference];
+            let node = nodes[first_node + reference];
             let enter0 = enter_box(node.min0, node.max0, origin, inverse, hit.dist);
             let enter1 = enter_box(node.min1, node.max1, origin, inverse, hit.dist);
             let first_nearer = enter0 <= enter1;
@@ -172,12 +185,14 @@ fn trace(world_origin: vec3<f32>, world_direction: vec3<f32>, limit: f32, is_sha
         }
         if reference == LEAVE {
             object = NOTHING;
+            first_node = top_first;
             origin = world_origin;
             direction = world_direction;
             inverse = safe_inverse(direction);
         } else if object == NOTHING {
             object = reference & FIRST_MASK;
-            let placed = records[frame.first_object + object];
+            first_node = 0u;
+            let placed = records[first_object + object];
             let origin4 = vec4<f32>(world_origin, 1.0);
             origin = vec3<f32>(dot(placed.row0, origin4), dot(placed.row1, origin4), dot(placed.row2, origin4));
             direction = vec3<f32>(
