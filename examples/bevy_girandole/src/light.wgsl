@@ -94,7 +94,11 @@ fn girandole_merged(
     own: LightReservoir, surface: LightingInput, then: LightReservoir, surface_then: LightingInput, u: f32,
 ) -> LightReservoir {
     let at_then = girandole_shading_point(surface_then);
-    let own_there = girandole_lit(surface_then, light_reservoir_sample_previous(at_then, own));
+    var own_there = girandole_target(surface_then, light_reservoir_sample_previous(at_then, own));
+    // The ray ends where the light is now: where it was, its own housing may be by now.
+    if own_there > 0.0 && !girandole_is_seen(surface_then, light_reservoir_sample(at_then, own)) {
+        own_there = 0.0;
+    }
     let here = girandole_lit(surface, light_reservoir_sample(girandole_shading_point(surface), then));
     return light_reservoir_merge(own, own_there, then, here, u);
 }

@@ -5,7 +5,7 @@ struct Variant {
     cap: f32,
     // How many neighbours of the last frame a pixel reuses besides itself.
     neighbours: u32,
-    // The shadow rays of the last frame: 0 for its walls, 1 for those of this frame, as where an engine keeps only these,
+    // The shadow rays of the last frame: 0 in its scene, 1 in that of this frame, as where an engine keeps only this one,
     // 2 for none.
     rays_then: u32,
     padding: u32,
@@ -94,10 +94,19 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         var then = kept[frame.first_then + picture + u32(there.y) * edge + u32(there.x)];
         then.count = min(then.count, variant.cap);
         let at_then = point_of(there, frame.camera.y);
-        // Without rays, no walls are in the way.
-        let walls_then = array(frame.walls.y, frame.walls.x, 1.0e6)[variant.rays_then];
         let here = reflected(at, light_reservoir_sample(at, then), frame.walls.x);
-        let own_there = reflected(at_then, light_reservoir_sample_previous(at_then, own), walls_then);
+        let light_then = light_reservoir_sample_previous(at_then, own);
+        var own_there = 0.0;
+        if variant.rays_then == 0u {
+            own_there = reflected(at_then, light_then, frame.walls.y);
+        } else {
+            // No walls are in the way.
+            own_there = reflected(at_then, light_then, 1.0e6);
+            // In the scene of this frame, a ray goes to where the light is now.
+            if variant.rays_then == 1u && reflected(at_then, light_reservoir_sample(at_then, own), frame.walls.x) <= 0.0 {
+                own_there = 0.0;
+            }
+        }
         own = light_reservoir_merge(own, own_there, then, here, random());
     }
     let first = select(0u, arrayLength(&kept) / 2u, frame.first_then == 0u);
