@@ -11,8 +11,9 @@ use testbed::scene::{Animation, Object, Scene, SceneError, Stage, Still, rooms};
 
 /// Frames of a second.
 const RATE: f64 = 60.0;
-/// How far the camera goes in a frame, relative to the distance of what it looks at: about a pixel.
-const CAMERA_STEP: f32 = 0.001;
+/// How far the camera goes in a frame, relative to the distance of what it looks at, and at most, in metres: about a
+/// pixel.
+const CAMERA_STEP: (f32, f32) = (0.001, 0.03);
 /// One in so many lamps sways by so many metres, so often in a second.
 const SWAYING: usize = 3;
 const SWAY: (f32, f32) = (0.3, 0.7);
@@ -183,7 +184,7 @@ impl Playing {
         let geometry = Geometry::new(&stage.scene)?;
         let camera = &stage.scene.camera;
         let toward = camera.target - camera.eye;
-        let step = toward.cross(camera.up).normalize_or_zero() * (CAMERA_STEP * toward.length());
+        let step = toward.cross(camera.up).normalize_or_zero() * (CAMERA_STEP.0 * toward.length()).min(CAMERA_STEP.1);
         Ok(Self { stage, geometry, change, step, number: 0 })
     }
 
@@ -199,5 +200,45 @@ impl Playing {
         }
         self.geometry.update(scene)?;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_door_opens_and_lamps_take_what_they_hang_in_along() {
+        let mut playing = Playing::new(Place::Rooms, Change::Door, 1).expect("a sound scene");
+        let camera = playing.stage.scene.camera;
+        // Through the middle of the door, as wide as two metres behind it.
+        let through =
+            playing.stage.scene.objects.last().expect("a door").transform.transform_point3(vec3(0.5, 1.0, -1.0));
+        let is_blocked = |playing: &Playing| {
+            let toward = through - camera.eye;
+            playing.geometry.occluded(camera.eye, toward.normalize(), toward.length())
+        };
+        let blocked: Vec<bool> = (0..20)
+            .map(|_| {
+                playing.advance().expect("it plays");
+                is_blocked(&playing)
+            })
+            .collect();
+        assert!(blocked[0] && !blocked[19], "{blocked:?}");
+
+        let mut playing = Playing::new(Place::Points(100), Change::Lights, 0).expect("a sound scene");
+        let objects = |playing: &Playing| -> Vec<_> {
+            playing.stage.scene.objects.iter().map(|object| object.transform.translation).collect()
+        };
+        let lamps = |playing: &Playing| -> Vec<_> {
+            let world = &playing.stage.world;
+            world.instances().filter_map(|key| world.placement(key)).map(|at| at.translation.as_vec3()).collect()
+        };
+        let before = [objects(&playing).len(), lamps(&playing).len()];
+        let (objects_before, lamps_before) = (objects(&playing), lamps(&playing));
+        playing.advance().expect("it plays");
+        let moved = objects(&playing).iter().zip(&objects_before).filter(|(a, b)| a != b).count();
+        let swayed = lamps(&playing).iter().zip(&lamps_before).filter(|(a, b)| a != b).count();
+        assert!(moved == swayed && swayed > 20, "{moved} objects and {swayed} lamps of {before:?}");
     }
 }

@@ -123,6 +123,9 @@ pub enum Estimate {
     /// The sum over all lights, for comparisons. It takes time in proportion to their number. Only
     /// the points on lights that are surfaces are random.
     Exhaustive,
+    /// How much a pixel has kept of former frames, in place of the picture: black for nothing, and white for all that
+    /// [`GirandoleCamera::reused_frames`] allows, of its own and of a neighbour.
+    History,
     /// Colours in place of the picture, which show how lights are chosen. What is transparent or has no deferred
     /// material is drawn over them. They go through the camera's tone mapping: [`Tonemapping::None`] shows them as
     /// they are.

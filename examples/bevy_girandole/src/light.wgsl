@@ -134,6 +134,11 @@ fn girandole_estimate(surface: LightingInput, texel: vec2<i32>, seed: u32) -> ve
     if girandole_view.reused_frames > 0u {
         girandole_kept[u32(texel.y) * girandole_view.width + u32(texel.x)] = kept;
     }
+    if girandole_view.shows_history != 0u {
+        let fresh = f32(girandole_view.samples);
+        let most = max(2.0 * f32(girandole_view.reused_frames) * fresh, 1.0);
+        return vec3((kept.count - fresh) / most / mesh_view_bindings::view.exposure);
+    }
     let light = light_reservoir_sample(girandole_shading_point(surface), kept);
     if light.pmf <= 0.0 || kept.reflected <= 0.0 {
         return vec3(0.0);

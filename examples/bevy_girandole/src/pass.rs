@@ -40,7 +40,29 @@ struct ViewUniform {
     heat_map: u32,
     reused_frames: u32,
     width: u32,
-    padding: [u32; 2],
+    shows_history: u32,
+    padding: u32,
+}
+
+/// What a pass writes.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Output {
+    /// Light, which is added to the picture.
+    Light,
+    /// In place of the picture.
+    History,
+    /// By a shader of its own.
+    HeatMap,
+}
+
+impl Output {
+    fn of(estimate: Estimate) -> Self {
+        match estimate {
+            Estimate::Sampled | Estimate::Exhaustive => Self::Light,
+            Estimate::History => Self::History,
+            Estimate::HeatMap(_) => Self::HeatMap,
+        }
+    }
 }
 
 /// Makes the pipelines of the pass.
@@ -96,18 +118,17 @@ pub fn start(
 }
 
 impl SpecializedRenderPipeline for PassPipelines {
-    /// And whether it shows a heat map.
-    type Key = (MeshPipelineKey, bool);
+    type Key = (MeshPipelineKey, Output);
 
     #[allow(clippy::needless_update)]
-    fn specialize(&self, (key, is_heat_map): Self::Key) -> RenderPipelineDescriptor {
+    fn specialize(&self, (key, output): Self::Key) -> RenderPipelineDescriptor {
         let layout = self.mesh_pipeline.get_view_layout(key.into());
         let add = BlendComponent {
             src_factor: BlendFactor::One,
             dst_factor: BlendFactor::One,
             operation: BlendOperation::Add,
         };
-        let blend = (!is_heat_map).then_some(BlendState { color: add, alpha: add });
+        let blend = (output == Output::Light).then_some(BlendState { color: add, alpha: add });
         let targets = [(key.target_format(), blend), (MEAN_FORMAT, None), (DIST_FORMAT, None)];
         let target = |(format, blend)| Some(ColorTargetState { format, blend, write_mask: ColorWrites::ALL });
         RenderPipelineDescriptor {
@@ -115,7 +136,7 @@ impl SpecializedRenderPipeline for PassPipelines {
             layout: vec![layout.main_layout, layout.binding_array_layout, self.layout.clone(), lights_layout()],
             vertex: self.fullscreen.to_vertex_state(),
             fragment: Some(FragmentState {
-                shader: self.shaders.texts[usize::from(is_heat_map)].clone(),
+                shader: self.shaders.texts[usize::from(output == Output::HeatMap)].clone(),
                 shader_defs: shader_defs(&self.mesh_pipeline, key),
                 entry_point: Some("girandole_fragment".into()),
                 targets: targets.map(target).to_vec(),
@@ -165,8 +186,7 @@ pub fn specialize(
             commands.entity(entity).remove::<PassPipeline>();
             continue;
         }
-        let is_heat_map = matches!(settings.estimate, Estimate::HeatMap(_));
-        let pipeline = made.specialize(&cache, &pipelines, (key, is_heat_map));
+        let pipeline = made.specialize(&cache, &pipelines, (key, Output::of(settings.estimate)));
         commands.entity(entity).insert(PassPipeline(pipeline));
     }
 }
@@ -218,11 +238,12 @@ pub fn draw(
         lights_moved: u32::from(gpu.has_changed || frame.has_new_exposure || has_new_shadows),
         heat_map: match settings.estimate {
             Estimate::HeatMap(shown) => shown.number(),
-            Estimate::Sampled | Estimate::Exhaustive => 0,
+            _ => 0,
         },
         reused_frames: if frame.keeps { settings.reused_frames } else { 0 },
         width: frame.width,
-        padding: [0; 2],
+        shows_history: u32::from(settings.estimate == Estimate::History),
+        padding: 0,
     };
     let device: &RenderDevice = context.render_device();
     let uniform = device.create_buffer_with_data(&BufferInitDescriptor {

@@ -19,8 +19,9 @@ struct GirandoleView {
     // Frames that a kept light stands for at most, and the width of the picture in pixels.
     reused_frames: u32,
     width: u32,
-    padding_a: u32,
-    padding_b: u32,
+    // Whether what pixels keep is shown.
+    shows_history: u32,
+    padding: u32,
 }
 
 @group(2) @binding(1) var<uniform> girandole_view: GirandoleView;

@@ -1,10 +1,10 @@
 //! Heat maps show how lights are chosen, in place of the picture.
 
 use bevy::prelude::*;
-use bevy_girandole::{Estimate, GirandoleLight};
+use bevy_girandole::{Estimate, GirandoleCamera, GirandoleLight};
 use girandole::plan::HeatMap;
 
-use crate::harness::{HEIGHT, Picture, Setup, WIDTH, app, pictures, set_camera, settle};
+use crate::harness::{HEIGHT, Picture, Setup, WIDTH, app, pictures, set_camera, settle, single_frames};
 
 /// The colours for 0 and for 1, in `heat.wgsl` of the library.
 const LEAST: Vec3 = Vec3::new(0.02, 0.02, 0.25);
@@ -30,6 +30,24 @@ fn ground_and_lamp(app: &mut App) -> Entity {
     app.world_mut().spawn((Mesh3d(plane), MeshMaterial3d(grey)));
     let lamp = PointLight { intensity: 5000.0, range: 30.0, ..default() };
     app.world_mut().spawn((lamp, GirandoleLight, Transform::from_xyz(0.0, 2.0, 0.0))).id()
+}
+
+#[test]
+fn the_history_grows_to_what_pixels_may_keep_and_is_lost_with_the_view() {
+    let camera = GirandoleCamera { reused_frames: 4, ..single_frames() };
+    let mut app = app(Setup { camera, ..default() });
+    ground_and_lamp(&mut app);
+    set_camera(&mut app, |camera| camera.estimate = Estimate::History);
+    let shown = pictures(&mut app, 24);
+    // Half of what is allowed is the pixel's own. A neighbour may lie beyond the ground.
+    let last: Vec<f32> = shown[12..].iter().map(|shown| shown[GROUND].x).collect();
+    let [least, most] = [last.iter().copied().reduce(f32::min), last.iter().copied().reduce(f32::max)];
+    assert!(least > Some(0.49) && most > Some(0.99) && most < Some(1.01), "{last:?}");
+    assert_eq!(shown[12][0], Vec3::ZERO, "no surface");
+    // Nothing is kept of another setting.
+    set_camera(&mut app, |camera| camera.history = 1);
+    let least = pictures(&mut app, 12).iter().map(|shown| shown[GROUND].x).fold(1.0, f32::min);
+    assert!(least == 0.0, "{least}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! What accuracy costs in time, in pictures.
 
 use crate::figure::{Figure, picture, selection, table};
-use crate::number::Format::{Digits, Percent, Within};
+use crate::number::Format::{Digits, Fixed, Percent, Within};
 use crate::view::{VIEW, View, cell};
 
 const PAGE: &str = "docs/accuracy.md";
@@ -24,18 +24,61 @@ const PICTURE_TEXT: &str = "The same part of the picture by several samplers in 
 pub const README_PICTURE: Figure =
     picture("readme-picture", "README.md", ("matte/equal_time.svg", "docs/equal_time.svg"), PICTURE_TEXT);
 
-pub const README: Figure = selection(
-    "readme-equal-time",
+/// Samplers under reuse, in the last frame.
+const REUSED: View = View {
+    from: &["reuse/reuse.csv"],
+    keep: &[("frame", &["16 frames"])],
+    keys: &[("scene", "scene"), ("change", "what changes")],
+    across: Some("sampler"),
+    ..VIEW
+};
+const OVER: crate::number::Format = Within("over_low", "over_high", 2);
+
+pub const README_REUSE: Figure = selection(
+    "readme-reuse",
     "README.md",
     &[View {
-        from: &["matte/equal_time.csv"],
-        keys: &[("sampler", "sampler")],
-        cells: &[
-            cell("samples in this time", "samples", Digits(2)),
-            cell("relMSE (95 % interval)", "rel_mse", REL_MSE),
+        keep: &[
+            ("frame", &["16 frames"]),
+            ("sampler", &["presampled 32", "ReGIR", "Girandole, no reuse", "Girandole"]),
+            ("scene", &["city S"]),
         ],
-        labels: EQUAL_TIME_LABELS,
-        ..VIEW
+        keys: &[("sampler", "new samples")],
+        across: Some("change"),
+        cells: &[cell("", "rel_mse", REL_MSE), cell("µs", "(choosing_ns + shadow_rays_ns + merging_ns) / 1000", Digits(2)).only("nothing")],
+        ..REUSED
+    }],
+);
+
+pub const REUSE: Figure = table("reuse", PAGE, &[View { cells: &[cell("", "over", OVER)], drop: &[("sampler", "Girandole, learnt"), ("sampler", "presampled 8")], ..REUSED }]);
+
+pub const REUSE_ERRORS: Figure = table(
+    "reuse-errors",
+    PAGE,
+    &[View {
+        keep: &[
+            ("frame", &["16 frames"]),
+            ("sampler", &["Girandole", "Girandole, learnt", "presampled 32", "ReGIR"]),
+        ],
+        cells: &[cell("", "rel_mse", Digits(2)), cell("of all", "rel_mse_of_all", Digits(2)), cell("mean", "mean", Fixed(3))],
+        ..REUSED
+    }],
+);
+
+pub const REUSE_FRAMES: Figure = table(
+    "reuse-frames",
+    PAGE,
+    &[View {
+        keep: &[("scene", &["city S", "70 rooms"]), ("change", &["nothing", "lights move", "a door opens"])],
+        keys: &[("scene", "scene"), ("change", "what changes"), ("sampler", "new samples")],
+        across: Some("frame"),
+        cells: &[
+            cell("", "rel_mse", Digits(2)),
+            cell("choosing, ns", "choosing_ns", Digits(3)).only("16 frames"),
+            cell("rays, ns", "shadow_rays_ns", Digits(3)).only("16 frames"),
+            cell("merging, ns", "merging_ns", Digits(3)).only("16 frames"),
+        ],
+        ..REUSED
     }],
 );
 

@@ -15,7 +15,7 @@ pub use runs::RUNS;
 pub const FIGURES: &[Figure] = &[
     noise::README,
     accuracy::README_PICTURE,
-    accuracy::README,
+    accuracy::README_REUSE,
     noise::SUMMARY,
     noise::ALL,
     noise::SHARED_CUTS,
@@ -58,6 +58,9 @@ pub const FIGURES: &[Figure] = &[
     accuracy::GLOSS,
     accuracy::UPKEEP,
     accuracy::RIVALS,
+    accuracy::REUSE,
+    accuracy::REUSE_ERRORS,
+    accuracy::REUSE_FRAMES,
     accuracy::LEARNT,
     accuracy::FILM_OF_ROOMS,
     accuracy::LEFT_OUT,

@@ -156,6 +156,16 @@ pub const RUNS: &[Run] = &[
         ..RUN
     },
     Run {
+        name: "reuse",
+        program: "accuracy",
+        arguments: "--reuse",
+        quick: Some("--reuse --quick"),
+        has_fewer_rows: true,
+        is_timed: true,
+        seconds: 1_200,
+        ..RUN
+    },
+    Run {
         name: "budget",
         program: "budget",
         arguments: "--scene S10,M100 --strategies girandole,round,oracle --shares 0.02,0.1,0.5 --shading-points 120 --frames 240",
