@@ -76,6 +76,6 @@ impl Draw for FromTree<'_> {
         let (light, pmf) = self.tree.pick(&surface.shading_point, [a, b])?;
         let light = self.ids[light as usize];
         let incident = self.lights.sample_light(&surface.shading_point, light, [x, y])?;
-        Some(Drawn { incident, weight: 1.0 / (incident.pdf * pmf), light: 0, id: None })
+        Some(Drawn { incident, weight: 1.0 / (incident.pdf * pmf), light: 0, id: light, numbers: [x, y] })
     }
 }
