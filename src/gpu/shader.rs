@@ -240,6 +240,12 @@ mod tests {
         fn engine_trace(from_: vec3<f32>, direction: vec3<f32>) -> f32 { return 0.0; }
     ";
 
+    /// Those that a page defines once.
+    const DEFINED: &str = "
+        fn engine_point(surface: EngineSurface) -> LightShadingPoint { return LightShadingPoint(); }
+        fn engine_target(surface: EngineSurface, s: LightSample) -> f32 { return s.pmf; }
+    ";
+
     #[test]
     fn the_shaders_of_the_guide_are_valid_for_all_effects_and_for_none() {
         // All pages of the guide are in one folder.
@@ -249,7 +255,7 @@ mod tests {
         let texts: Vec<_> = paths.map(|path| std::fs::read_to_string(path).expect("a text")).collect();
         let blocks_of = |text| str::split(text, "```wgsl\n").skip(1).filter_map(|rest| rest.split("```").next());
         let blocks: Vec<_> = texts.iter().flat_map(|text| blocks_of(text)).collect();
-        assert_eq!(blocks.len(), 11);
+        assert_eq!(blocks.len(), 12);
         for effects in [Effects::all(), Effects::empty()] {
             // Only shaders that know segments have the distance along one.
             let knows = |block: &&&str| effects.contains(Effects::SEGMENTS) || !block.contains("light_segment(");
@@ -262,7 +268,9 @@ mod tests {
                     true => wgsl_of_sources(1),
                     false => text::wgsl_with(1, effects, &parts) + STUBS,
                 };
-                let text = text + block;
+                let defined = if block.contains("fn engine_point") { "" } else { DEFINED };
+                let is_source = block.contains("light_put_");
+                let text = text + if is_source { "" } else { defined } + block;
                 let module =
                     naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");
                 naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())

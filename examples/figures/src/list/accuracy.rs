@@ -45,22 +45,34 @@ pub const README_REUSE: Figure = selection(
         ],
         keys: &[("sampler", "new samples")],
         across: Some("change"),
-        cells: &[cell("", "rel_mse", REL_MSE), cell("µs", "(choosing_ns + shadow_rays_ns + merging_ns) / 1000", Digits(2)).only("nothing")],
+        cells: &[
+            cell("", "rel_mse", REL_MSE),
+            cell("µs", "(choosing_ns + shadow_rays_ns + merging_ns) / 1000", Digits(2)).only("nothing"),
+        ],
         ..REUSED
     }],
 );
 
-pub const REUSE: Figure = table("reuse", PAGE, &[View { cells: &[cell("", "over", OVER)], drop: &[("sampler", "Girandole, learnt"), ("sampler", "presampled 8")], ..REUSED }]);
+pub const REUSE: Figure = table(
+    "reuse",
+    PAGE,
+    &[View {
+        cells: &[cell("", "over", OVER)],
+        drop: &[("sampler", "Girandole, learnt"), ("sampler", "presampled 8")],
+        ..REUSED
+    }],
+);
 
 pub const REUSE_ERRORS: Figure = table(
     "reuse-errors",
     PAGE,
     &[View {
-        keep: &[
-            ("frame", &["16 frames"]),
-            ("sampler", &["Girandole", "Girandole, learnt", "presampled 32", "ReGIR"]),
+        keep: &[("frame", &["16 frames"]), ("sampler", &["Girandole", "Girandole, learnt", "presampled 32", "ReGIR"])],
+        cells: &[
+            cell("", "rel_mse", Digits(2)),
+            cell("of all", "rel_mse_of_all", Digits(2)),
+            cell("mean", "mean", Fixed(3)),
         ],
-        cells: &[cell("", "rel_mse", Digits(2)), cell("of all", "rel_mse_of_all", Digits(2)), cell("mean", "mean", Fixed(3))],
         ..REUSED
     }],
 );
