@@ -45,10 +45,7 @@ pub const README_REUSE: Figure = selection(
         ],
         keys: &[("sampler", "new samples")],
         across: Some("change"),
-        cells: &[
-            cell("", "rel_mse", REL_MSE),
-            cell("µs", "(choosing_ns + shadow_rays_ns + merging_ns) / 1000", Digits(2)).only("nothing"),
-        ],
+        cells: &[cell("", "rel_mse", REL_MSE), cell("error × time", "over", Digits(2)).only("nothing")],
         ..REUSED
     }],
 );
@@ -67,11 +64,11 @@ pub const REUSE_ERRORS: Figure = table(
     "reuse-errors",
     PAGE,
     &[View {
-        keep: &[("frame", &["16 frames"]), ("sampler", &["Girandole", "Girandole, learnt", "presampled 32", "ReGIR"])],
+        keep: &[("frame", &["16 frames"]), ("sampler", &["Girandole", "presampled 32", "ReGIR"])],
         cells: &[
             cell("", "rel_mse", Digits(2)),
             cell("of all", "rel_mse_of_all", Digits(2)),
-            cell("mean", "mean", Fixed(3)),
+            cell("mean", "mean", Fixed(3)).only("Girandole"),
         ],
         ..REUSED
     }],
@@ -81,7 +78,8 @@ pub const REUSE_FRAMES: Figure = table(
     "reuse-frames",
     PAGE,
     &[View {
-        keep: &[("scene", &["city S", "70 rooms"]), ("change", &["nothing", "lights move", "a door opens"])],
+        keep: &[("scene", &["city S", "70 rooms"]), ("change", &["nothing", "lights move"])],
+        drop: &[("sampler", "presampled 8"), ("sampler", "uniform")],
         keys: &[("scene", "scene"), ("change", "what changes"), ("sampler", "new samples")],
         across: Some("frame"),
         cells: &[
