@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy_girandole::{Estimate, GirandoleCamera, GirandoleLight};
 use girandole::plan::HeatMap;
 
-use crate::harness::{HEIGHT, Picture, Setup, WIDTH, app, pictures, set_camera, settle, single_frames};
+use crate::harness::{HEIGHT, Picture, Setup, WIDTH, app, new_pictures, pictures, set_camera, settle, single_frames};
 
 /// The colours for 0 and for 1, in `heat.wgsl` of the library.
 const LEAST: Vec3 = Vec3::new(0.02, 0.02, 0.25);
@@ -46,7 +46,8 @@ fn the_history_grows_to_what_pixels_may_keep_and_is_lost_with_the_view() {
     assert_eq!(shown[12][0], Vec3::ZERO, "no surface");
     // Nothing is kept of another setting.
     set_camera(&mut app, |camera| camera.history = 1);
-    let least = pictures(&mut app, 12).iter().map(|shown| shown[GROUND].x).fold(1.0, f32::min);
+    let shown: Vec<Picture> = (0..16).flat_map(|_| new_pictures(&mut app)).collect();
+    let least = shown.iter().map(|shown| shown[GROUND].x).fold(1.0, f32::min);
     assert!(least == 0.0, "{least}");
 }
 
