@@ -191,6 +191,7 @@ pub use sampling::emit::Incident;
 pub use sampling::quality::Quality;
 pub use sampling::reservoir::Reservoir;
 pub use sampling::sample::{LightPick, LightSample, LightSampler};
+pub use sampling::snapshot::LightSnapshot;
 pub use scheduler::FrameBudget;
 pub use shading::gloss::Gloss;
 pub use shading::shading_point::ShadingPoint;
@@ -201,8 +202,8 @@ pub use visibility::{VisibilityOptions, VisibilityTable};
 #[cfg(feature = "gpu")]
 pub use wgpu;
 pub use world::{
-    BackgroundReport, Changes, FrameReport, JobReport, LightSnapshot, LightWorld, OriginMode, RebuildState,
-    RefusedRegion, Region, RegionInstance, RegionTree, RegionView, RemovedRegion, Revision, TreeSource, WorldMemory,
+    BackgroundReport, Changes, FrameReport, JobReport, LightWorld, OriginMode, RebuildState, RefusedRegion, Region,
+    RegionInstance, RegionTree, RegionView, RemovedRegion, Revision, TreeSource, WorldMemory,
 };
 #[cfg(feature = "bake")]
 pub use world::{DumpError, LeftOut};

@@ -16,4 +16,5 @@ pub(crate) mod reservoir;
 mod roots;
 pub(crate) mod sample;
 mod sky;
+pub(crate) mod snapshot;
 pub(crate) mod walk;

@@ -74,7 +74,6 @@ pub use reports::{BackgroundReport, FrameReport, JobReport, RebuildState};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use scene::TreeVersion;
 pub(crate) use scene::{Instance, TreeEntry};
-pub use snapshot::LightSnapshot;
 pub use source_table::TreeSource;
 
 use crate::cluster::Cluster;

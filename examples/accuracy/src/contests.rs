@@ -3,7 +3,7 @@
 
 use super::options::Options;
 use super::pictures::errors;
-use super::rival_scenes::{Lamps, bent_tunnel, street, tunnel, yard};
+use super::rival_scenes::{Lamps, street, tunnel, yard};
 use super::samplers::Prepared;
 use super::scene_view::SceneView;
 use girandole::LightWorld;
@@ -16,16 +16,13 @@ use testbed::direct_light::sobol::sobol;
 use testbed::direct_light::stage::prepare;
 use testbed::measuring::score::Estimate;
 use testbed::scene::procedural::{self, CityOptions, Size};
-use testbed::scene::{SceneError, Stage, Still, rooms};
+use testbed::scene::{SceneError, Stage};
 
 /// Seeds the reference, above the seeds of pictures.
 const REFERENCE_SEED: u32 = 1_000_000;
 /// The products of rivals should be at least so many times that of the library; on a scene of a file
 /// the second.
 pub const GOALS: [f64; 2] = [3.0, 2.0];
-
-/// Scenes in which most lights are hidden: only [`learning`](super::learning) renders them.
-pub const HIDDEN: [&str; 2] = ["bent tunnel", "ten rooms"];
 
 /// A scene, and how it is rendered.
 pub struct Contest {
@@ -63,17 +60,11 @@ impl Closeness {
 pub fn contests(options: &Options, closeness: &Closeness) -> Result<Vec<Contest>, SceneError> {
     let lights = closeness.yard_lights;
     let city = || procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1, lamp_profile: None });
-    let house = || {
-        let (scene, world, _) = rooms::rooms(10, true)?;
-        Ok::<_, SceneError>(Stage { scene, world, animation: Box::new(Still) })
-    };
     let contest = |name: &str, stage: Stage, is_matte| Contest { name: name.into(), stage, is_matte, goal: GOALS[0] };
     let mut all = vec![
         contest("panels", yard(Lamps::Panels, lights)?, true),
         contest("points", yard(Lamps::Points, lights)?, true),
         contest("tunnel", tunnel()?, true),
-        contest("bent tunnel", bent_tunnel()?, true),
-        contest("ten rooms", house()?, true),
         contest("glossy street", street()?, false),
         contest("city S, matte", city()?, true),
         contest("city S, glossy", city()?, false),

@@ -24,7 +24,6 @@ pub mod page;
 
 pub mod rival_scenes;
 pub mod contests;
-pub mod learning;
 pub mod rivals;
 
 pub mod reuse_scenes;

@@ -30,8 +30,8 @@
 //! intervals, lists the samplers that come closer than the goal, and writes `rivals.csv` (`rivals.rs`
 //! explains the columns).
 //!
-//! With `--learning` in place of `--rivals`, the program measures what learnt visibility buys in the same
-//! scenes and two more (`--quick` in two), and writes `learning.csv` and two films as SVG (`learning.rs`).
+//! With `--reuse` in place of `--rivals`, the program keeps reservoirs over frames, with new samples by several
+//! samplers, and writes `reuse.csv` (`reuse.rs`).
 //!
 //! All work is done by threads of the CPU; times are those of one core. Read them as ratios within
 //! one run, since machines and their load differ. Only uploads use a GPU, or a software Vulkan
@@ -44,13 +44,12 @@
 
 use accuracy::options::Options;
 use accuracy::run::run;
-use accuracy::{learning, reuse, rivals};
+use accuracy::{reuse, rivals};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
     testbed::common::exit::run_program(|options: &Options| match options {
         Options { rivals: true, .. } => rivals::run(options),
-        Options { learning: true, .. } => learning::run(options),
         Options { reuse: true, .. } => reuse::run(options),
         _ => run(options).map(drop),
     })

@@ -30,12 +30,9 @@ pub struct Options {
     /// scene is one more of them
     #[arg(long, conflicts_with_all = ["world", "cars", "lamps", "traffic", "net", "buildings", "passes"])]
     pub rivals: bool,
-    /// Measure what learnt visibility buys in these scenes instead, and write learning.csv and a film as SVG
-    #[arg(long, conflicts_with_all = ["rivals", "world", "cars", "lamps", "traffic", "net", "buildings", "passes"])]
-    pub learning: bool,
     /// Measure reservoirs that are kept over frames, with new samples by several samplers, in six scenes instead, and
     /// write reuse.csv
-    #[arg(long, conflicts_with_all = ["rivals", "learning", "world", "cars", "lamps", "traffic", "net", "buildings", "passes", "gltf", "size"])]
+    #[arg(long, conflicts_with_all = ["rivals", "world", "cars", "lamps", "traffic", "net", "buildings", "passes", "gltf", "size"])]
     pub reuse: bool,
     /// A tiny picture, few settings and a short reference, to try it out
     #[arg(long)]

@@ -67,16 +67,6 @@ pub fn yard(lamps: Lamps, count: usize) -> Result<Stage, SceneError> {
 
 /// A tunnel of 600 m with two rows of lamps under its ceiling, and cars with lamps.
 pub fn tunnel() -> Result<Stage, SceneError> {
-    bent(None)
-}
-
-/// The same tunnel in a bend of 100 m, with pillars in its middle and boxes as high as trucks on every third
-/// car, so that most lamps are hidden from most places.
-pub fn bent_tunnel() -> Result<Stage, SceneError> {
-    bent(Some(100.0))
-}
-
-fn bent(radius: Option<f32>) -> Result<Stage, SceneError> {
     const SEGMENT: f32 = 20.0;
     const SEGMENTS: usize = 30;
     const LAMPS: usize = 33;
@@ -85,26 +75,12 @@ fn bent(radius: Option<f32>) -> Result<Stage, SceneError> {
     let (road, wall) = (palette.matte(0.25, 0.25, 0.25), palette.matte(0.6, 0.58, 0.5));
     let paint = palette.matte(0.4, 0.1, 0.1);
     let (lamp, tail) = (palette.glow(SODIUM, 4_000.0), palette.glow(vec3(1.0, 0.05, 0.02), 900.0));
-    // Along the tunnel, and from its middle to the right.
-    let place = |along: f32, right: f32| match radius {
-        None => Affine3A::from_translation(vec3(along, 0.0, right)),
-        Some(radius) => {
-            Affine3A::from_translation(Vec3::Z * radius)
-                * Affine3A::from_rotation_y(-along / radius)
-                * Affine3A::from_translation(Vec3::Z * (right - radius))
-        }
-    };
-    // The walls of segments overlap where the tunnel bends.
-    let (low, high) = if radius.is_some() { (-1.3, SEGMENT + 1.3) } else { (0.0, SEGMENT) };
+    let place = |along: f32, right: f32| Affine3A::from_translation(vec3(along, 0.0, right));
     let mut segment = Part::default();
-    segment.floor([low, -6.0], [high, 6.0], 0.0, road);
-    segment.cuboid(vec3(low, 0.0, -6.5), vec3(high, 7.0, -6.0), wall);
-    segment.cuboid(vec3(low, 0.0, 6.0), vec3(high, 7.0, 6.5), wall);
-    segment.cuboid(vec3(low, 7.0, -6.5), vec3(high, 7.5, 6.5), wall);
-    for pillar in 0..if radius.is_some() { 5 } else { 0 } {
-        let x = 4.0 * pillar as f32 + 2.0;
-        segment.cuboid(vec3(x - 0.4, 0.0, -0.4), vec3(x + 0.4, 7.0, 0.4), wall);
-    }
+    segment.floor([0.0, -6.0], [SEGMENT, 6.0], 0.0, road);
+    segment.cuboid(vec3(0.0, 0.0, -6.5), vec3(SEGMENT, 7.0, -6.0), wall);
+    segment.cuboid(vec3(0.0, 0.0, 6.0), vec3(SEGMENT, 7.0, 6.5), wall);
+    segment.cuboid(vec3(0.0, 7.0, -6.5), vec3(SEGMENT, 7.5, 6.5), wall);
     for i in 0..LAMPS {
         let x = (i as f32 + 0.5) * SEGMENT / LAMPS as f32;
         // The front is the side of the first half axis times the second: below.
@@ -124,22 +100,12 @@ fn bent(radius: Option<f32>) -> Result<Stage, SceneError> {
         car.lights.push(Light::spot(vec3(2.1, 0.7, side), ahead, 0.15, 0.5, SOFT * 3_000.0));
     }
     let car = assembly.design(car)?;
-    let mut load = Part::default();
-    load.cuboid(vec3(-2.0, 1.4, -1.1), vec3(2.0, 3.8, 1.1), wall);
-    let load = assembly.mesh(load.mesh);
-    let lanes = if radius.is_some() { [-4.3, -2.0, 2.0, 4.3] } else { [-4.0, -1.3, 1.3, 4.0] };
-    for i in 0..CARS {
+    let lanes = [-4.0, -1.3, 1.3, 4.0];
+    for _ in 0..CARS {
         let at = place(rng.range(10.0, SEGMENT * SEGMENTS as f32), rng.pick(&lanes));
         assembly.place(car, at, Policy::Static)?;
-        if radius.is_some() && i % 3 == 0 {
-            assembly.object(load, at);
-        }
     }
-    let [eye, target] = match radius {
-        None => [vec3(1.0, 2.2, 0.4), vec3(60.0, 1.2, 0.0)],
-        Some(_) => [vec3(1.0, 2.2, 3.2), vec3(25.0, 1.3, 6.0)],
-    };
-    Ok(finished(assembly, palette, eye, target))
+    Ok(finished(assembly, palette, vec3(1.0, 2.2, 0.4), vec3(60.0, 1.2, 0.0)))
 }
 
 /// A wet street of 400 m between houses with lit windows, under lamps.

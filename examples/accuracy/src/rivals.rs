@@ -7,7 +7,7 @@
 //! prepares for a frame. Rounds go in turn, and the fastest counts. Building trees is free for all.
 
 use super::answers::Ratio;
-use super::contests::{Arena, Closeness, Contest, GOALS, HIDDEN, contests};
+use super::contests::{Arena, Closeness, Contest, GOALS, contests};
 use super::options::Options;
 use super::samplers::Samplers;
 use super::settings::{self, Sampler, counted};
@@ -72,8 +72,7 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
     let out = &options.out;
     fs::create_dir_all(out).map_err(|error| SceneError(format!("cannot create {}: {error}", out.display())))?;
     let mut table = Table::create(&out.join("rivals.csv"), &COLUMNS).map_err(SceneError)?;
-    let mut contests = contests(options, &closeness)?;
-    contests.retain(|contest| !HIDDEN.contains(&contest.name.as_str()));
+    let contests = contests(options, &closeness)?;
     let goals: Vec<f64> = contests.iter().map(|contest| contest.goal).collect();
     let bar = progress("scenes", contests.len() as u64);
     let mut columns: Vec<(String, Vec<Entry>)> = Vec::new();

@@ -250,30 +250,6 @@ pub const RIVALS: Figure = table(
     }],
 );
 
-pub const LEARNT: Figure = table(
-    "learnt-cuts",
-    PAGE,
-    &[View {
-        from: &["learnt/learning.csv"],
-        keep: &[("candidates", &["1", "8", "best"])],
-        keys: &[("scene", "scene"), ("candidates", "candidates")],
-        across: Some("samples"),
-        cells: &[
-            cell("", "gain", Digits(2)),
-            cell("relMSE without", "rel_mse_without", Digits(2)).only("1 sample"),
-            cell("with", "rel_mse_with", Digits(2)).only("1 sample"),
-            cell("ns without", "ns_without", Digits(3)).only("1 sample"),
-            cell("with", "ns_with", Digits(3)).only("1 sample"),
-        ],
-        ..VIEW
-    }],
-);
-
-const ROOMS_TEXT: &str = "The same view in the first, fourth and sixteenth frame with four samples per pixel, without and with what is \
-     learnt, which has less noise from frame to frame";
-pub const FILM_OF_ROOMS: Figure =
-    picture("film-rooms", "docs/cuts.md", ("learnt/learning_ten_rooms.svg", "learning_ten_rooms.svg"), ROOMS_TEXT);
-
 pub const LEFT_OUT: Figure = table(
     "left-out",
     PAGE,

@@ -61,8 +61,6 @@ pub const FIGURES: &[Figure] = &[
     accuracy::REUSE,
     accuracy::REUSE_ERRORS,
     accuracy::REUSE_FRAMES,
-    accuracy::LEARNT,
-    accuracy::FILM_OF_ROOMS,
     accuracy::LEFT_OUT,
     paper::BISTRO,
     paper::COST,

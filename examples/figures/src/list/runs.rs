@@ -146,16 +146,6 @@ pub const RUNS: &[Run] = &[
         ..RUN
     },
     Run {
-        name: "learnt",
-        program: "accuracy",
-        arguments: "--learning --pictures 4 --size 96x54",
-        quick: Some("--learning --quick"),
-        has_fewer_rows: true,
-        is_timed: true,
-        seconds: 400,
-        ..RUN
-    },
-    Run {
         name: "reuse",
         program: "accuracy",
         arguments: "--reuse",
