@@ -126,7 +126,7 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
     fs::create_dir_all(out).map_err(|error| SceneError(format!("cannot create {}: {error}", out.display())))?;
     let mut table = Table::create(&out.join("reuse.csv"), &COLUMNS).map_err(SceneError)?;
     testbed::say!("{}", markdown_head(&COLUMNS));
-    let all = Place::ALL[Place::ALL.len() - closeness.places..].iter();
+    let all = Place::ALL[..closeness.places].iter();
     let all: Vec<(Place, Change)> =
         all.flat_map(|(place, changes)| changes.iter().map(move |change| (*place, *change))).collect();
     let bar = progress("scenes", all.len() as u64);
