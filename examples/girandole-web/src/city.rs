@@ -45,7 +45,7 @@ impl Picture {
         let pixels = u64::from(size[0]) * u64::from(size[1]);
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
         let sums = gpu.buffer("city image", pixels * PIXEL_BYTES, usage);
-        let (_, group) = buffers.bind(&gpu.device, &sums);
+        let (_, group) = buffers.bind(&gpu.device, &sums, None);
         let resolver = Resolver::new(gpu, pixels, &sums);
         let presenter = Presenter::new(gpu, size, &resolver.pictures);
         gpu.configure(size);
@@ -125,7 +125,7 @@ impl City {
         let options = GpuOptions::default().with_cuts(CutOptions::default().with_min_marks(min_marks));
         let lights = GpuLights::with_options(&gpu.device, &gpu.queue, options).map_err(text)?;
         let picture = Picture::new(&gpu, &buffers, [1, 1]);
-        let (layout, _) = buffers.bind(&gpu.device, &picture.sums);
+        let (layout, _) = buffers.bind(&gpu.device, &picture.sums, None);
         let pipelines = Pipelines::new(&gpu.device, &layout, &lights, (&stage.scene, &geometry));
         let start = stage.scene.camera;
         Ok(Self {
