@@ -17,8 +17,8 @@ const CAMERA_STEP: (f32, f32) = (0.001, 0.03);
 /// One in so many lamps sways by so many metres, so often in a second.
 const SWAYING: usize = 3;
 const SWAY: (f32, f32) = (0.3, 0.7);
-/// The frame in which a door begins to open, after those that teach, and the frames until it is open.
-const DOOR: (u32, u32) = (0, 16);
+/// Frames in which a door opens.
+const DOOR_FRAMES: f64 = 16.0;
 
 /// What changes from frame to frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,7 +110,7 @@ fn house(change: Change, warm_up: u32) -> Result<Stage, SceneError> {
     scene.meshes.push(part.mesh);
     let mesh = (scene.meshes.len() - 1) as u32;
     scene.objects.push(Object { mesh, transform: hinge, emission_scale: 1.0, visible: true });
-    let opening = Opening { object: scene.objects.len() - 1, hinge, start: f64::from(warm_up + DOOR.0) / RATE };
+    let opening = Opening { object: scene.objects.len() - 1, hinge, start: f64::from(warm_up) / RATE };
     Ok(Stage { scene, world, animation: Box::new(opening) })
 }
 
@@ -123,7 +123,7 @@ struct Opening {
 
 impl Animation for Opening {
     fn advance(&mut self, time: f64, scene: &mut Scene, _: &mut LightWorld) -> Result<(), SceneError> {
-        let share = ((time - self.start) * RATE / f64::from(DOOR.1)).clamp(0.0, 1.0) as f32;
+        let share = ((time - self.start) * RATE / DOOR_FRAMES).clamp(0.0, 1.0) as f32;
         scene.objects[self.object].transform = self.hinge * Affine3A::from_rotation_y(FRAC_PI_2 * share);
         Ok(())
     }

@@ -199,13 +199,8 @@ impl Last {
     /// where it showed something else.
     fn look_up(&self, view: &View, object: u32, place: Vec3) -> Option<Pixel> {
         let toward = if object == SKY { place } else { place - view.eye };
-        let depth = toward.dot(view.forward);
-        if depth <= 0.0 {
-            return None;
-        }
-        let across = |axis: Vec3| toward.dot(axis) / (depth * axis.length_squared());
         let size = Vec2::new(self.width as f32, self.height as f32);
-        let at = (Vec2::new(across(view.right), -across(view.up)) + 1.0) * 0.5 * size - 0.5;
+        let at = view.place(toward, size)?.0 - 0.5;
         let corner = at.floor();
         let (mut weight_sum, mut mean, mut mean_square) = (0.0, Vec3::ZERO, 0.0);
         let (mut variance, mut frames) = (0.0, f32::INFINITY);

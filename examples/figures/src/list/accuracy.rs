@@ -45,6 +45,7 @@ pub const README_REUSE: Figure = selection(
         ],
         keys: &[("sampler", "new samples")],
         across: Some("change"),
+        labels: &[("nothing", "nothing moves")],
         cells: &[cell("", "rel_mse", REL_MSE), cell("error × time", "over", Digits(2)).only("nothing")],
         ..REUSED
     }],

@@ -90,12 +90,8 @@ impl Square {
     /// The pixel of the square that shows a position, if nothing is in the way. It may lie outside.
     pub fn pixel(&self, camera: &Camera, position: Vec3) -> Option<IVec2> {
         let (frame, size) = self.frame(camera);
-        let toward = position - frame.eye;
-        let depth = toward.dot(frame.forward);
-        let across = |axis: Vec3| toward.dot(axis) / (axis.length_squared() * depth);
-        let place = (Vec2::new(across(frame.right), -across(frame.up)) + 1.0) * 0.5 * size;
-        let corner = IVec2::new(self.corner.0 as i32, self.corner.1 as i32);
-        (depth > 0.0).then(|| place.floor().as_ivec2() - corner)
+        let (place, _) = frame.place(position - frame.eye, size)?;
+        Some(place.floor().as_ivec2() - IVec2::new(self.corner.0 as i32, self.corner.1 as i32))
     }
 
     fn frame(&self, camera: &Camera) -> (Frame, Vec2) {

@@ -94,14 +94,12 @@ impl<'a> Before<'a> {
         let LastFrame { size: (width, height), view, pixels, .. } = self.last;
         let [x, y, choice, _] = pcg4d([pixel, seed, n, 0x9e37_79b9]).map(|bits| (bits >> 8) as f32 / 16_777_216.0);
         let size = Vec2::new(*width as f32, *height as f32);
-        let toward = surface.shading_point.position - view.eye;
-        let depth = toward.dot(view.forward);
-        let across = |axis: Vec3| toward.dot(axis) / (axis.length_squared() * depth);
-        let place = ((Vec2::new(across(view.right), -across(view.up)) + 1.0) * 0.5 * size).floor().as_ivec2();
+        let (place, depth) = view.place(surface.shading_point.position - view.eye, size)?;
+        let place = place.floor().as_ivec2();
         let offset = if n == 0 { Vec2::ZERO } else { ((Vec2::new(x, y) * 2.0 - 1.0) * REACH).round() };
         let place = place + offset.as_ivec2();
         let (width, height) = (*width as i32, *height as i32);
-        if depth <= 0.0 || place.cmplt(IVec2::ZERO).any() || place.x >= width || place.y >= height {
+        if place.cmplt(IVec2::ZERO).any() || place.x >= width || place.y >= height {
             return None;
         }
         let kept = pixels[(place.y * width + place.x) as usize].as_ref()?;

@@ -40,6 +40,14 @@ impl View {
         let across = position / size * 2.0 - Vec2::ONE;
         (self.forward + self.right * across.x - self.up * across.y).normalize()
     }
+
+    /// The position in the picture that shows what lies in a direction from the eye, and the depth of its end; `None`
+    /// behind the eye. The inverse of [`View::direction`].
+    pub fn place(&self, toward: Vec3, size: Vec2) -> Option<(Vec2, f32)> {
+        let depth = toward.dot(self.forward);
+        let across = |axis: Vec3| toward.dot(axis) / (axis.length_squared() * depth);
+        (depth > 0.0).then(|| ((Vec2::new(across(self.right), -across(self.up)) + 1.0) * 0.5 * size, depth))
+    }
 }
 
 /// Radiance of the sky in a direction. Below the horizon it is that of the horizon.
