@@ -6,7 +6,7 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use girandole::glam::{Quat, Vec3};
+use girandole::glam::{Mat3, Quat, Vec3};
 use girandole::{Light, LightTree, LightWorld, Placement, Policy, Profile, ShadingPoint, Sky};
 
 use testbed::testing::support::Rng;
@@ -52,9 +52,12 @@ fn samples(c: &mut Criterion) {
     let down = Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2);
     let spots = world_of(&|at| Light::spot(at, Vec3::NEG_Y, 0.0, 1.5, Vec3::splat(50.0)));
     let vertical: Vec<f32> = (0..37).map(|i| 2.5 * i as f32).collect();
-    let planes: Vec<f32> = (0..24).map(|i| 15.0 * i as f32).collect();
-    let candela: Vec<f32> = (0..37 * 24).map(|i| 50.0 + (i % 7) as f32).collect();
-    let profile = Profile::new(&vertical, &planes, &candela).expect("a sound table");
+    let planes: Vec<f32> = (0..=24).map(|i| 15.0 * i as f32).collect();
+    let candela: Vec<f32> = (0..37 * 25).map(|i| 50.0 + (i % 7) as f32).collect();
+    let [vertical, planes] =
+        [vertical, planes].map(|degrees| degrees.iter().map(|d| d.to_radians()).collect::<Vec<f32>>());
+    let axes = Mat3::from_cols(Vec3::X, Vec3::Y, Vec3::NEG_Z);
+    let profile = Profile::new(&vertical, &planes, &candela, axes).expect("a sound table");
     let profiles = world_of(&|at| Light::profile(at, down, profile, Vec3::ONE));
     let mut world = world_of(&|at| Light::point(at, Vec3::splat(50.0)));
     let mut time = |what: &str, world: &LightWorld| {

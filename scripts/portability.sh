@@ -18,15 +18,20 @@ readonly LOCK=scripts/oldest.lock
 export CARGO_TARGET_DIR="$PWD/target/portability"
 export RUSTFLAGS='-D warnings'
 
-# Copies the library to a folder in which another lock file takes the place of Cargo.lock. Only what
+# Copies the library and its loaders to a folder in which another lock file takes the place of Cargo.lock. Only what
 # users link: the dev-dependencies need newer crates.
 copy_library() {
     rm -rf "$1"
     mkdir -p "$1"
     cp -R src shaders README.md docs Cargo.lock "$1"
-    awk '/^\[/ { keep = !/^\[(workspace|profile|dev-dependencies|\[(example|bench|test)\])/ } keep' Cargo.toml >"$1/Cargo.toml"
-    # It is no member of the workspace around it.
-    echo '[workspace]' >>"$1/Cargo.toml"
+    mkdir "$1/assets"
+    cp -R assets/src assets/README.md "$1/assets"
+    local package
+    for package in . assets; do
+        awk '/^\[/ { keep = !/^\[(workspace|profile|dev-dependencies|\[(example|bench|test)\])/ } keep' "$package/Cargo.toml" >"$1/$package/Cargo.toml"
+    done
+    # They are no members of the workspace around them.
+    printf '%s\n' '[workspace]' 'members = ["assets"]' '[workspace.package]' 'edition = "2024"' 'license = "MIT OR Apache-2.0"' >>"$1/Cargo.toml"
 }
 
 readonly COPY="$CARGO_TARGET_DIR/oldest"
@@ -43,25 +48,25 @@ if [ "${1:-}" = --update-lock ]; then
 fi
 
 check() {
-    step cargo check --locked --lib "$@"
+    step cargo check --locked -p girandole -p girandole-assets --lib "$@"
 }
 
 rustup toolchain install --profile minimal --no-self-update "$MINIMUM_RUST"
 rustup target add wasm32-unknown-unknown aarch64-unknown-linux-gnu
 
-check --target wasm32-unknown-unknown --no-default-features --features gpu,gltf,bake,hdr
-check --target aarch64-unknown-linux-gnu --features gltf,bake,hdr
+check --target wasm32-unknown-unknown --no-default-features --features girandole/gpu,girandole/bake,girandole-assets/gltf,girandole-assets/hdr
+check --target aarch64-unknown-linux-gnu --features girandole/bake
 
 copy_library "$COPY"
 cp "$LOCK" "$COPY/Cargo.lock"
 # Lints differ between versions, so warnings of an older compiler are no failures.
-(cd "$COPY" && RUSTFLAGS= step cargo "+$MINIMUM_RUST" check --locked --lib --features gltf,bake,hdr)
+(cd "$COPY" && RUSTFLAGS= step cargo "+$MINIMUM_RUST" check --locked -p girandole -p girandole-assets --lib --features girandole/bake)
 
 if [ "${1:-}" = --all ]; then
     rustup target add i686-unknown-linux-gnu
-    check --target i686-unknown-linux-gnu --features gltf,bake,hdr
+    check --target i686-unknown-linux-gnu --features girandole/bake
     # The oldest Rust with the newest wgpu that it compiles.
-    RUSTFLAGS= step cargo "+$MINIMUM_RUST" check --locked --lib --features gltf,bake,hdr
+    RUSTFLAGS= step cargo "+$MINIMUM_RUST" check --locked -p girandole -p girandole-assets --lib --features girandole/bake
 fi
 
 # Fewer features. The folder of the tests has their dependencies already.

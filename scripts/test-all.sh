@@ -21,7 +21,7 @@ step cargo test --locked --benches
 # All rounds of tests of which CI runs a quarter.
 GIRANDOLE_THOROUGH=1 step cargo test --locked --test all hard_cases
 # Longer tests with fresh seeds: 200,000 damaged glTF files, and many threads beside background builds.
-step cargo test --locked --release --test all -- --ignored
+step cargo test --locked --release -p girandole -p girandole-assets --test all -- --ignored
 # The fuzz target compiles. It needs a C++ compiler.
 need g++ g++
 step cargo check --locked --manifest-path fuzz/Cargo.toml

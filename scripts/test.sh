@@ -10,7 +10,7 @@ need_vulkan
 
 step cargo fmt --all --check
 step cargo clippy --locked --workspace --all-targets -- -D warnings
-RUSTDOCFLAGS='-D warnings' step cargo doc --locked --no-deps --features gltf,bake,hdr,tracing
+RUSTDOCFLAGS='-D warnings' step cargo doc --locked --no-deps -p girandole -p girandole-assets --features girandole/bake,girandole/tracing
 step cargo test --locked --workspace
 # Compares the tables of the documents with what the programs print. The tests have built these.
 step target/debug/figures --quick --jobs "$(nproc)"

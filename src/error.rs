@@ -15,18 +15,17 @@
 //! | 400 | [`BudgetError`] |
 //! | 500 | [`CountError`] |
 //! | 600 to 699 | `gpu::GpuError`, `plan::PlanError` |
-//! | 700 to 799 | `gltf::GltfError` |
+//! | 700 to 799 | `AssetError` of the package `girandole-assets` |
 //! | 800 | `tree::CheckError` |
 //! | 900 | `plan::ShaderNameError` |
 //! | 1000 to 1001 | [`VisibilityError`] |
 //! | 1100 to 1107 | `tree::BakeError` |
 //! | 1200 to 1201 | [`CutError`] |
-//! | 1300 to 1307 | [`SkyError`] |
-//! | 1400 to 1408 | [`ProfileError`] |
-//! | 1500 to 1502 | [`TextureError`] |
+//! | 1300 to 1305 | [`SkyError`] |
+//! | 1400 | [`ProfileError`] |
 //! | 1600 to 1604 | `DumpError` |
 
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec3};
 
 use crate::keys::{DirectionalKey, InstanceKey, RegionKey, TreeKey};
 
@@ -456,7 +455,7 @@ impl VisibilityError {
     }
 }
 
-/// Why a [`Sky`](crate::Sky), or a part of one, was refused. Codes 1300 to 1307.
+/// Why a [`Sky`](crate::Sky), or a part of one, was refused. Codes 1300 to 1305.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SkyError {
@@ -509,24 +508,6 @@ pub enum SkyError {
         /// The index of the portal.
         portal: usize,
     },
-    /// The bytes of a file are not those of a Radiance HDR file that is read.
-    #[error("the file cannot be read: {what}")]
-    File {
-        /// What is wrong with it; "it" is the file.
-        what: &'static str,
-    },
-    /// A file states more pixels than its bytes hold.
-    #[error("a file of {bytes} bytes cannot hold {width} x {height} pixels, which take {least} or more")]
-    FileLength {
-        /// The width that the file states.
-        width: u32,
-        /// The height that the file states.
-        height: u32,
-        /// The given number of bytes.
-        bytes: usize,
-        /// The least number of bytes that is read for such a map.
-        least: u64,
-    },
 }
 
 impl SkyError {
@@ -539,157 +520,23 @@ impl SkyError {
             Self::NoSky => 1303,
             Self::Portals { .. } => 1304,
             Self::Portal { .. } => 1305,
-            Self::File { .. } => 1306,
-            Self::FileLength { .. } => 1307,
         }
     }
 }
 
-/// Why a [`Texture`](crate::Texture) or a [`TexturedSurface`](crate::TexturedSurface) was refused. Codes 1500 to 1502.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+/// Why a [`Profile`](crate::Profile) was refused. Code 1400.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum TextureError {
-    /// The texels are no whole rows, none, or too many.
-    #[error("{texels} texels are not 1 to {max} whole rows of {width}, which must be 1 to {max}")]
-    Size {
-        /// The given width.
-        width: usize,
-        /// The given number of texels.
-        texels: usize,
-        /// The largest width and height.
-        max: usize,
-    },
-    /// A texel is negative, not finite or too bright.
-    #[error("texel {texel} is {value}; each channel must be from 0 to {max}")]
-    Texel {
-        /// The index of the texel.
-        texel: usize,
-        /// The given texel.
-        value: Vec3,
-        /// The greatest value allowed.
-        max: f32,
-    },
-    /// A texture coordinate is not finite.
-    #[error("the texture coordinates {value} are not finite")]
-    Coordinate {
-        /// The given coordinates.
-        value: Vec2,
-    },
-}
-
-impl TextureError {
-    /// The stable code, see [`error`](self).
-    pub fn code(&self) -> u32 {
-        match self {
-            Self::Size { .. } => 1500,
-            Self::Texel { .. } => 1501,
-            Self::Coordinate { .. } => 1502,
-        }
-    }
-}
-
-/// Why a [`Profile`](crate::Profile) was refused. Codes 1400 to 1408.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ProfileError {
-    /// The file ends, or a line is empty, where something is expected.
-    #[error("line {line}: {what} is missing")]
-    Missing {
-        /// The line, from 1 on.
-        line: usize,
-        /// What is expected.
-        what: &'static str,
-    },
-    /// A word is no number.
-    #[error("line {line}: {what} is \"{text}\", not a finite number")]
-    Number {
-        /// The line, from 1 on.
-        line: usize,
-        /// What the number is for.
-        what: &'static str,
-        /// The beginning of the word.
-        text: String,
-    },
-    /// A number is out of range. The least angle allowed is 0.001 degrees above the one before. Intensities are shown
-    /// after all factors.
-    #[error("line {line}: {what} is {value:?}, outside {least:?} to {most:?}")]
-    Range {
-        /// The line, from 1 on.
-        line: usize,
-        /// What the number is for.
-        what: &'static str,
-        /// The number.
-        value: f64,
-        /// The least number allowed here.
-        least: f64,
-        /// The greatest number allowed.
-        most: f64,
-    },
-    /// A number that counts something is no whole number.
-    #[error("line {line}: {what} is {value:?}, not a whole number")]
-    NotWhole {
-        /// The line, from 1 on.
-        line: usize,
-        /// What the number is for.
-        what: &'static str,
-        /// The number.
-        value: f64,
-    },
-    /// The planes cover a part of a turn that no symmetry completes.
-    #[error("line {line}: planes from {first:?} to {last:?} degrees are no turn, and no half or quarter of one")]
-    Turn {
-        /// The line of the last plane, from 1 on.
-        line: usize,
-        /// The first plane, in degrees.
-        first: f64,
-        /// The last plane, in degrees.
-        last: f64,
-    },
-    /// There are too many intensities, with those that symmetry adds.
-    #[error("line {line}: there are {found} intensities; at most {most} are allowed")]
-    Size {
-        /// The line of the last plane, from 1 on.
-        line: usize,
-        /// Their number.
-        found: usize,
-        /// The greatest number allowed.
-        most: usize,
-    },
-    /// The list of intensities has another length than its angles need.
-    #[error("there are {found} intensities; the angles need {expected}")]
-    Candela {
-        /// The length of the list.
-        found: usize,
-        /// What the angles need.
-        expected: usize,
-    },
-    /// A number follows the last one that a file may have.
-    #[error("line {line}: {value:?} follows the last number (commas separate numbers, so a decimal comma makes two)")]
-    LeftOver {
-        /// The line, from 1 on.
-        line: usize,
-        /// The number.
-        value: f64,
-    },
-    /// The text is UTF-16.
-    #[error("the file is UTF-16; files in ASCII or UTF-8 are read")]
-    Utf16,
+#[error("{message}")]
+pub struct ProfileError {
+    /// What was given, and what is allowed.
+    pub message: String,
 }
 
 impl ProfileError {
     /// The stable code, see [`error`](self).
     pub fn code(&self) -> u32 {
-        match self {
-            Self::Missing { .. } => 1400,
-            Self::Number { .. } => 1401,
-            Self::Range { .. } => 1402,
-            Self::NotWhole { .. } => 1403,
-            Self::Turn { .. } => 1404,
-            Self::Size { .. } => 1405,
-            Self::Candela { .. } => 1406,
-            Self::LeftOver { .. } => 1407,
-            Self::Utf16 => 1408,
-        }
+        1400
     }
 }
 

@@ -118,7 +118,6 @@
 //! | [`error`] | all errors and their codes |
 //! | `plan` | what a GPU has to do for a frame, as data; the WGSL functions |
 //! | `gpu` | plays plans on wgpu: upload, top level and sampling |
-//! | `gltf` | lights from glTF scenes |
 //!
 //! `docs/math.md` derives the formulas and names the papers behind keys such as CK18 and SS.
 //!
@@ -129,10 +128,8 @@
 //! | `gpu` | yes | the module `gpu`, with wgpu, and the feature `gpu-plan` |
 //! | `gpu-plan` | with `gpu` | the module `plan`, for engines that have no wgpu device |
 //! | `parallel` | yes | builds and refits on rayon's threads, and builds in the background |
-//! | `gltf` | no | the module `gltf` |
 //! | `bake` | no | `LightTree::bake` and `from_baked`: trees as bytes; `LightWorld::write_dump` and `from_dump` |
 //! | `tracing` | no | spans of the crate tracing around updates, refits, rebuilds, plans and uploads |
-//! | `hdr` | no | `Sky::hdr`: skies from Radiance HDR files, with the crate image |
 
 // Modules are in the order in which data passes through them. A module imports only from modules
 // above it; `tests/all/dependencies.rs` checks that.
@@ -146,7 +143,6 @@ pub mod cluster;
 mod profile;
 pub mod light;
 mod sky;
-mod texture;
 pub mod tree;
 pub mod policy;
 pub mod scheduler;
@@ -160,8 +156,6 @@ mod sampling;
 pub mod plan;
 #[cfg(feature = "gpu")]
 pub mod gpu;
-#[cfg(feature = "gltf")]
-pub mod gltf;
 #[cfg(test)]
 mod documented;
 #[cfg(test)]
@@ -169,8 +163,7 @@ mod f64_reference;
 
 pub use effects::{EffectCounts, Effects};
 pub use error::{
-    BudgetError, CountError, CutError, LightError, PlacementError, ProfileError, SkyError, TextureError,
-    VisibilityError, WorldError,
+    BudgetError, CountError, CutError, LightError, PlacementError, ProfileError, SkyError, VisibilityError, WorldError,
 };
 
 pub use glam;
@@ -196,7 +189,6 @@ pub use scheduler::FrameBudget;
 pub use shading::gloss::Gloss;
 pub use shading::shading_point::ShadingPoint;
 pub use sky::Sky;
-pub use texture::{Texture, TextureWrap, TexturedSurface};
 pub use tree::{Attribute, Attributes, LightTree};
 pub use visibility::{VisibilityOptions, VisibilityTable};
 #[cfg(feature = "gpu")]
@@ -233,10 +225,6 @@ mod pages {
     struct Cuts;
     #[doc = include_str!("../docs/sky.md")]
     struct SkyPage;
-    #[doc = include_str!("../docs/profiles.md")]
-    struct Profiles;
-    #[doc = include_str!("../docs/textures.md")]
-    struct Textures;
     #[doc = include_str!("../docs/gpu-lights.md")]
     struct KernelLights;
     #[doc = include_str!("../docs/streaming.md")]
@@ -251,9 +239,6 @@ mod pages {
     struct Memory;
     #[doc = include_str!("../docs/plans.md")]
     struct Plans;
-    #[doc = include_str!("../docs/gltf.md")]
-    #[cfg(feature = "gltf")]
-    struct Gltf;
     #[doc = include_str!("../docs/browser.md")]
     struct Browser;
 }

@@ -6,7 +6,7 @@
 #![no_main]
 
 // By path: the package of the tests is built without sanitizers.
-#[path = "../../tests/all/gltf_fuzz/exercise.rs"]
+#[path = "../../assets/tests/all/gltf_fuzz/exercise.rs"]
 mod exercise;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| drop(exercise::exercise(bytes)));

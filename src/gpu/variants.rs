@@ -17,6 +17,7 @@ use crate::plan::layout::{InstanceRecord, ParamsRecord, Strides};
 use crate::plan::text;
 use crate::policy::Policy;
 use crate::profile::Profile;
+use crate::profile::tests::of_degrees;
 use crate::scheduler::FrameBudget;
 use crate::tree::LightTree;
 use crate::world::OriginMode;
@@ -54,8 +55,8 @@ fn light(i: u32, effects: Effects) -> Light {
 
 /// A profile without dark directions, in which rounding would decide.
 fn even_lamp() -> Profile {
-    let candela: Vec<f32> = (0..12).map(|i| 300.0 + 700.0 * random(i, 60)).collect();
-    Profile::new(&[0.0, 40.0, 75.0, 180.0], &[0.0, 30.0, 90.0], &candela).unwrap()
+    let candela: Vec<f32> = (0..16).map(|i| 300.0 + 700.0 * random(i % 12, 60)).collect();
+    of_degrees(&[0.0, 40.0, 75.0, 180.0], &[0.0, 130.0, 250.0, 360.0], &candela)
 }
 
 fn turn_of(i: u32) -> Quat {

@@ -4,8 +4,19 @@ use std::f32::consts::{PI, TAU};
 
 use glam::{DVec3, Mat3, Vec3};
 
-/// The most numbers that a grid has, with those that symmetry adds: half degrees in all directions.
+use crate::error::ProfileError;
+
+/// The most intensities of a grid: half degrees in all directions.
 pub(super) const MAX_VALUES: usize = 1 << 18;
+
+/// The greatest intensity, in candela.
+const MAX_CANDELA: f32 = 1.0e15;
+
+/// The least difference of two angles, in radians: a little less than that of files, 0.001 degrees.
+const MIN_STEP: f32 = 1.0e-5;
+
+/// A whole turn, with its rounding.
+const MAX_TURN: f32 = 1.0001 * TAU;
 
 /// Planes that cover as much go all around, in radians.
 pub(crate) const WHOLE_TURN: f32 = 0.9999 * TAU;
@@ -41,6 +52,29 @@ pub(super) struct Lobe {
 }
 
 impl Grid {
+    /// Checks the numbers, of which nothing is known.
+    pub fn check(&self) -> Result<(), ProfileError> {
+        let Self { polar, around, candela, axes } = self;
+        let [rows, columns, count] = [polar, around, candela].map(Vec::len);
+        let is_full = rows >= 2 && columns >= 1 && rows.checked_mul(columns) == Some(count) && count <= MAX_VALUES;
+        if !is_full {
+            let message = format!(
+                "{count} intensities for {rows} angles from the pole and {columns} around it; there must be one for each \
+                 pair, {MAX_VALUES} at most, of two angles or more and one or more"
+            );
+            return Err(ProfileError { message });
+        }
+        check_numbers("angle from the pole", polar, [0.0, PI], MIN_STEP)?;
+        let end = (around[0] + MAX_TURN).min(2.0 * MAX_TURN);
+        check_numbers("angle around the pole", around, [-MAX_TURN, end], MIN_STEP)?;
+        check_numbers("intensity", candela, [0.0, MAX_CANDELA], f32::NEG_INFINITY)?;
+        let is_along_axes = axes.to_cols_array().iter().all(|entry| [-1.0, 0.0, 1.0].contains(entry));
+        if is_along_axes && *axes * axes.transpose() == Mat3::IDENTITY {
+            return Ok(());
+        }
+        Err(ProfileError { message: format!("the axes {axes} are not those of the lamp in any order") })
+    }
+
     /// The intensity in a direction of any length but 0, whose coordinates are along the axes of the grid.
     pub fn candela(&self, direction: Vec3) -> f32 {
         let polar = direction.x.hypot(direction.y).atan2(direction.z);
@@ -115,6 +149,20 @@ impl Grid {
         }
         (least.clamp(-1.0, 1.0).acos() + FINE_MARGIN).min(PI)
     }
+}
+
+/// Checks that numbers are in a range, and each is above the one before by a step. NaN is in no range.
+fn check_numbers(what: &str, numbers: &[f32], [least, most]: [f32; 2], step: f32) -> Result<(), ProfileError> {
+    let mut from = least;
+    for (index, number) in numbers.iter().enumerate() {
+        if !(from..=most).contains(number) {
+            return Err(ProfileError {
+                message: format!("{what} {index} is {number:?}, outside {from:?} to {most:?}"),
+            });
+        }
+        from = from.max(number + step);
+    }
+    Ok(())
 }
 
 /// Angles from one to another, by [`FINE`] at most.

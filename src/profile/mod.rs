@@ -1,51 +1,48 @@
-//! Photometric profiles: how much a lamp emits in each direction, from the files of their makers.
+//! Photometric profiles: how much a lamp emits in each direction, as its maker has measured it.
 //!
-//! A file becomes a [grid](grid::Grid) of angles, which is interpolated; what the light tree needs follows from
-//! exact integrals of it. Grids are [kept](interned) for the life of the process, so that lights
+//! Intensities lie on a [grid](grid::Grid) of angles and are interpolated; what the light tree needs follows from
+//! exact integrals of them. Grids are [kept](interned) for the life of the process, so that lights
 //! that refer to them stay plain values.
 
-mod eulumdat;
 mod grid;
-mod ies;
 mod interned;
-mod measured;
 #[cfg(feature = "bake")]
 mod record;
 #[cfg(feature = "gpu-plan")]
 mod stored;
-mod text;
 
 use std::fmt;
 use std::hash::{Hash, Hasher};
 
-use glam::Vec3;
 #[cfg(feature = "gpu-plan")]
-use glam::{Mat3, Quat};
+use glam::Quat;
+use glam::{Mat3, Vec3};
 
 use crate::error::ProfileError;
+use grid::Grid;
 #[cfg(feature = "gpu-plan")]
 pub(crate) use grid::WHOLE_TURN;
 use interned::Table;
-use measured::{Coordinates, Measured};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use stored::{for_each_table, stored_quads};
-use text::Number;
 
 /// How much a lamp emits in each direction, in candela.
 ///
-/// [`Light::profile`](crate::Light::profile) makes a lamp of it. In the space of the lamp, vertical angle 0 is at
-/// -Z, where spots of glTF point too, and the plane C0 is at +X, C90 at +Y. Of types A and B, upward is +X and rightward -Y.
-/// Between the angles of a file intensities are interpolated linearly; beyond them it is dark.
+/// [`Light::profile`](crate::Light::profile) makes a lamp of it. Between the angles that are given, intensities are
+/// interpolated linearly; beyond them it is dark. The package `girandole-assets` reads the files of makers (IES and
+/// EULUMDAT).
 ///
-/// A profile is a reference to a table that is kept as long as the process runs: 4 bytes for each intensity,
-/// with those that symmetry adds. Equal tables are kept once. Copies and comparisons cost nothing.
+/// A profile is a reference to a table that is kept as long as the process runs: 4 bytes for each intensity.
+/// Equal tables are kept once. Copies and comparisons cost nothing.
 ///
 /// ```
-/// use girandole::{Light, Profile, glam::{Quat, Vec3}};
+/// use girandole::glam::{Mat3, Quat, Vec3};
+/// use girandole::{Light, Profile};
 ///
-/// // A downlight with a wide beam. The numbers are its vertical angles, its only plane, and candela.
-/// let file = b"IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 4 1 1 2 0 0 0 1 1 10\n0 30 60 90\n0\n500 600 300 0";
-/// let profile = Profile::ies(file)?;
+/// // A downlight with a wide beam, the same all around. It points to -Z, as spots do.
+/// let degrees = [0.0_f32, 30.0, 60.0, 90.0].map(f32::to_radians);
+/// let axes = Mat3::from_cols(Vec3::X, Vec3::Y, Vec3::NEG_Z);
+/// let profile = Profile::new(&degrees, &[0.0], &[500.0, 600.0, 300.0, 0.0], axes)?;
 /// assert_eq!(profile.candela(Vec3::NEG_Z), 500.0);
 /// assert_eq!(profile.candela(Vec3::Z), 0.0);
 /// assert!((profile.flux() - 1941.6).abs() < 1.0);
@@ -60,70 +57,30 @@ use text::Number;
 pub struct Profile(&'static Table);
 
 impl Profile {
-    /// Reads an IES file: LM-63 of 1986 to 2019, of type A, B or C.
+    /// Makes a profile of intensities on a grid of angles in radians: `polar` from a pole, `around` around it. For each
+    /// angle around, `candela` has the intensities at all angles from the pole. A single angle around stands for all.
     ///
-    /// Candela are multiplied by the file's multiplier, its ballast factor and, before 1995, the factor after it. Types
-    /// A and B with angles from 0 to 90 degrees are symmetric, and so is type C with planes from 0 to 90 or 180, or
-    /// from 90 to 270. What `TILT` says about tilted lamps is passed over.
-    ///
-    /// O(intensities).
-    ///
-    /// # Errors
-    /// [`ProfileError`], with the line:
-    ///
-    /// - a file that ends early, a word that is no number, and a number after the last one, as decimal commas leave;
-    /// - UTF-16;
-    /// - angles that do not ascend by 0.001 degrees, or are out of range: vertical ones from 0 to 180 for type C, all
-    ///   angles from -90 to 90 for types A and B, planes from -180 to 360;
-    /// - less than two vertical angles, for types A and B also less than two horizontal ones, and more than 4,096;
-    /// - planes that are no turn, with their symmetry; a whole turn may lack the last plane, which is the first;
-    /// - intensities that are negative or above 10¹⁵ candela, after all factors;
-    /// - more than 262,144 intensities, with the ones that symmetry adds.
-    pub fn ies(file: &[u8]) -> Result<Self, ProfileError> {
-        Self::of(ies::read(file)?)
-    }
-
-    /// Reads a EULUMDAT file. Its intensities are those of 1,000 lumens: they are multiplied by the conversion
-    /// factor and by the lumens of the first set of lamps over 1,000.
+    /// The columns of `axes` are directions in the space of the lamp, each along one of its axes: where the angle around
+    /// is 0, where it is a quarter of a turn, and the pole.
     ///
     /// O(intensities).
     ///
     /// # Errors
-    /// As for [`Profile::ies`], with at most 1,024 planes and angles of a plane. Numbers may follow the last one.
-    pub fn eulumdat(file: &[u8]) -> Result<Self, ProfileError> {
-        Self::of(eulumdat::read(file)?)
-    }
-
-    /// Makes a profile of type C: candela at vertical angles, 0 at nadir to 180 degrees, in planes at horizontal
-    /// angles, which are completed by symmetry as those of [files](Self::ies). The candela of a plane follow each
-    /// other. Other numbers of candela than the product of both are refused.
+    /// [`ProfileError`] for
     ///
-    /// O(intensities).
-    ///
-    /// # Errors
-    /// As for [`Profile::ies`]; the line is the index of a number in its list, from 1 on.
-    pub fn new(vertical: &[f32], horizontal: &[f32], candela: &[f32]) -> Result<Self, ProfileError> {
-        let numbers = |values: &[f32], what: &'static str| -> Vec<Number> {
-            let number = |(at, value): (usize, &f32)| Number { value: f64::from(*value), line: at + 1, what };
-            values.iter().enumerate().map(number).collect()
-        };
-        let vertical = numbers(vertical, "a vertical angle");
-        let horizontal = numbers(horizontal, "a horizontal angle");
-        for (list, fewest, what) in [(&vertical, 2, "a second vertical angle"), (&horizontal, 1, "a plane")] {
-            if list.len() < fewest {
-                return Err(ProfileError::Missing { line: list.len() + 1, what });
-            }
-        }
-        let (found, expected) = (candela.len(), measured::check_size(&vertical, &horizontal)?);
-        if found != expected {
-            return Err(ProfileError::Candela { found, expected });
-        }
-        let candela = numbers(candela, "an intensity");
-        Self::of(Measured { coordinates: Coordinates::C, vertical, horizontal, candela, factor: 1.0 })
-    }
-
-    fn of(measured: Measured) -> Result<Self, ProfileError> {
-        Ok(Self(interned::intern(measured.grid()?)))
+    /// - less than two angles from the pole, or none around it;
+    /// - more than 262,144 intensities, or not one for each pair of angles;
+    /// - angles that do not ascend by 10⁻⁵, or are out of range: from 0 to π from the pole, from one turn before 0 to two
+    ///   turns after it around the pole, and these within one turn;
+    /// - intensities that are negative, not finite or above 10¹⁵ candela;
+    /// - axes that are no rotation or reflection which takes axes to axes.
+    pub fn new(polar: &[f32], around: &[f32], candela: &[f32], axes: Mat3) -> Result<Self, ProfileError> {
+        // A sum turns -0 into 0, so that equal tables have equal bits.
+        let list = |numbers: &[f32]| numbers.iter().map(|number| number + 0.0).collect();
+        let axes = Mat3::from_cols_array(&axes.to_cols_array().map(|entry| entry + 0.0));
+        let grid = Grid { polar: list(polar), around: list(around), candela: list(candela), axes };
+        grid.check()?;
+        Ok(Self(interned::intern(grid)))
     }
 
     /// The intensity in a direction in the space of the lamp, in candela. The direction need not have unit length;

@@ -60,8 +60,8 @@ impl LightSampler<'_> {
     /// at the second and the third; a parallelogram begins at the corner at `-half_u - half_v`, and its edges run along
     /// `half_u` and `half_v`.
     ///
-    /// An engine whose lights have textures finds the texel there:
-    /// [`TexturedSurface::tex_coord`](crate::TexturedSurface::tex_coord). `None` for lights of other shapes, for a
+    /// An engine whose lights have textures finds the texel there, as `TexturedSurface::tex_coord` of the package
+    /// `girandole-assets` does. `None` for lights of other shapes, for a
     /// segment, and for samples of another world.
     pub fn place_on_light(&self, shading_point: &ShadingPoint, sample: &LightSample) -> Option<Vec2> {
         let LightId::Local { instance, light } = sample.light else { return None };

@@ -5,8 +5,6 @@
 //! root beside the top level (`sampling/cut.rs`). So patches are chosen as lamps are, by all that arrives. Within
 //! a patch a texel is chosen by its brightness, in the sums of `levels.rs`.
 
-#[cfg(feature = "hdr")]
-mod hdr;
 mod levels;
 mod octahedral;
 mod patches;
@@ -175,43 +173,14 @@ impl Sky {
         Self::equirectangular(2 * width, &texels.into_iter().map(|texel| texel.min(most)).collect::<Vec<_>>())
     }
 
-    /// Makes a sky of the bytes of a Radiance HDR file, whose map is [equirectangular](Sky::equirectangular). Its
-    /// numbers count as nits: a [factor](crate::LightWorld::set_factor) of the sky's instance scales those of files
-    /// that mean something else. The lines EXPOSURE, COLORCORR and PRIMARIES are not regarded.
+    /// Makes a sky as [`Sky::from_fn`] does, of which each pixel is the mean over 8 x 8 points, weighed by solid angle: for
+    /// maps in another parametrisation, whose light it keeps as [`Sky::octahedral`] does.
     ///
-    /// No bytes make this function panic, and it takes at most some 400 bytes of memory for each byte of the file.
-    /// Pixels may be flat or in runs of either version of the format, in the orientation that nearly all files have
-    /// (`-Y height +X width`).
-    ///
-    /// O(pixels).
-    ///
-    /// # Errors
-    /// [`SkyError::File`] for what is no such file, is damaged, or has pixels of another format (XYZE) or order;
-    /// [`SkyError::FileLength`] if it states more pixels than its bytes can hold, or a map of more than 2^24 pixels with
-    /// more than 16 for each byte, which only the runs of the format's first version could hold; [`SkyError::Size`] for a width or height that is 0 or above 32,768;
-    /// [`SkyError::Pixel`] for a pixel above [`MAX_EMISSION`](crate::light::MAX_EMISSION).
-    ///
-    /// ```
-    /// use girandole::{Sky, glam::Vec3};
-    /// // Usually `std::fs::read("dusk.hdr")?`; here two pixels of three channels with a common exponent.
-    /// let file = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\x10\x20\x30\x88\x40\x50\x60\x88";
-    /// let sky = Sky::hdr(file)?;
-    /// assert_eq!(sky.size(), [2, 1]);
-    /// assert_eq!(sky.radiance(Vec3::NEG_Z), Vec3::new(16.0, 32.0, 48.0));
-    /// # Ok::<(), girandole::SkyError>(())
-    /// ```
-    #[cfg(feature = "hdr")]
-    pub fn hdr(file: &[u8]) -> Result<Self, SkyError> {
-        let (width, pixels) = hdr::read(file, MAX_SIZE)?;
-        Self::equirectangular(width, &pixels)
-    }
-
-    /// Makes a sky of `width` columns and half as many rows from a function: each pixel is the mean over many points.
+    /// O(pixels), of which each takes 64 points.
     ///
     /// # Errors
     /// As for [`Sky::equirectangular`].
-    #[cfg(feature = "gltf")]
-    pub(crate) fn resampled(width: usize, radiance: impl Fn(Vec3) -> Vec3 + Sync) -> Result<Self, SkyError> {
+    pub fn averaged(width: usize, radiance: impl Fn(Vec3) -> Vec3 + Sync) -> Result<Self, SkyError> {
         if !(1..=MAX_SIZE).contains(&width) {
             return Err(SkyError::Size { width, pixels: width.saturating_mul(width / 2), max: MAX_SIZE });
         }

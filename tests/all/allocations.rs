@@ -1,6 +1,5 @@
 //! A frame in which nothing grows allocates nothing, and what a file claims allocates nothing.
 
-use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use girandole::effects::EFFECT_HOLD_UPDATES;
@@ -11,92 +10,11 @@ use girandole::{
     Region, RegionInstance, Reservoir, TreeKey,
 };
 
+use testbed::testing::counting::{Counting, held_bytes, live_bytes, requested_bytes, requests};
 use testbed::testing::support::Rng;
-
-/// The system allocator with counts of the requests of each thread and of their bytes.
-struct Counting;
-
-thread_local! {
-    /// Constant and without a destructor, so that reading it allocates nothing.
-    static REQUESTS: Cell<usize> = const { Cell::new(0) };
-    static BYTES: Cell<usize> = const { Cell::new(0) };
-    /// The bytes that this thread holds: negative if it frees what another one asked for.
-    static LIVE: Cell<isize> = const { Cell::new(0) };
-    /// The most bytes that this thread has held.
-    static PEAK: Cell<isize> = const { Cell::new(0) };
-}
-
-fn count_live(change: isize) {
-    let _ = LIVE.try_with(|live| {
-        live.set(live.get() + change);
-        let _ = PEAK.try_with(|peak| peak.set(peak.get().max(live.get())));
-    });
-}
-
-fn count_request(bytes: usize) {
-    // A thread that is about to end has lost its counters.
-    let _ = REQUESTS.try_with(|requests| requests.set(requests.get() + 1));
-    let _ = BYTES.try_with(|sum| sum.set(sum.get() + bytes));
-}
-
-// SAFETY: every call is passed to the system allocator unchanged.
-#[allow(unsafe_code, reason = "an allocator cannot be written without it")]
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count_request(layout.size());
-        count_live(layout.size() as isize);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count_live(-(layout.size() as isize));
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        count_request(layout.size());
-        count_live(layout.size() as isize);
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count_request(size);
-        count_live(size as isize - layout.size() as isize);
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
-
-/// Returns the number of requests for memory that this thread makes during some work.
-fn requests(work: impl FnOnce()) -> usize {
-    let before = REQUESTS.get();
-    work();
-    REQUESTS.get() - before
-}
-
-/// Returns the number of bytes that this thread asks for during some work, freed ones included.
-pub fn requested_bytes(work: impl FnOnce()) -> usize {
-    let before = BYTES.get();
-    work();
-    BYTES.get() - before
-}
-
-/// Returns how many bytes more this thread holds after some work than before.
-pub fn held_bytes<T>(work: impl FnOnce() -> T) -> (T, isize) {
-    let before = LIVE.get();
-    let result = work();
-    (result, LIVE.get() - before)
-}
-
-/// Returns how many bytes more than before this thread holds at most during some work.
-pub fn peak_bytes(work: impl FnOnce()) -> usize {
-    let before = LIVE.get();
-    PEAK.set(before);
-    work();
-    (PEAK.get() - before) as usize
-}
 
 /// Runs on a pool of one thread, so that all of the work is counted.
 pub fn on_one_thread(work: impl FnOnce() + Send) {
@@ -265,11 +183,11 @@ fn the_memory_of_a_world_is_what_it_holds_but_for_one_percent() {
         let trees: Vec<_> = (0..200).map(|_| rng.lights(100, 5.0)).collect();
         let changes: Vec<_> = (0..2_000).map(|index| (index, rng.light(50.0))).collect();
         let places: Vec<_> = (0..5_000).map(|_| rng.affine(100.0)).collect();
-        let before = LIVE.get();
+        let before = live_bytes();
         let mut world = LightWorld::new();
         let parts = Cell::new(0);
         let check = |world: &LightWorld, what: &str| {
-            let (held, memory) = (LIVE.get() - before, world.memory());
+            let (held, memory) = (live_bytes() - before, world.memory());
             let bytes = memory.total() as isize;
             // Left out are the lists of the scheduler, of what changed and of crowds: at
             // most 200 bytes for each instance and each tree; and the partition of the top level.

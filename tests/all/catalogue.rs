@@ -22,7 +22,9 @@ fn functions(folder: &Path, names: &mut BTreeSet<String>) {
 fn tests_that_the_catalogue_of_hard_cases_names_exist() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut known = BTreeSet::new();
-    ["src", "tests", "shaders", "examples"].iter().for_each(|folder| functions(&root.join(folder), &mut known));
+    ["assets", "src", "tests", "shaders", "examples"]
+        .iter()
+        .for_each(|folder| functions(&root.join(folder), &mut known));
     let page = fs::read_to_string(root.join("docs/hard-cases.md")).expect("a readable file");
     // Names of tests are sentences. Few functions have such long names.
     let is_test = |word: &&str| word.matches('_').count() >= 4 && word.chars().all(|c| c == '_' || c.is_alphanumeric());

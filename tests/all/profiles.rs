@@ -8,9 +8,13 @@ use testbed::testing::support::{Rng, all_pmfs};
 /// Beams of random shape and width, dark in most directions.
 fn profile(rng: &mut Rng) -> Profile {
     let vertical: Vec<f32> = (0..=18).map(|i| 10.0 * i as f32).collect();
-    let horizontal: Vec<f32> = (0..8).map(|i| 45.0 * i as f32).collect();
-    let candela = (0..19 * 8).map(|_| (rng.between(-2000.0, 1000.0)).max(0.0)).collect::<Vec<f32>>();
-    Profile::new(&vertical, &horizontal, &candela).expect("a sound table")
+    let horizontal: Vec<f32> = (0..=8).map(|i| 45.0 * i as f32).collect();
+    let mut candela = (0..19 * 8).map(|_| (rng.between(-2000.0, 1000.0)).max(0.0)).collect::<Vec<f32>>();
+    candela.extend_from_within(..19);
+    let [vertical, horizontal] =
+        [vertical, horizontal].map(|angles| angles.into_iter().map(f32::to_radians).collect::<Vec<_>>());
+    let axes = Mat3::from_cols(Vec3::X, Vec3::Y, Vec3::NEG_Z);
+    Profile::new(&vertical, &horizontal, &candela, axes).expect("a sound table")
 }
 
 /// Instances of trees of such lamps, and the lamps of each; some instances are sheared, mirrored or nearly flat.

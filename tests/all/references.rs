@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Folders whose files are searched, and whose names begin a path.
-const FOLDERS: [&str; 7] = ["src", "shaders", "tests", "benches", "examples", "scripts", "docs"];
+const FOLDERS: [&str; 8] = ["assets", "src", "shaders", "tests", "benches", "examples", "scripts", "docs"];
 
 /// The files of a folder and of those in it. `target` folders of the packages in `examples` are left out.
 pub fn files(folder: &Path) -> Vec<PathBuf> {
@@ -98,11 +98,13 @@ fn every_link_of_a_page_leads_to_a_file_and_a_heading() {
 #[test]
 fn every_page_with_rust_is_compiled() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let compiled = fs::read_to_string(root.join("src/lib.rs")).expect("the library");
+    let compiled =
+        ["src/lib.rs", "assets/src/lib.rs"].map(|file| fs::read_to_string(root.join(file)).expect("a library"));
+    let compiled = compiled.concat();
     for path in files(&root.join("docs")).iter().filter(|path| path.extension().is_some_and(|end| end == "md")) {
         // A package of its own compiles the page on Bevy.
         let is_compiled = fs::read_to_string(path).expect("a page").contains("```rust\n");
         let name = path.file_name().expect("a file").to_string_lossy();
-        assert!(!is_compiled || compiled.contains(&format!("../docs/{name}")), "{name} is not in src/lib.rs");
+        assert!(!is_compiled || compiled.contains(&format!("../docs/{name}")), "{name} is in no lib.rs");
     }
 }

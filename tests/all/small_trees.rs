@@ -4,7 +4,8 @@
 use girandole::glam::{DVec3, Vec3};
 use girandole::{FrameBudget, Light, LightTree, LightWorld, Placement, Policy};
 
-use crate::allocations::{held_bytes, on_one_thread};
+use crate::allocations::on_one_thread;
+use testbed::testing::counting::held_bytes;
 
 /// With the slot that slot maps never use, a power of two: their arrays are full.
 const TREES: usize = 4095;

@@ -1,8 +1,8 @@
 //! Loads a glTF scene and bakes its trees.
 
 use super::manifest::{FILE, Manifest};
-use girandole::gltf::{GltfOptions, load_lights};
 use girandole::{LightWorld, TreeKey};
+use girandole_assets::gltf::{GltfOptions, load_lights};
 use std::fs;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -24,7 +24,7 @@ pub fn write(scene: &Path, out: &Path) -> Result<Baked, SceneError> {
     let file = open(scene)?;
     let mut world = LightWorld::new();
     let start = Instant::now();
-    let lights = load_lights(&mut world, &file.document, &file.buffers, &GltfOptions::default())
+    let lights = load_lights(&mut world, &file, &[], &GltfOptions::default())
         .map_err(|error| SceneError(format!("{}: {error}", scene.display())))?;
     let building = start.elapsed();
 

@@ -8,7 +8,9 @@ use bevy::log::warn_once;
 use bevy::math::{Affine2, Vec3};
 use bevy::mesh::{Mesh, UvChannel};
 use bevy::prelude::{AlphaMode, StandardMaterial};
-use girandole::{Light, Texture, TextureError, TextureWrap, TexturedSurface};
+use girandole::Light;
+use girandole_assets::AssetError;
+use girandole_assets::texture::{Texture, TextureWrap, TexturedSurface};
 
 use crate::kinds::Sources;
 use crate::texels::Texels;
@@ -116,8 +118,8 @@ impl TextureKey {
             let surface = TexturedSurface::triangle(*corners, coords, Vec3::splat(UNIT))?;
             Ok(if two_sided { surface.two_sided() } else { surface })
         };
-        let lights = || -> Result<Vec<Light>, TextureError> {
-            let surfaces = corners.iter().zip(coords).map(surface).collect::<Result<Vec<_>, TextureError>>()?;
+        let lights = || -> Result<Vec<Light>, AssetError> {
+            let surfaces = corners.iter().zip(coords).map(surface).collect::<Result<Vec<_>, AssetError>>()?;
             let wrap = match &image.sampler {
                 ImageSampler::Default => sources.default_wrap.0,
                 ImageSampler::Descriptor(sampler) => wrap(sampler),
@@ -174,7 +176,7 @@ impl<'a> Emission<'a> {
         Some(Self::Linear { width, texels })
     }
 
-    fn texture(&self) -> Result<Texture<'_>, TextureError> {
+    fn texture(&self) -> Result<Texture<'_>, AssetError> {
         match self {
             Self::Srgb { width, rgba } => Texture::srgb(*width, *rgba),
             Self::Linear { width, texels } => Texture::linear(*width, texels.as_slice()),

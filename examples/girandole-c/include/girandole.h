@@ -298,11 +298,10 @@ typedef struct GirandoleShadingPoint {
 //   400         a time budget is negative or NaN
 //   500         a count is out of range
 //   600 to 699  plans for the GPU
+//   700         a file is not valid, or an image or its place on a surface; the message names the line of a profile
 //   800         a baked tree is not sound
 //   1100 to 1199  bytes are no baked tree
-//   1300 to 1399  the pixels or the file of a sky are refused, there is none, or portals are refused
-//   1400 to 1499  a photometric file is refused; the message names the line
-//   1500 to 1502  the texels or the texture coordinates of a surface are refused
+//   1300 to 1399  the pixels of a sky are refused, there is none, or portals are refused
 typedef int32_t GirandoleStatus;
 
 // The sizes of a world.
@@ -1096,7 +1095,7 @@ GirandoleStatus girandole_world_set_sky(struct GirandoleWorld *world,
                                         uint64_t *instance);
 
 // As girandole_world_set_sky, but from the bytes of a Radiance HDR file, whose numbers count as nits. Bytes of any
-// origin are safe: damaged ones are refused with 1306 or 1307. Takes at most some 400 bytes of memory for each byte of
+// origin are safe: damaged ones are refused with 700. Takes at most some 400 bytes of memory for each byte of
 // the file.
 GirandoleStatus girandole_world_set_sky_hdr(struct GirandoleWorld *world,
                                             const uint8_t *bytes,
@@ -1128,8 +1127,8 @@ GirandoleStatus girandole_world_set_portals(struct GirandoleWorld *world,
 //
 // parts has room for capacity elements. count gets the number of parts. If the surfaces alone are more than
 // capacity, count gets their number, and the call stores nothing else and returns GIRANDOLE_ERROR_NO_SPACE.
-// Returns 1500 for an image without texels or with more than 32768 rows or columns, 1501 for a texel that is
-// refused, and 1502 for texture coordinates that are not finite. Takes O(texels * log(parts)).
+// Returns 700 for an image without texels or with more than 32768 rows or columns, for a texel that is
+// refused, and for texture coordinates that are not finite. Takes O(texels * log(parts)).
 GirandoleStatus girandole_texture_split(const struct GirandoleTexture *image,
                                         const struct GirandoleTexturedSurface *surface_list,
                                         size_t surface_count,

@@ -182,7 +182,7 @@ void sky_and_profiles() {
     check(girandole_world_set_sky_hdr(world.get(), map_bytes, map.size(), &same));
     require(same == sky, "another map has another key");
     require(std::fabs(mean() / (PI * 32) - 1.0) < 0.02, "a sky of a file");
-    require(girandole_world_set_sky_hdr(world.get(), map_bytes, 20, &same) == 1306, "a map that ends early");
+    require(girandole_world_set_sky_hdr(world.get(), map_bytes, 20, &same) == 700, "a map that ends early");
     check(girandole_world_remove_instance(world.get(), sky));
 
     // A lamp 4 m above, turned to shine down: 300 candela straight below, half of it at the edge of its beam.
@@ -201,7 +201,7 @@ void sky_and_profiles() {
     require_near(exhaustive_lux(world.get(), up), 2 * 300 / 16.0, "straight below a lamp with a profile");
     const auto beside = girandole_surface_point(vec3(0, 0, 5), vec3(0, 1, 0));
     require(exhaustive_lux(world.get(), beside) == 0.0, "beyond the beam of a profile");
-    require(girandole_profile_from_ies(bytes, 30, &profile) == 1400 && profile == again, "a file that ends early");
+    require(girandole_profile_from_ies(bytes, 30, &profile) == 700 && profile == again, "a file that ends early");
     require(girandole_world_set_light_source(world.get(), tree, GIRANDOLE_SOURCE_GPU_MESH) ==
                 GIRANDOLE_ERROR_PROFILE_ON_GPU, "a kernel writes a light with a profile");
     auto unknown = lamp;

@@ -1,6 +1,7 @@
 //! Photometric profiles.
 
-use girandole::{Profile, ProfileError};
+use girandole::Profile;
+use girandole_assets::{AssetError, profile};
 
 use crate::memory::{array, result};
 use crate::status::{GirandoleStatus, call};
@@ -15,7 +16,7 @@ pub unsafe extern "C" fn girandole_profile_from_ies(
     profile: *mut u64,
 ) -> GirandoleStatus {
     // SAFETY: see the crate's documentation.
-    unsafe { read(bytes, size, profile, Profile::ies) }
+    unsafe { read(bytes, size, profile, profile::ies) }
 }
 
 /// Reads a EULUMDAT file, as girandole_profile_from_ies does.
@@ -26,14 +27,14 @@ pub unsafe extern "C" fn girandole_profile_from_eulumdat(
     profile: *mut u64,
 ) -> GirandoleStatus {
     // SAFETY: see the crate's documentation.
-    unsafe { read(bytes, size, profile, Profile::eulumdat) }
+    unsafe { read(bytes, size, profile, profile::eulumdat) }
 }
 
 unsafe fn read(
     bytes: *const u8,
     size: usize,
     profile: *mut u64,
-    reader: fn(&[u8]) -> Result<Profile, ProfileError>,
+    reader: fn(&[u8]) -> Result<Profile, AssetError>,
 ) -> GirandoleStatus {
     call(|| {
         // SAFETY: see the crate's documentation.

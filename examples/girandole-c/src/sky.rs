@@ -45,7 +45,7 @@ pub unsafe extern "C" fn girandole_world_set_sky(
 }
 
 /// As girandole_world_set_sky, but from the bytes of a Radiance HDR file, whose numbers count as nits. Bytes of any
-/// origin are safe: damaged ones are refused with 1306 or 1307. Takes at most some 400 bytes of memory for each byte of
+/// origin are safe: damaged ones are refused with 700. Takes at most some 400 bytes of memory for each byte of
 /// the file.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_set_sky_hdr(
@@ -59,7 +59,7 @@ pub unsafe extern "C" fn girandole_world_set_sky_hdr(
         let (world, file) = unsafe { (object(world, "world")?, array(bytes, size, "bytes")?) };
         // SAFETY: see the crate's documentation.
         let key = unsafe { result(instance, "instance")? };
-        let sky = Sky::hdr(file)?;
+        let sky = girandole_assets::sky::hdr(file)?;
         key.set(world.edit(|world| Ok(world.set_sky(sky)))?.into());
         Ok(())
     })

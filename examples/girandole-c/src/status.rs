@@ -18,11 +18,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 ///   400         a time budget is negative or NaN
 ///   500         a count is out of range
 ///   600 to 699  plans for the GPU
+///   700         a file is not valid, or an image or its place on a surface; the message names the line of a profile
 ///   800         a baked tree is not sound
 ///   1100 to 1199  bytes are no baked tree
-///   1300 to 1399  the pixels or the file of a sky are refused, there is none, or portals are refused
-///   1400 to 1499  a photometric file is refused; the message names the line
-///   1500 to 1502  the texels or the texture coordinates of a surface are refused
+///   1300 to 1399  the pixels of a sky are refused, there is none, or portals are refused
 pub type GirandoleStatus = i32;
 
 /// The call has succeeded.
@@ -115,10 +114,9 @@ from_errors_of_the_library!(
     girandole::CountError,
     girandole::CutError,
     girandole::WorldError,
-    girandole::ProfileError,
     girandole::LightError,
     girandole::SkyError,
-    girandole::TextureError,
+    girandole_assets::AssetError,
     girandole::plan::PlanError,
     girandole::tree::BakeError,
 );

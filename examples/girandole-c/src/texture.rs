@@ -1,7 +1,8 @@
 //! Surfaces that emit an image, and the lights that take their place.
 
 use girandole::glam::{Vec2, Vec3};
-use girandole::{Light, Shape, Texture, TextureWrap, TexturedSurface};
+use girandole::{Light, Shape};
+use girandole_assets::texture::{Texture, TextureWrap, TexturedSurface};
 
 use crate::light::{
     GIRANDOLE_LIGHT_PARALLELOGRAM, GIRANDOLE_LIGHT_TRIANGLE, GirandoleLight, girandole_parallelogram_light,
@@ -154,8 +155,8 @@ fn plain_surface(surface: &TexturedSurface) -> GirandoleTexturedSurface {
 ///
 /// parts has room for capacity elements. count gets the number of parts. If the surfaces alone are more than
 /// capacity, count gets their number, and the call stores nothing else and returns GIRANDOLE_ERROR_NO_SPACE.
-/// Returns 1500 for an image without texels or with more than 32768 rows or columns, 1501 for a texel that is
-/// refused, and 1502 for texture coordinates that are not finite. Takes O(texels * log(parts)).
+/// Returns 700 for an image without texels or with more than 32768 rows or columns, for a texel that is
+/// refused, and for texture coordinates that are not finite. Takes O(texels * log(parts)).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_texture_split(
     image: *const GirandoleTexture,

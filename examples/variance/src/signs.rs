@@ -7,9 +7,9 @@
 use super::effort::Effort;
 use girandole::glam::{Vec2, Vec3, vec3};
 use girandole::light::luminance;
-use girandole::{
-    Light, LightId, LightTree, LightWorld, Placement, Policy, ShadingPoint, Texture, TextureError, TexturedSurface,
-};
+use girandole::{Light, LightId, LightTree, LightWorld, Placement, Policy, ShadingPoint};
+use girandole_assets::AssetError;
+use girandole_assets::texture::{Texture, TexturedSurface};
 use std::hint::black_box;
 use std::path::Path;
 use std::time::Instant;
@@ -126,7 +126,7 @@ impl<'a> Sign<'a> {
 }
 
 fn texture(texels: &[Vec3]) -> Result<Texture<'_>, SceneError> {
-    Texture::linear(SIZE[0], texels).map_err(|error: TextureError| SceneError(error.to_string()))
+    Texture::linear(SIZE[0], texels).map_err(|error: AssetError| SceneError(error.to_string()))
 }
 
 /// Points on the ground and on walls, from 2 to 30 m in front of the sign.

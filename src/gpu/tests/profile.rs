@@ -10,7 +10,7 @@ use crate::keys::LightId;
 use crate::light::Light;
 use crate::policy::Policy;
 use crate::profile::Profile;
-use crate::profile::tests::street_lamp;
+use crate::profile::tests::{of_degrees, street_lamp};
 use crate::shading::shading_point::ShadingPoint;
 use crate::tree::LightTree;
 use crate::world::LightWorld;
@@ -86,9 +86,9 @@ fn the_gpu_samples_profiles_as_the_cpu_does_and_gets_each_table_once() {
     let with_known = lights.upload(&world).expect("room enough").bytes;
     // A table of its own is more than the records of a tree of 40 lamps.
     let vertical: Vec<f32> = (0..181).map(|i| i as f32).collect();
-    let horizontal: Vec<f32> = (0..72).map(|i| 5.0 * i as f32).collect();
-    let candela: Vec<f32> = (0..181 * 72).map(|i| 100.0 + 900.0 * random(i, 70)).collect();
-    let large = Profile::new(&vertical, &horizontal, &candela).expect("a sound table");
+    let horizontal: Vec<f32> = (0..=72).map(|i| 5.0 * i as f32).collect();
+    let candela: Vec<f32> = (0..181 * 73).map(|i| 100.0 + 900.0 * random(i % (181 * 72), 70)).collect();
+    let large = of_degrees(&vertical, &horizontal, &candela);
     add_lamps(&mut world, large, 300);
     let with_new = lights.upload(&world).expect("room enough").bytes;
     assert!(with_known < 40_000 && with_new > with_known + 4 * 181 * 72, "{with_known} {with_new}");

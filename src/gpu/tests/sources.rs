@@ -19,10 +19,7 @@ use crate::plan::{BufferId, Command, LightPlanner, MeasureReadback, PlanLimits, 
 use crate::scheduler::VirtualClock;
 use crate::top::partition::MOST_PARTS;
 use crate::tree::{LightTree, NO_LEAF, Node, WIDTH};
-use crate::{
-    Effects, FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint, Texture, TexturedSurface, TreeKey,
-    TreeSource,
-};
+use crate::{Effects, FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint, TreeKey, TreeSource};
 
 /// What the kernel of the tests writes to a light. A kind of 99 makes it dark.
 #[repr(C)]
@@ -502,11 +499,22 @@ fn a_film_that_only_the_gpu_has_lights_the_parts_of_a_screen_as_on_the_cpu() {
     let (width, height) = (64_u32, 32_u32);
     let texel = |i: u32| Vec3::new(random(i, 60), random(i, 61), random(i, 62)).powf(4.0);
     let texels: Vec<Vec3> = (0..width * height).map(texel).collect();
-    let mut texture = Texture::linear(width as usize, &texels).expect("sound texels");
-    let white = Vec3::new(900.0, 800.0, 700.0);
-    let screen = TexturedSurface::rectangle(Vec3::new(1.0, 3.0, 2.0), 4.0 * Vec3::X, 2.0 * Vec3::Y, white);
-    let parts = texture.split(&[screen], 0.5, 200);
-    let expected: Vec<Light> = parts.iter().map(|part| texture.light(part)).collect();
+    // Parts of 8 x 8 texels, and every other one of 4 x 4.
+    let corners =
+        |size: u32| (0..width * height / (size * size)).map(move |i| [i % (width / size), i / (width / size), size]);
+    let is_cut = |x: u32, y: u32| (x + y) % 2 == 0;
+    let large = corners(8).filter(|[x, y, _]| !is_cut(*x, *y));
+    let small = corners(4).filter(|[x, y, _]| is_cut(x / 2, y / 2));
+    let part = |[x, y, size]: [u32; 3]| {
+        let at = |i: u32| texels[((y * size + i / size) * width + x * size + i % size) as usize];
+        let mean = (0..size * size).map(at).sum::<Vec3>() / (size * size) as f32;
+        let [half, scale] = [0.5 * size as f32, 8.0 / width as f32];
+        let [right, up] = [(x * size) as f32 + half, height as f32 - (y * size) as f32 - half].map(|at| at * scale);
+        let center = Vec3::new(-3.0 + right, 1.0 + up, 2.0);
+        let [u, v] = [Vec3::X, Vec3::Y].map(|axis| axis * half * scale);
+        Light::rectangle(center, u, v, Vec3::new(900.0, 800.0, 700.0) * mean)
+    };
+    let expected: Vec<Light> = large.chain(small).map(part).collect();
     let mut world = LightWorld::new();
     let dark = expected.iter().map(|light| light.with_emission(Vec3::ZERO)).collect();
     let tree = world.add_tree(LightTree::new(dark).expect("valid"));
@@ -583,7 +591,7 @@ fn a_film_that_only_the_gpu_has_lights_the_parts_of_a_screen_as_on_the_cpu() {
     let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
     let group = bind(&device, "film", &own, &[wgpu::BindingResource::TextureView(&view), buffer.as_entire_binding()]);
     let pipeline = source_pipeline(&lights, &own, &(kernel.to_owned() + entry));
-    run_and_build(&mut lights, &pipeline, &group, parts.len() as u32);
+    run_and_build(&mut lights, &pipeline, &group, expected.len() as u32);
     let (_, _, records) = read_tree(&lights, tree);
     for (record, light) in records.iter().zip(&expected) {
         let difference = (Vec3::from(record.emission) - light.emission).abs().max_element();

@@ -118,7 +118,7 @@ pub(super) fn read(bytes: &[u8]) -> Record {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::profile::tests::street_lamp;
+    use crate::profile::tests::{of_degrees, street_lamp};
 
     fn bits(light: &Light) -> String {
         // Distinguishes the zeros, and shows NaN payloads as they are.
@@ -167,7 +167,7 @@ mod tests {
         let id = id_of(&unknown);
         assert_eq!(decode(&unknown, 7), Err(BakeError::Profile { index: 7, id }));
         // The same number in all versions, or files would not find their profiles.
-        let known = Profile::new(&[0.0, 90.0], &[0.0], &[1.0, 2.0]).expect("a sound table");
+        let known = of_degrees(&[0.0, 90.0], &[0.0], &[1.0, 2.0]);
         assert_eq!(known.id(), 0xb4b2_8028_0871_1fa7);
         let bright = encode(&Light::profile(Vec3::ONE, turn, known, Vec3::splat(0.6 * crate::light::MAX_EMISSION)));
         assert_eq!(decode(&bright, 7).map_err(|error| error.code()), Err(101));

@@ -7,7 +7,7 @@ use crate::error::PlacementError;
 use crate::keys::{InstanceKey, LightId, TreeKey};
 use crate::light::{DirectionalLight, Light};
 use crate::profile::Profile;
-use crate::profile::tests::street_lamp;
+use crate::profile::tests::{of_degrees, street_lamp};
 use crate::tree::testing::Rng;
 use crate::tree::{Attribute, LightTree};
 use crate::world::{LightWorld, OriginMode, TreeSource};
@@ -269,7 +269,7 @@ fn what_a_dump_lacks_is_counted() {
 
 #[test]
 fn a_profile_that_no_one_has_made_comes_with_the_dump() {
-    let lamp = Profile::new(&[0.0, 45.0, 91.25], &[0.0, 90.0], &[5.0, 4.0, 3.0, 2.0, 1.0, 0.5]).expect("a table");
+    let lamp = of_degrees(&[0.0, 45.0, 91.25], &[0.0, 90.0], &[5.0, 4.0, 3.0, 2.0, 1.0, 0.5]);
     let record = lamp.record();
     // Another process would make the profile anew.
     let mut other = record.clone();

@@ -1,7 +1,8 @@
 //! The time after sunset: a sky that is sampled as a light, and street lamps with a photometric profile.
 
-use girandole::glam::{Vec3, vec3};
+use girandole::glam::{Mat3, Vec3, vec3};
 use girandole::{Profile, Sky};
+use girandole_assets::profile;
 use std::path::PathBuf;
 
 use super::{SceneError, Stage};
@@ -24,7 +25,7 @@ impl Dusk {
         let error = |what: String| SceneError(format!("{}: {what}", path.display()));
         let file = std::fs::read(path).map_err(|read| error(read.to_string()))?;
         let is_eulumdat = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ldt"));
-        let profile = if is_eulumdat { Profile::eulumdat(&file) } else { Profile::ies(&file) };
+        let profile = if is_eulumdat { profile::eulumdat(&file) } else { profile::ies(&file) };
         profile.map_err(|refused| error(refused.to_string()))
     }
 }
@@ -50,7 +51,13 @@ fn street_lamp() -> Result<Profile, SceneError> {
             })
         })
         .collect();
-    Profile::new(&vertical, &planes, &candela).map_err(|refused| SceneError(refused.to_string()))
+    // All around, and vertical angles from straight down.
+    let candela = [&candela[..], &candela[..vertical.len()]].concat();
+    let radians = |degrees: &f32| f64::from(*degrees).to_radians() as f32;
+    let polar: Vec<f32> = vertical.iter().map(radians).collect();
+    let around: Vec<f32> = planes.iter().chain(&[360.0]).map(radians).collect();
+    let axes = Mat3::from_cols(Vec3::X, Vec3::Y, Vec3::NEG_Z);
+    Profile::new(&polar, &around, &candela, axes).map_err(|refused| SceneError(refused.to_string()))
 }
 
 /// Turns the night of a stage into dusk. The sky takes the place of the moon and of the ambient light.

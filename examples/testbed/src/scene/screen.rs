@@ -1,7 +1,9 @@
 //! A screen over the street that plays a film: the light that it sends follows each frame.
 
 use girandole::glam::{Affine2, Mat3, Vec3, Vec4, vec3};
-use girandole::{LightTree, LightWorld, Placement, Policy, Texture, TextureError, TexturedSurface, TreeKey};
+use girandole::{LightTree, LightWorld, Placement, Policy, TreeKey};
+use girandole_assets::AssetError;
+use girandole_assets::texture::{Texture, TexturedSurface};
 use std::f32::consts::TAU;
 use std::sync::Arc;
 
@@ -57,7 +59,7 @@ fn frame(number: usize) -> Pixels {
     Pixels { width: width as u32, height: height as u32, rgba: (0..width * height).map(pixel).collect() }
 }
 
-fn refused(error: TextureError) -> SceneError {
+fn refused(error: AssetError) -> SceneError {
     SceneError(error.to_string())
 }
 

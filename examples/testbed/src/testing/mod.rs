@@ -1,5 +1,6 @@
 //! What tests and benches share.
 
+pub mod counting;
 pub mod effect_sets;
 pub mod gltf_documents;
 pub mod plan_device;

@@ -2,13 +2,11 @@
 //! play at once, each in a loop.
 
 use girandole::glam::{DAffine3, DVec3, Quat, Vec3, Vec4};
-use girandole::gltf::gltf::animation::{Interpolation, Property};
-use girandole::gltf::gltf::scene::Transform;
-use girandole::gltf::{
-    GltfFile, LightSource, accessor_values, local_transform, profile_placement, punctual_placement, scene_nodes,
-    surface_placement,
-};
 use girandole::{DirectionalLight, LightWorld};
+use girandole_assets::AssetError;
+use girandole_assets::gltf::gltf::animation::{Interpolation, Property};
+use girandole_assets::gltf::gltf::scene::Transform;
+use girandole_assets::gltf::{GltfFile, accessor_values, local_transform, scene_nodes};
 
 use super::node_map::{NodeMap, to_single};
 use super::{Animation, Scene, SceneError};
@@ -53,7 +51,7 @@ impl Player {
     /// `None` if the file has no animations of nodes.
     pub fn new(file: &GltfFile, node_map: NodeMap) -> Result<Option<Self>, SceneError> {
         let document = &file.document;
-        let error = |error: girandole::gltf::GltfError| SceneError(error.to_string());
+        let error = |error: AssetError| SceneError(error.to_string());
         let mut channels = Vec::new();
         for animation in document.animations() {
             let first = channels.len();
@@ -63,17 +61,13 @@ impl Player {
                 if property == Property::MorphTargetWeights {
                     continue;
                 }
-                let times = accessor_values::<1, _>(&sampler.input(), &file.buffers).map_err(error)?;
+                let times = accessor_values::<1>(&sampler.input(), &file.buffers).map_err(error)?;
                 let times: Vec<f32> = times.into_iter().map(|[time]| time).collect();
                 let output = sampler.output();
                 let values: Vec<Vec4> = if property == Property::Rotation {
-                    accessor_values::<4, _>(&output, &file.buffers)
-                        .map_err(error)?
-                        .into_iter()
-                        .map(Vec4::from)
-                        .collect()
+                    accessor_values::<4>(&output, &file.buffers).map_err(error)?.into_iter().map(Vec4::from).collect()
                 } else {
-                    let values = accessor_values::<3, _>(&output, &file.buffers).map_err(error)?;
+                    let values = accessor_values::<3>(&output, &file.buffers).map_err(error)?;
                     values.into_iter().map(|value| Vec3::from(value).extend(0.0)).collect()
                 };
                 let node = target.node().index();
@@ -89,7 +83,8 @@ impl Player {
         if channels.is_empty() {
             return Ok(None);
         }
-        let order = scene_nodes(document).map_err(error)?;
+        let order =
+            scene_nodes(document).map_err(error)?.iter().map(|node| (node.node, node.parent)).collect::<Vec<_>>();
         let nodes: Vec<_> = document.nodes().collect();
         let rest: Vec<DAffine3> = nodes.iter().map(local_transform).collect::<Result<_, _>>().map_err(error)?;
         let mut poses = vec![None; nodes.len()];
@@ -204,13 +199,7 @@ impl Animation for Player {
         }
         for lights in self.node_map.lights.nodes.iter().filter(|lights| self.is_animated[lights.node]) {
             let transform = transforms[lights.node];
-            let placement = match lights.source {
-                LightSource::Surfaces => Some(surface_placement(&(transform * lights.local))),
-                LightSource::Punctual => punctual_placement(&transform),
-                LightSource::Profile => profile_placement(&transform),
-                _ => unreachable!("this version has no others"),
-            };
-            if let Some(placement) = placement {
+            if let Some(placement) = lights.source.placement(&(transform * lights.local)) {
                 world.move_instance(lights.instance, placement)?;
             }
         }

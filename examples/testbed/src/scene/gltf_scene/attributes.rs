@@ -1,9 +1,10 @@
 //! The colours and normals of vertices.
 
 use girandole::glam::{Vec3, Vec4};
-use girandole::gltf::gltf::accessor::Dimensions;
-use girandole::gltf::gltf::{Primitive, Semantic};
-use girandole::gltf::{GltfError, primitive_attribute};
+use girandole_assets::AssetError;
+use girandole_assets::gltf::gltf::accessor::Dimensions;
+use girandole_assets::gltf::gltf::{Primitive, Semantic};
+use girandole_assets::gltf::primitive_attribute;
 
 use super::notes::Notes;
 
@@ -17,13 +18,13 @@ fn read<const N: usize>(
     (mesh, primitive, buffers): Source<'_>,
     semantic: &Semantic,
     mut convert: impl FnMut([f32; N]) -> Vec4,
-) -> Result<Option<Attribute>, GltfError> {
-    let found = primitive_attribute::<N, _>(mesh, primitive, semantic, buffers)?;
+) -> Result<Option<Attribute>, AssetError> {
+    let found = primitive_attribute::<N>(mesh, primitive, semantic, buffers)?;
     Ok(found.map(|triangles| triangles.into_iter().map(|corners| corners.map(&mut convert)).collect()))
 }
 
 /// The linear colours and alphas of `COLOR_0`, from 0 to 1.
-pub fn colors(source: Source<'_>, notes: &mut Notes) -> Result<Option<Attribute>, GltfError> {
+pub fn colors(source: Source<'_>, notes: &mut Notes) -> Result<Option<Attribute>, AssetError> {
     let mut clamped = |color: Vec4| {
         let inside = color.max(Vec4::ZERO).min(Vec4::ONE);
         if inside != color {
@@ -39,7 +40,7 @@ pub fn colors(source: Source<'_>, notes: &mut Notes) -> Result<Option<Attribute>
 }
 
 /// The unit normals; zero for triangles with a normal that has no direction.
-pub fn normals(source: Source<'_>, notes: &mut Notes) -> Result<Option<Attribute>, GltfError> {
+pub fn normals(source: Source<'_>, notes: &mut Notes) -> Result<Option<Attribute>, AssetError> {
     let unit = |normal| Vec3::from(normal).normalize_or_zero().extend(0.0);
     let mut normals = read::<3>(source, &Semantic::Normals, unit)?;
     for corners in normals.iter_mut().flatten().filter(|corners| corners.contains(&Vec4::ZERO)) {

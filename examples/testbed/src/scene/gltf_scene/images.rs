@@ -1,12 +1,11 @@
 //! Decodes the images of glTF files: PNG, JPEG and WebP.
 
 use std::io::Cursor;
-use std::path::Path;
 use std::sync::Arc;
 
-use girandole::gltf::gltf::Document;
-use girandole::gltf::gltf::image::Source;
-use girandole::gltf::{GltfFile, GltfOptions, TextureImage, TextureUse, read_image};
+use girandole_assets::gltf::gltf::Document;
+use girandole_assets::gltf::gltf::image::Source;
+use girandole_assets::gltf::{GltfFile, GltfOptions, TextureImage, TextureUse, read_image};
 use image_webp::WebPDecoder;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
@@ -29,9 +28,8 @@ pub struct Images {
     pub warnings: Vec<String>,
 }
 
-/// Decodes all images that materials use. `folder` is that of the file. An image of another format is
-/// left out, with a warning.
-pub fn load(file: &GltfFile, folder: Option<&Path>) -> Result<Images, SceneError> {
+/// Decodes all images that materials use. An image of another format is left out, with a warning.
+pub fn load(file: &GltfFile) -> Result<Images, SceneError> {
     let count = file.document.images().len();
     let mut images = Images { pixels: vec![None; count], warnings: Vec::new() };
     // Whether each image is used, and shows colours.
@@ -49,8 +47,7 @@ pub fn load(file: &GltfFile, folder: Option<&Path>) -> Result<Images, SceneError
     let mut total = 0;
     for (index, is_color) in uses.into_iter().enumerate() {
         let Some(is_color) = is_color else { continue };
-        let bytes =
-            read_image(file, index, folder, &GltfOptions::default()).map_err(|error| SceneError(error.to_string()))?;
+        let bytes = read_image(file, index, &GltfOptions::default()).map_err(|error| SceneError(error.to_string()))?;
         let label = label(&file.document, index);
         let Some(pixels) = decode(&bytes).map_err(|what| SceneError(format!("{label}: {what}")))? else {
             images.warnings.push(format!("{label} is not PNG, JPEG or WebP; its surfaces show their plain colours"));

@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 
 use girandole::glam::Vec3;
-use girandole::gltf::gltf::json::{Value, deserialize};
-use girandole::gltf::gltf::material::AlphaMode;
-use girandole::gltf::gltf::texture::Info;
-use girandole::gltf::gltf::{Document, Material as GltfMaterial, Primitive, Semantic};
-use girandole::gltf::{TextureUse, TextureWrap, material_emission};
+use girandole_assets::gltf::gltf::json::{Value, deserialize};
+use girandole_assets::gltf::gltf::material::AlphaMode;
+use girandole_assets::gltf::gltf::texture::Info;
+use girandole_assets::gltf::gltf::{Document, Material as GltfMaterial, Primitive, Semantic};
+use girandole_assets::gltf::{TextureUse, material_emission};
+use girandole_assets::texture::TextureWrap;
 
 use super::images::Images;
 use super::texture::{Texture, Wrap};

@@ -10,12 +10,12 @@
 use std::path::Path;
 
 use girandole::glam::{Affine3A, Mat3, Vec3, Vec4};
-use girandole::gltf::gltf::{Document, Node, Primitive};
-use girandole::gltf::{
-    self, GltfError, GltfFile, GltfOptions, load_lights_with_textures, node_instances, node_visibility,
-    primitive_tex_coords, primitive_triangles, world_transforms,
-};
 use girandole::{DirectionalLight, LightWorld, Policy};
+use girandole_assets::AssetError;
+use girandole_assets::gltf::gltf::{Document, Node, Primitive, Semantic};
+use girandole_assets::gltf::{
+    self, GltfFile, GltfOptions, SceneNode, load_lights, node_instances, primitive_attribute, scene_nodes,
+};
 
 use super::texture::{self, Texture};
 use super::{Alpha, Animation, Camera, Material, Mesh, Object, Scene, SceneError, Sky, Stage, Triangle};
@@ -73,8 +73,8 @@ const CONVERTERS: [(&str, &str); 5] = [
 /// Reads a file and its buffers. An error is one line that begins with the path.
 pub fn open(path: &Path) -> Result<GltfFile, SceneError> {
     gltf::load(path, &GltfOptions::default()).map_err(|error| match &error {
-        GltfError::Read { .. } => SceneError(error.to_string()),
-        GltfError::UnsupportedExtensions { names } => {
+        AssetError::Read { .. } => SceneError(error.to_string()),
+        AssetError::Extensions { names } => {
             let command = |name: &String| Some(CONVERTERS.iter().find(|(known, _)| known == name)?.1);
             let mut commands: Vec<&str> = names.iter().filter_map(command).collect();
             commands.sort_unstable();
@@ -96,16 +96,20 @@ pub fn stage(path: &Path, camera: Option<Camera>) -> Result<Stage, SceneError> {
 pub fn stage_in_frame(path: &Path, camera: Option<Camera>, aspect: f32) -> Result<Stage, SceneError> {
     let fail = |what: String| SceneError(format!("{}: {what}", path.display()));
     let file = open(path)?;
-    let images = images::load(&file, path.parent()).map_err(|error| fail(error.0))?;
+    let images = images::load(&file).map_err(|error| fail(error.0))?;
     let mut world = LightWorld::new();
     let options = GltfOptions { policy: Policy::Budgeted, ..GltfOptions::default() };
-    let lights = load_lights_with_textures(&mut world, &file.document, &file.buffers, &images.for_lights(), &options)
-        .map_err(|error| fail(error.to_string()))?;
-    let placed = place(&file, &images).map_err(|error| fail(error.0))?;
+    let lights =
+        load_lights(&mut world, &file, &images.for_lights(), &options).map_err(|error| fail(error.to_string()))?;
+    let mut nodes = vec![None; file.document.nodes().len()];
+    for node in scene_nodes(&file.document).map_err(|error| fail(error.to_string()))? {
+        nodes[node.node] = Some(node);
+    }
+    let placed = place(&file, &nodes, &images).map_err(|error| fail(error.0))?;
     if placed.objects.is_empty() {
         return Err(fail("its scene has no triangles".into()));
     }
-    let own_camera = file_camera(&file.document).map_err(|error| fail(error.to_string()))?;
+    let own_camera = file_camera(&file.document, &nodes);
     let mut scene = Scene {
         materials: placed.materials,
         textures: placed.textures,
@@ -151,16 +155,14 @@ struct PlacedMeshes {
     warnings: Vec<String>,
 }
 
-/// Converts the materials and meshes of a file and places its nodes.
-fn place(file: &GltfFile, images: &Images) -> Result<PlacedMeshes, SceneError> {
+/// Converts the materials and meshes of a file and places its nodes, of which `nodes` has those of the scene by index.
+fn place(file: &GltfFile, nodes: &[Option<SceneNode>], images: &Images) -> Result<PlacedMeshes, SceneError> {
     let document = &file.document;
-    let error = |error: GltfError| SceneError(error.to_string());
+    let error = |error: AssetError| SceneError(error.to_string());
     let mut notes = Notes::default();
     notes.add_unused(document);
     let mut materials = Materials::new(images);
     materials.add_all(document);
-    let transforms = world_transforms(document).map_err(error)?;
-    let shown = node_visibility(document).map_err(error)?;
     let mut mesh_indices: Vec<Option<u32>> = vec![None; document.meshes().len()];
     let mut meshes: Vec<Mesh> = Vec::new();
     for source in document.meshes() {
@@ -182,14 +184,15 @@ fn place(file: &GltfFile, images: &Images) -> Result<PlacedMeshes, SceneError> {
     let mut posed_count = 0;
     for node in document.nodes() {
         let mesh = node.mesh().and_then(|mesh| mesh_indices[mesh.index()]);
-        let (Some(mesh), Some(transform)) = (mesh, transforms[node.index()]) else { continue };
-        let visible = shown[node.index()];
+        let (Some(mesh), Some(SceneNode { transform, is_visible: visible, .. })) = (mesh, nodes[node.index()]) else {
+            continue;
+        };
         if node.skin().is_some() {
             posed_count += meshes[mesh as usize].triangles.len();
             if posed_count > MAX_POSED {
                 return Err(SceneError(format!("its skins pose more than {MAX_POSED} triangles")));
             }
-            if let Some(posed) = skins::posed(&node, &meshes[mesh as usize], file, &transforms).map_err(error)? {
+            if let Some(posed) = skins::posed(&node, &meshes[mesh as usize], file, nodes).map_err(error)? {
                 let emits =
                     |triangle: &Triangle| materials.materials[triangle.material as usize].emission != Vec3::ZERO;
                 let is_lamp = posed.triangles.iter().any(emits);
@@ -202,7 +205,7 @@ fn place(file: &GltfFile, images: &Images) -> Result<PlacedMeshes, SceneError> {
             }
             notes.add("skins that leave out joints or vertices are not used", "nodes");
         }
-        for local in node_instances(document, &node, &file.buffers).map_err(error)? {
+        for local in node_instances(file, &node).map_err(error)? {
             if objects.len() == MAX_OBJECTS {
                 return Err(SceneError(format!("its nodes place more than {MAX_OBJECTS} meshes")));
             }
@@ -225,19 +228,23 @@ fn add_primitive(
     buffers: &[Vec<u8>],
     materials: &mut Materials<'_>,
     notes: &mut Notes,
-) -> Result<(), GltfError> {
-    let corners = primitive_triangles(index, primitive, buffers)?;
+) -> Result<(), AssetError> {
+    let Some(corners) = primitive_attribute(index, primitive, &Semantic::Positions, buffers)? else { return Ok(()) };
     let (material, sets) = materials.of(primitive);
     let first = mesh.triangles.len();
-    mesh.triangles.extend(corners.into_iter().map(|vertices| Triangle { vertices, material }));
+    mesh.triangles.extend(corners.into_iter().map(|corners| Triangle { vertices: corners.map(Vec3::from), material }));
     let count = mesh.triangles.len();
     for (slot, set) in sets.into_iter().enumerate() {
         let Some(set) = set else { continue };
-        let Some(coordinates) = primitive_tex_coords(index, primitive, set, buffers)? else { continue };
+        let coordinates = primitive_attribute::<2>(index, primitive, &Semantic::TexCoords(set), buffers)?;
+        let Some(coordinates) = coordinates else { continue };
+        if !coordinates.as_flattened().as_flattened().iter().all(|x| x.is_finite()) {
+            let message = format!("mesh {index}: a texture coordinate is not a finite number");
+            return Err(AssetError::Invalid { message });
+        }
         mesh.tex_coords.resize(count, [Vec4::ZERO; 3]);
         for (corner, found) in mesh.tex_coords[first..].as_flattened_mut().iter_mut().zip(coordinates.as_flattened()) {
-            corner[2 * slot] = found.x;
-            corner[2 * slot + 1] = found.y;
+            [corner[2 * slot], corner[2 * slot + 1]] = *found;
         }
     }
     if let Some(colors) = attributes::colors((index, primitive, buffers), notes)? {
@@ -261,15 +268,14 @@ fn add_primitive(
 }
 
 /// The first perspective camera of the scene.
-fn file_camera(document: &Document) -> Result<Option<Camera>, GltfError> {
-    use girandole::gltf::gltf::camera::Projection;
-    let transforms = world_transforms(document)?;
+fn file_camera(document: &Document, nodes: &[Option<SceneNode>]) -> Option<Camera> {
+    use girandole_assets::gltf::gltf::camera::Projection;
     let perspective = |node: Node<'_>| match node.camera()?.projection() {
-        Projection::Perspective(lens) => transforms[node.index()].map(|transform| (transform, lens.yfov())),
+        Projection::Perspective(lens) => Some((nodes[node.index()]?, lens.yfov())),
         Projection::Orthographic(_) => None,
     };
-    Ok(document.nodes().find_map(perspective).and_then(|(transform, vertical_fov)| {
-        let transform = to_single(transform);
+    document.nodes().find_map(perspective).and_then(|(placed, vertical_fov)| {
+        let transform = to_single(placed.transform);
         let eye = Vec3::from(transform.translation);
         let axes = Mat3::from(transform.matrix3);
         let forward = (axes * Vec3::NEG_Z).try_normalize()?;
@@ -280,5 +286,5 @@ fn file_camera(document: &Document) -> Result<Option<Camera>, GltfError> {
             vertical_fov: if is_usable { vertical_fov } else { viewpoint::FIELD_OF_VIEW },
             up: (axes * Vec3::Y).normalize_or(Vec3::Y),
         })
-    }))
+    })
 }

@@ -1,8 +1,8 @@
 //! Which objects and which lights belong to each node of a glTF scene.
 
 use girandole::glam::{Affine3A, DAffine3, Mat3A};
-use girandole::gltf::gltf::Document;
-use girandole::gltf::{GltfLights, is_hidden};
+use girandole_assets::gltf::gltf::Document;
+use girandole_assets::gltf::{GltfLights, is_hidden};
 
 /// An object of a node.
 #[derive(Clone, Copy, Debug)]

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use girandole::gltf::gltf::camera::Projection;
-use girandole::gltf::gltf::mesh::Mode;
-use girandole::gltf::gltf::{Document, Semantic};
+use girandole_assets::gltf::gltf::camera::Projection;
+use girandole_assets::gltf::gltf::mesh::Mode;
+use girandole_assets::gltf::gltf::{Document, Semantic};
 use serde_json::{Map, Value};
 
 /// Extensions of materials, primitives and nodes that are used, or whose fallback is.

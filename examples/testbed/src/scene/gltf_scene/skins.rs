@@ -1,36 +1,38 @@
 //! Meshes of nodes with skins, posed by their joints at rest.
 
-use girandole::glam::{DAffine3, DMat4, Mat4, Vec3};
-use girandole::gltf::gltf::{Node, Semantic};
-use girandole::gltf::{GltfError, GltfFile, accessor_values, primitive_attribute, primitive_triangles};
+use girandole::glam::{DMat4, Mat4, Vec3};
+use girandole_assets::AssetError;
+use girandole_assets::gltf::gltf::{Node, Semantic};
+use girandole_assets::gltf::{GltfFile, SceneNode, accessor_values, primitive_attribute};
 
 use super::Mesh;
 
 /// A copy of a node's mesh in world space, posed by the node's skin. As glTF states, the transform of the
-/// node has no effect. `transforms` are those of all nodes. `None` if a joint is not part of the scene, or
+/// node has no effect. `placed` are the nodes of the scene, by index. `None` if a joint is not part of the scene, or
 /// if a vertex has no joint.
 pub fn posed(
     node: &Node<'_>,
     mesh: &Mesh,
     file: &GltfFile,
-    transforms: &[Option<DAffine3>],
-) -> Result<Option<Mesh>, GltfError> {
+    placed: &[Option<SceneNode>],
+) -> Result<Option<Mesh>, AssetError> {
     let (Some(skin), Some(source)) = (node.skin(), node.mesh()) else { return Ok(None) };
-    let binds = skin.inverse_bind_matrices().map(|accessor| accessor_values::<16, _>(&accessor, &file.buffers));
+    let binds = skin.inverse_bind_matrices().map(|accessor| accessor_values::<16>(&accessor, &file.buffers));
     let binds = binds.transpose()?;
     let joint = |(place, joint): (usize, Node<'_>)| {
         let bind = binds.as_ref().map_or(Some(Mat4::IDENTITY), |all| all.get(place).map(Mat4::from_cols_array))?;
-        Some(DMat4::from(transforms[joint.index()]?).as_mat4() * bind)
+        Some(DMat4::from(placed[joint.index()]?.transform).as_mat4() * bind)
     };
     let Some(joints) = skin.joints().enumerate().map(joint).collect::<Option<Vec<Mat4>>>() else { return Ok(None) };
     let mut posed = mesh.clone();
     let mut first = 0;
     for primitive in source.primitives() {
-        let count = primitive_triangles(source.index(), &primitive, &file.buffers)?.len();
+        let positions = primitive_attribute::<3>(source.index(), &primitive, &Semantic::Positions, &file.buffers)?;
+        let count = positions.map_or(0, |triangles| triangles.len());
         if count == 0 {
             continue;
         }
-        let read = |semantic| primitive_attribute::<4, _>(source.index(), &primitive, &semantic, &file.buffers);
+        let read = |semantic| primitive_attribute::<4>(source.index(), &primitive, &semantic, &file.buffers);
         let (indices, weights) = (read(Semantic::Joints(0))?, read(Semantic::Weights(0))?);
         let (Some(indices), Some(weights)) = (indices, weights) else { return Ok(None) };
         for (index, (indices, weights)) in indices.into_iter().zip(weights).enumerate() {

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 
 use girandole::LightWorld;
 use girandole::glam::{Affine3A, DAffine3, DMat3, Quat, Vec3, vec3};
-use girandole::gltf::gltf::Document;
-use girandole::gltf::{LightSource, profile_placement, punctual_placement};
+use girandole_assets::gltf::LightSource;
+use girandole_assets::gltf::gltf::Document;
 
 use super::node_map::NodeMap;
 use super::{Animation, Scene, SceneError};
@@ -137,17 +137,15 @@ impl Animation for Sway {
                 let transform = scene.objects[object].transform;
                 match lights.source {
                     LightSource::Surfaces => world.move_instance(lights.instance, transform)?,
-                    source @ (LightSource::Punctual | LightSource::Profile) => {
+                    source => {
                         let wide = DAffine3::from_mat3_translation(
                             DMat3::from_cols_array(&transform.matrix3.to_cols_array().map(f64::from)),
                             Vec3::from(transform.translation).as_dvec3(),
                         );
-                        let place = if source == LightSource::Profile { profile_placement } else { punctual_placement };
-                        if let Some(placement) = place(&wide) {
+                        if let Some(placement) = source.placement(&wide) {
                             world.move_instance(lights.instance, placement)?;
                         }
                     }
-                    _ => unreachable!("this version has no others"),
                 }
             }
         }
