@@ -10,7 +10,7 @@
 //!
 //! Emission is `emissiveFactor` times the strength of KHR_materials_emissive_strength, in nits, times
 //! the average of the emissive texture over each triangle, if the caller passes the decoded images.
-//! Alpha without a texture's counts too; skins and morph targets are ignored.
+//! Alpha counts where the alpha mode is MASK or BLEND. Skins and morph targets are ignored.
 //! Many files describe one lamp twice, by a light and by an emissive surface; [`GltfOptions`] selects
 //! either.
 //!

@@ -26,9 +26,10 @@ const VALUE_BYTES: u64 = 256;
 ///
 /// [`load`](super::load) also reads the buffers. Call this where they are read in another way, and then
 /// [`GltfFile::new`](super::GltfFile::new). Do not call [`Gltf::from_slice`] on files of unknown
-/// origin. It panics on a .glb whose stated length is less than its header and on positions that refer to no accessor. It takes quadratic time on
-/// accessors with long bounds. It accepts animations of nodes that do not exist, cameras without
-/// their projection and images without a source, and panics when these are read.
+/// origin. It panics on a .glb whose stated length is less than its header and on positions that
+/// refer to no accessor. It takes quadratic time on accessors with long bounds. It accepts animations
+/// of nodes that do not exist, cameras without their projection and images without a source, and
+/// panics when these are read.
 ///
 /// No bytes make this function panic. Its memory is limited by
 /// [`GltfOptions::max_bytes`](GltfOptions::max_bytes), and its time is linear in the bytes.
