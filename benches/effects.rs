@@ -1,4 +1,4 @@
-//! What each effect costs a sample, and how much of that cost remains in a world without effects.
+//! What the code for each effect costs a sample in a world without effects.
 //!
 //! The bench times the variants of the sampling kernel in a world of points in rotated and translated
 //! instances. Before anything is timed, all must give the samples of the variant without effects.
@@ -10,14 +10,9 @@
 
 use std::time::{Duration, Instant};
 
-use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Quat, Vec3};
-use girandole::gpu::measure::record_bytes;
 use girandole::gpu::{GpuLights, SampleRecord, SampleRequest};
-use girandole::{
-    DirectionalLight, Effects, FrameBudget, Light, LightTree, LightWorld, OriginMode, Placement, Policy, WorldError,
-    wgpu,
-};
+use girandole::{Effects, FrameBudget, Light, LightTree, LightWorld, Placement, Policy, WorldError, wgpu};
 
 use testbed::common::gpu;
 use testbed::testing::support::Rng;
@@ -44,7 +39,6 @@ struct Size {
 struct Case {
     name: &'static str,
     pipeline: wgpu::ComputePipeline,
-    is_stored_for_all: bool,
     /// The time of each round.
     seconds: Vec<f64>,
 }
@@ -58,9 +52,9 @@ fn main() {
         false => Size { instances: 40, shading_points: 1 << 10, rounds: 1, time: Duration::ZERO },
     };
 
-    let (bare, all) = stored(&machine, size.instances).expect("a world of valid lights");
+    let lights = bare_world(&machine, size.instances).expect("a world of valid lights");
     let own = own_layout(&machine.device);
-    let mut cases = cases(&machine, &bare, &own, is_bench);
+    let mut cases = cases(&machine, &lights, &own, is_bench);
     let requests = requests(size.shading_points);
     let input = machine.storage(size_of_val(&requests[..]) as u64);
     machine.queue.write_buffer(&input, 0, bytemuck::cast_slice(&requests));
@@ -69,8 +63,7 @@ fn main() {
 
     let mut bare_samples = Vec::new();
     for case in &cases {
-        let lights = if case.is_stored_for_all { &all } else { &bare };
-        machine.time(case, lights, &group, size.shading_points);
+        machine.time(case, &lights, &group, size.shading_points);
         let samples: Vec<SampleRecord> = machine.read(&output);
         if bare_samples.is_empty() {
             assert!(
@@ -91,11 +84,10 @@ fn main() {
             order.swap(i, (rng.bits() % (i as u64 + 1)) as usize);
         }
         for at in order.iter().copied() {
-            let lights = if cases[at].is_stored_for_all { &all } else { &bare };
             // A first run warms the caches: right after itself, a kernel is up to 5 % faster than
             // after another one.
-            machine.time(&cases[at], lights, &group, size.shading_points);
-            let seconds = machine.time(&cases[at], lights, &group, size.shading_points);
+            machine.time(&cases[at], &lights, &group, size.shading_points);
+            let seconds = machine.time(&cases[at], &lights, &group, size.shading_points);
             cases[at].seconds.push(seconds);
         }
         if start.elapsed() > size.time {
@@ -103,12 +95,12 @@ fn main() {
         }
     }
     if is_bench {
-        report(&machine, &size, &cases, [&bare, &all]);
+        report(&machine, &size, &cases);
     }
 }
 
-/// The lights of one world, stored for no effect and for all.
-fn stored(machine: &Machine, instances: u32) -> Result<(GpuLights, GpuLights), WorldError> {
+/// The lights of a world without effects.
+fn bare_world(machine: &Machine, instances: u32) -> Result<GpuLights, WorldError> {
     let mut rng = Rng(18);
     let mut world = LightWorld::new();
     let mut trees = Vec::new();
@@ -125,44 +117,15 @@ fn stored(machine: &Machine, instances: u32) -> Result<(GpuLights, GpuLights), W
         let translation = DVec3::new(f64::from(x), f64::from(rng.between(5.0, 30.0)), f64::from(z));
         world.add_instance(trees[i % trees.len()], Placement { linear: turn, translation }, Policy::Static)?;
     }
-
-    // The layout for removed effects is kept for some updates.
-    let [x, z] = [Vec3::X, Vec3::Z];
-    let extra = world.add_tree(LightTree::new(vec![
-        Light::spot(Vec3::ZERO, x, 0.2, 0.6, x).with_range(9.0),
-        Light::rectangle(Vec3::ZERO, x, z, x),
-        Light::triangle([Vec3::ZERO, x, z], x).two_sided(),
-    ])?);
-    let scaled = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 2.0, 3.0)), translation: DVec3::ZERO };
-    let scaled = world.add_instance(extra, scaled, Policy::Static)?;
-    world.set_factor(scaled, 0.5 * Vec3::ONE)?;
-    world.set_mask(scaled, 1)?;
-    let sun = world.add_directional(DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::ONE })?;
-    world.remove_instance(scaled)?;
-    world.remove_tree(extra)?;
-    world.remove_directional(sun)?;
-    world.set_solid_angle_sampling(true);
-    world.set_glossy_sampling(true);
-    world.set_segment_sampling(true);
-    world.set_origin_mode(OriginMode::Grid)?;
-    // Updates divide trees among leaves of the top level, which both layouts must have alike.
+    // Updates divide trees among leaves of the top level.
     world.update(FrameBudget::UNLIMITED);
-    // Neither a sky nor profiles: these have no part in what is timed here.
-    let all = upload(machine, &world, Effects::all() - Effects::SKY - Effects::PORTALS - Effects::PROFILES);
-    world.set_solid_angle_sampling(false);
-    world.set_glossy_sampling(false);
-    world.set_segment_sampling(false);
-    world.set_origin_mode(OriginMode::Free)?;
-    for _ in 0..=EFFECT_HOLD_UPDATES {
-        world.update(FrameBudget::UNLIMITED);
-    }
-    Ok((upload(machine, &world, Effects::empty()), all))
+    Ok(upload(machine, &world))
 }
 
-fn upload(machine: &Machine, world: &LightWorld, effects: Effects) -> GpuLights {
+fn upload(machine: &Machine, world: &LightWorld) -> GpuLights {
     let mut lights = GpuLights::new(&machine.device, &machine.queue).expect("WebGPU's default limits");
     lights.upload(world).expect("room enough");
-    assert_eq!(lights.effects(), effects - Effects::MOVING);
+    assert_eq!(lights.effects(), Effects::empty());
     let mut encoder = machine.device.create_command_encoder(&Default::default());
     lights.build_top(&mut encoder);
     machine.queue.submit([encoder.finish()]);
@@ -193,18 +156,9 @@ fn cases(machine: &Machine, lights: &GpuLights, own: &wgpu::BindGroupLayout, is_
         let text = none.with_effects(effects).join(stage);
         machine.pipeline(lights, own, &text, "batch")
     };
-    let case = |name, pipeline: &wgpu::ComputePipeline, is_stored_for_all| Case {
-        name,
-        pipeline: pipeline.clone(),
-        is_stored_for_all,
-        seconds: Vec::new(),
-    };
+    let case = |name, pipeline: &wgpu::ComputePipeline| Case { name, pipeline: pipeline.clone(), seconds: Vec::new() };
     let [bare, all] = [Effects::empty(), Effects::all()].map(batch);
-    let mut cases = vec![
-        case("no effect", &bare, false),
-        case("no effect, once more", &bare, false),
-        case("no effect", &bare, true),
-    ];
+    let mut cases = vec![case("no effect", &bare), case("no effect, once more", &bare)];
     if is_bench {
         let effects = [
             ("`CONES`", Effects::CONES),
@@ -218,10 +172,9 @@ fn cases(machine: &Machine, lights: &GpuLights, own: &wgpu::BindGroupLayout, is_
             ("`FACTORS`", Effects::FACTORS),
             ("`MASKS`", Effects::MASKS),
         ];
-        cases.extend(effects.map(|(name, effects)| case(name, &batch(effects), false)));
+        cases.extend(effects.map(|(name, effects)| case(name, &batch(effects))));
     }
-    cases.push(case("all effects", &all, false));
-    cases.push(case("all effects", &all, true));
+    cases.push(case("all effects", &all));
     cases
 }
 
@@ -248,18 +201,14 @@ fn assert_alike(samples: &[SampleRecord], bare: &[SampleRecord], name: &str) {
     assert!(mismatches <= allowed, "{name}: {mismatches} of {} samples chose another light", samples.len());
 }
 
-fn report(machine: &Machine, size: &Size, cases: &[Case], [bare, all]: [&GpuLights; 2]) {
+fn report(machine: &Machine, size: &Size, cases: &[Case]) {
     println!("{} ({}), by {}.", machine.info.name, machine.info.driver_info, machine.timing());
     let rounds = cases[0].seconds.len();
     println!("{} instances, {} shading points, {rounds} rounds.\n", size.instances, size.shading_points);
-    println!(
-        "| code for | stored for | bytes per node, light, instance | ns per sample | relative to no effect | fastest | relative to no effect |"
-    );
-    println!("|---|---|---:|---:|---:|---:|---:|");
+    println!("| code for | ns per sample | relative to no effect | fastest | relative to no effect |");
+    println!("|---|---:|---:|---:|---:|");
     let fastest_bare = quarters(&cases[0].seconds)[0];
     for case in cases {
-        let (stored, lights) = if case.is_stored_for_all { ("all effects", all) } else { ("no effect", bare) };
-        let bytes = record_bytes(lights);
         let [fastest, low, middle, high, _] =
             quarters(&case.seconds).map(|seconds| seconds * 1e9 / f64::from(size.shading_points));
         // Ratios are taken within a round: other work of the machine slows all kernels.
@@ -267,8 +216,8 @@ fn report(machine: &Machine, size: &Size, cases: &[Case], [bare, all]: [&GpuLigh
         let [_, ratio_low, ratio, ratio_high, _] = quarters(&ratios);
         let of_fastest = quarters(&case.seconds)[0] / fastest_bare;
         println!(
-            "| {} | {stored} | {}, {}, {} | {middle:.0} ({low:.0} – {high:.0}) | {ratio:.3} ({ratio_low:.3} – {ratio_high:.3}) | {fastest:.0} | {of_fastest:.3} |",
-            case.name, bytes.node, bytes.light, bytes.instance,
+            "| {} | {middle:.0} ({low:.0} – {high:.0}) | {ratio:.3} ({ratio_low:.3} – {ratio_high:.3}) | {fastest:.0} | {of_fastest:.3} |",
+            case.name,
         );
     }
 }

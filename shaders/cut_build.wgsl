@@ -103,7 +103,7 @@ fn estimate(
     is_center: bool,
 ) -> Estimate {
     let in_top = place.instance == LIGHT_NO_INSTANCE;
-    let at = place.index * light_params.node_stride;
+    let at = place.index * LIGHT_NODE_QUADS;
     let packed = light_packed_child(in_top, at, slot);
     let is_light = (packed.child_bits & local.light_bit) != 0u;
     // Where all instances have all bits, the text knows no masks, and a cell without a bit sees none of them.

@@ -127,7 +127,7 @@ fn light_first_hit(shading_point: LightShadingPoint, direction: vec3<f32>, max_d
             slot = up % LIGHT_WIDTH + 1u;
             continue;
         }
-        let at = place.index * light_params.node_stride;
+        let at = place.index * LIGHT_NODE_QUADS;
         let packed = light_packed_child(in_top, at, slot);
         slot++;
         if !light_meets(ray, light_quad(in_top, at), packed, found.dist) {

@@ -33,30 +33,11 @@ fn light_from_home(rows: array<vec4<f32>, 3>, sector: vec3<i32>, home: vec3<i32>
 }
 // #endif
 
-// #if FACTORS | MASKS
-// Whether instances of which so much is stored, without the sector, end with a factor and a mask.
-fn light_has_factors(quads: u32) -> bool {
-    return quads == LIGHT_RIGID_STRIDE + LIGHT_FACTOR_QUADS || quads == LIGHT_WITHOUT_SECTOR;
-}
-
-// #endif
-
 // #if FACTORS
 // What the flux of lights with this factor is multiplied by: its luminance. Twin of
 // `Appearance::brightness`.
 fn light_brightness(factor: vec3<f32>) -> f32 {
     return dot(factor, vec3(0.2126, 0.7152, 0.0722));
-}
-// #endif
-
-// #if NON_RIGID
-// The map to the tree's space where none is stored: the transpose, and no scale.
-fn light_rigid_to_local(to_world: array<vec4<f32>, 3>) -> array<vec4<f32>, 3> {
-    return array(
-        vec4(to_world[0].x, to_world[1].x, to_world[2].x, 1.0),
-        vec4(to_world[0].y, to_world[1].y, to_world[2].y, 1.0),
-        vec4(to_world[0].z, to_world[1].z, to_world[2].z, 1.0),
-    );
 }
 // #endif
 

@@ -1,7 +1,7 @@
 // The lights of the last frame. Joined behind a copy of `light_reservoir_sample` that reads these in place of the
 // present buffers: see `functions` in src/plan/text.rs. src/plan/previous.rs owns the buffer.
 
-// Four quads with the parameters of that frame, one whose first word is where the lights begin, the instances, and the
+// Three quads with the parameters of that frame, one whose first word is where the lights begin, the instances, and the
 // lights.
 @group(LIGHT_GROUP) @binding(7) var<storage, read> light_previous: array<vec4<u32>>;
 var<private> light_params_then: LightParams;
@@ -21,12 +21,10 @@ fn light_record_quads_then() -> u32 {
 // Returns the light of a reservoir at any shading point, as it was in the last frame. The pmf is 0 if it did not exist.
 fn light_reservoir_sample_previous(shading_point: LightShadingPoint, reservoir: LightReservoir) -> LightSample {
     let first = light_previous[0];
-    let strides = light_previous[1];
-    let places = light_previous[2];
-    let last = light_previous[3];
+    let places = light_previous[1];
+    let last = light_previous[2];
     light_params_then = LightParams(
-        first.x, first.y, first.z, first.w, strides.x, strides.y, strides.z, strides.w,
-        places.x, places.y, places.z, places.w, bitcast<vec3<i32>>(last.xyz), last.w,
+        first.x, first.y, first.z, first.w, places.x, places.y, places.z, places.w, bitcast<vec3<i32>>(last.xyz),
     );
     let chosen = light_reservoir_sample_then(shading_point, reservoir);
     // #if SEGMENTS

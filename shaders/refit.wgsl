@@ -113,14 +113,13 @@ fn refit_area_code(child: RefitCluster, steps: u32) -> u32 {
 // Refits a node. `entry` is its place in the piece. Call from uniform control flow; invocations without
 // a node have `is_used` false.
 fn refit_node(lane: u32, source: u32, entry: u32, words: vec2<u32>, is_used: bool) -> RefitCluster {
-    let stored = refit_layout();
     let slot = lane % LIGHT_WIDTH;
     let first = lane - slot;
     let node = sources[source].node_base + words.x;
     let place = node * LIGHT_WIDTH + slot;
     var child = REFIT_EMPTY;
     if is_used {
-        child = refit_child(source, nodes[node_child_word(stored, place)], slot, words.y);
+        child = refit_child(source, nodes[node_child_word(place)], slot, words.y);
     }
     var merged: RefitCluster;
     merged.cluster = pack_merged(lane, child.cluster, refit_weight(source, child));
@@ -157,11 +156,11 @@ fn refit_node(lane: u32, source: u32, entry: u32, words: vec2<u32>, is_used: boo
         step_bits(merged.cluster.box_min.z, merged.cluster.box_max.z),
     );
     // The number of children and the shift of the ratios stay as they are.
-    let head = 4u * node * stored.stride;
+    let head = 4u * node * LIGHT_NODE_QUADS;
     var steps = 0u;
     if is_used {
         steps = nodes[head + 3u] & 0xff000000u;
-        node_store_child(stored, place, child_packed(child.cluster, merged.cluster.box_min, bits));
+        node_store_child(place, child_packed(child.cluster, merged.cluster.box_min, bits));
     }
     pack_words[pack_word(0u, lane)] = refit_area_code(child, steps) << (4u * slot);
     workgroupBarrier();
@@ -171,8 +170,8 @@ fn refit_node(lane: u32, source: u32, entry: u32, words: vec2<u32>, is_used: boo
             ratios |= pack_words[pack_word(0u, first + i)];
         }
         let origin = bitcast<vec3<u32>>(merged.cluster.box_min);
-        node_store_words(node * stored.stride, vec4(origin, steps | bits.x | (bits.y << 8u) | (bits.z << 16u)));
-        nodes[node_tail_word(stored, node) + 1u] = ratios;
+        node_store_words(node * LIGHT_NODE_QUADS, vec4(origin, steps | bits.x | (bits.y << 8u) | (bits.z << 16u)));
+        nodes[node_tail_word(node) + 1u] = ratios;
         refit_done[entry] = merged;
     }
     // The clusters of this round are read in the next one.

@@ -28,21 +28,14 @@ fn refit_normal(u: vec3<f32>, v: vec3<f32>) -> vec3<f32> {
 
 // A light of a source.
 fn refit_light(source: u32, light: u32) -> RefitCluster {
-    let stride = sources[source].light_stride;
-    let at = (sources[source].light_base + light) * stride;
+    let at = (sources[source].light_base + light) * LIGHT_RECORD_QUADS;
     let kind = lights[at].w;
     let a = bitcast<vec3<f32>>(lights[at].xyz);
     let emission = bitcast<vec3<f32>>(lights[at + 1u].xyz);
-    var b = vec3(0.0);
-    var c = vec3(0.0);
-    var mean_cosine = 0.0;
-    var range = LIGHT_UNLIMITED_RANGE;
-    if stride > LIGHT_POINT_STRIDE {
-        b = bitcast<vec3<f32>>(lights[at + 2u].xyz);
-        range = bitcast<f32>(lights[at + 2u].w);
-        c = bitcast<vec3<f32>>(lights[at + 3u].xyz);
-        mean_cosine = bitcast<f32>(lights[at + 3u].w);
-    }
+    let b = bitcast<vec3<f32>>(lights[at + 2u].xyz);
+    let range = bitcast<f32>(lights[at + 2u].w);
+    let c = bitcast<vec3<f32>>(lights[at + 3u].xyz);
+    let mean_cosine = bitcast<f32>(lights[at + 3u].w);
     let luminance = dot(emission, vec3(0.2126, 0.7152, 0.0722));
     var found = REFIT_EMPTY;
     found.cluster.mean = a;

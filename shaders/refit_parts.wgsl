@@ -13,18 +13,14 @@
 
 // The cluster of a child as a node says. Twin of `Node::cluster`.
 fn refit_unpacked(place: u32) -> RefitCluster {
-    let stored = refit_layout();
-    let head = 4u * (place / LIGHT_WIDTH) * stored.stride;
-    let word = node_child_word(stored, place);
+    let head = 4u * (place / LIGHT_WIDTH) * LIGHT_NODE_QUADS;
+    let word = node_child_word(place);
     var packed: LightPackedChild;
     packed.low = nodes[word + 1u];
     packed.high = nodes[word + 2u];
     packed.mean = nodes[word + 3u];
-    packed.lobe = LIGHT_NO_LOBE;
-    if stored.lobes != 0u {
-        let lobe = 4u * ((place / LIGHT_WIDTH) * stored.stride + stored.lobes) + 2u * (place % LIGHT_WIDTH);
-        packed.lobe = vec2(nodes[lobe], nodes[lobe + 1u]);
-    }
+    let lobe = node_lobe_word(place);
+    packed.lobe = vec2(nodes[lobe], nodes[lobe + 1u]);
     var found = REFIT_EMPTY;
     if !light_has_flux(packed) {
         return found;
@@ -37,7 +33,7 @@ fn refit_unpacked(place: u32) -> RefitCluster {
     let deviation = light_deviation(packed);
     let shortness = light_byte(packed.lobe.y, 0u) * (1.0 / LIGHT_STEPS);
     let flux = light_upper_half(packed.mean);
-    let code = (nodes[node_tail_word(stored, place / LIGHT_WIDTH) + 1u] >> (4u * (place % LIGHT_WIDTH))) & 15u;
+    let code = (nodes[node_tail_word(place / LIGHT_WIDTH) + 1u] >> (4u * (place % LIGHT_WIDTH))) & 15u;
     let shares = light_flux_shares(code, steps);
     found.cluster.flux = flux;
     found.cluster.box_min = origin + light_low(packed) * step;

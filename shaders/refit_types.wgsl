@@ -5,9 +5,6 @@ struct RefitPass {
     // The first word of `lists` that the dispatch reads, and the number of its workgroups.
     first: u32,
     count: u32,
-    // The layout of nodes: see LightParams.
-    node_stride: u32,
-    node_lobes: u32,
 }
 
 // What is known of a tree of a source after a refit. Twin of `MeasureRecord`.
@@ -26,8 +23,4 @@ struct LightMeasure {
 // The index of a workgroup in a dispatch of one or two dimensions.
 fn refit_group(group: vec3<u32>, groups: vec3<u32>) -> u32 {
     return group.y * groups.x + group.x;
-}
-
-fn refit_layout() -> NodeLayout {
-    return NodeLayout(refit_pass.node_stride, refit_pass.node_lobes);
 }

@@ -30,7 +30,7 @@ struct RowChildren {
 
 fn row_children(place: LightPlace, first_slot: u32, mask: u32) -> RowChildren {
     let in_top = place.instance == LIGHT_NO_INSTANCE;
-    let at = place.index * light_params.node_stride;
+    let at = place.index * LIGHT_NODE_QUADS;
     var found: RowChildren;
     for (var i = 0u; i < 4u; i++) {
         let words = light_quad(in_top, at + LIGHT_NODE_CHILDREN + first_slot + i);

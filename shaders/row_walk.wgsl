@@ -46,7 +46,7 @@ fn light_rough_weights(
     // #endif
 ) -> LightLanes {
     let in_top = place.instance == LIGHT_NO_INSTANCE;
-    let at = place.index * light_params.node_stride;
+    let at = place.index * LIGHT_NODE_QUADS;
     let view = light_node_view(light_quad(in_top, at), local);
     var met = children;
     // #if MASKS

@@ -62,7 +62,7 @@ fn light_put_new(source: u32, light: u32) {
 
 // Where the record of a light begins.
 fn light_source_at(source: u32, light: u32) -> u32 {
-    return (light_source_table[source].light_base + light) * light_source_table[source].light_stride;
+    return (light_source_table[source].light_base + light) * LIGHT_RECORD_QUADS;
 }
 
 fn light_put_emission(at: u32, emission: vec3<f32>) {
@@ -107,7 +107,7 @@ fn light_put(source: u32, light: u32, kind: u32, place: array<vec3<f32>, 3>, emi
     // What has no area must not emit: shaders do not see the flux.
     let is_flat = has_size && light_emitting_area(former, place[0], place[1], place[2]) <= 0.0;
     light_put_emission(at, select(max(emission, vec3(0.0)), vec3(0.0), is_flat));
-    if light_source_table[source].light_stride > LIGHT_POINT_STRIDE && kind != LIGHT_KIND_POINT {
+    if kind != LIGHT_KIND_POINT {
         let range = light_source_records[at + 2u].w;
         light_source_records[at + 2u] = vec4(bitcast<vec3<u32>>(place[1]), range);
         if has_size {

@@ -7,8 +7,6 @@ struct LightSourceRecord {
     // the tree whole.
     light_base: u32,
     light_count: u32,
-    // The stride of lights, in units of 16 bytes.
-    light_stride: u32,
     // The first node of the tree in its buffer.
     node_base: u32,
     // Where the cluster of all lights is.
@@ -23,6 +21,7 @@ struct LightSourceRecord {
     padding_a: u32,
     padding_b: u32,
     padding_c: u32,
+    padding_d: u32,
     // The columns of the matrix of cofactors of the map, see `Linear` in src/cluster/mod.rs.
     weights: array<vec4<f32>, 3>,
 }

@@ -10,31 +10,21 @@
 @group(0) @binding(4) var<storage, read> instances: array<vec4<u32>>;
 @group(0) @binding(5) var<storage, read> trees: array<LightTree>;
 
-// Reads an instance as light_instance in stored.wgsl does.
+// Reads an instance as light_instance in records.wgsl does.
 fn instance_of(slot: u32) -> LightInstance {
-    let at = slot * top_pass.instance_stride;
+    let at = slot * LIGHT_INSTANCE_QUADS;
     var instance: LightInstance;
     instance.to_world = light_rows(instances[at], instances[at + 1u], instances[at + 2u]);
-    if top_pass.instance_sector < top_pass.instance_stride {
-        let sector = bitcast<vec3<i32>>(instances[at + top_pass.instance_sector].xyz);
-        instance.to_world = light_from_home(instance.to_world, sector, top_pass.home);
-    }
+    let sector = bitcast<vec3<i32>>(instances[at + LIGHT_INSTANCE_SECTOR].xyz);
+    instance.to_world = light_from_home(instance.to_world, sector, top_pass.home);
     instance.flags = instances[at + LIGHT_INSTANCE_TREE].x;
     instance.tree = instances[at + LIGHT_INSTANCE_TREE].y;
     instance.cos_turn = bitcast<f32>(instances[at + LIGHT_INSTANCE_PART].y);
     instance.sin_turn = bitcast<f32>(instances[at + LIGHT_INSTANCE_PART].z);
-    instance.to_local = light_rigid_to_local(instance.to_world);
-    if top_pass.instance_sector > LIGHT_RIGID_STRIDE + LIGHT_FACTOR_QUADS {
-        let local = at + LIGHT_RIGID_STRIDE;
-        instance.to_local = light_rows(instances[local], instances[local + 1u], instances[local + 2u]);
-    }
-    instance.factor = vec3(1.0);
-    instance.mask = 0xffffffffu;
-    if light_has_factors(top_pass.instance_sector) {
-        let last = instances[at + top_pass.instance_sector - LIGHT_FACTOR_QUADS];
-        instance.factor = bitcast<vec3<f32>>(last.xyz);
-        instance.mask = last.w;
-    }
+    let local = at + LIGHT_INSTANCE_LOCAL;
+    instance.to_local = light_rows(instances[local], instances[local + 1u], instances[local + 2u]);
+    instance.factor = bitcast<vec3<f32>>(instances[at + LIGHT_INSTANCE_FACTOR].xyz);
+    instance.mask = instances[at + LIGHT_INSTANCE_FACTOR].w;
     return instance;
 }
 
@@ -60,8 +50,8 @@ fn leaf_of(index: u32) -> LightCluster {
         return CLUSTER_EMPTY;
     }
     let map = linear_of(instance);
-    let has_factors = light_has_factors(top_pass.instance_sector);
-    let brightness = select(1.0, light_brightness(instance.factor), has_factors);
+    // The luminance of white may differ from 1 by rounding.
+    let brightness = select(light_brightness(instance.factor), 1.0, all(instance.factor == vec3(1.0)));
     let all_flux = linear_flux(map, tree.punctual_flux, tree.area_flux, tree.cluster.axis);
     let flux = min(all_flux, LIGHT_MAX_FLUX / max(brightness, 1.0)) * brightness;
     return cluster_transformed(tree, instance, map, max(flux, LIGHT_MIN_FLUX));

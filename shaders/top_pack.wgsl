@@ -24,10 +24,6 @@ struct NodeChild {
 
 const NODE_NO_CHILD = NodeChild(LIGHT_EMPTY_SLOT, NODE_STORED);
 
-fn node_layout() -> NodeLayout {
-    return NodeLayout(top_pass.node_stride, top_pass.node_lobes);
-}
-
 fn node_cluster(child: NodeChild) -> LightCluster {
     if child.bits == LIGHT_EMPTY_SLOT {
         return CLUSTER_EMPTY;
@@ -88,7 +84,6 @@ fn node_shares(child: NodeChild) -> vec3<u32> {
 // neighbouring invocations pack a node, one for each child; those without a node have `is_used` false. Call from
 // uniform control flow.
 fn node_pack(lane: u32, node: u32, parent: u32, is_used: bool, child: NodeChild, held: u32) {
-    let stored = node_layout();
     let slot = lane % LIGHT_WIDTH;
     let first = lane - slot;
     let place = node * LIGHT_WIDTH + slot;
@@ -105,21 +100,21 @@ fn node_pack(lane: u32, node: u32, parent: u32, is_used: bool, child: NodeChild,
             step_bits(merged.box_min.z, merged.box_max.z),
         );
         if slot == 0u {
-            node_store(stored, node, merged.box_min, bits, parent);
+            node_store(node, merged.box_min, bits, parent);
             let finished = pack_finished(first, merged, pack_between(first, merged));
             clusters[top_pass.capacity + node] = finished;
             pack_clusters[held] = finished;
         }
-        node_store_child(stored, place, child_packed(cluster, merged.box_min, bits));
+        node_store_child(place, child_packed(cluster, merged.box_min, bits));
         if child.bits != LIGHT_EMPTY_SLOT {
             if (child.bits & LIGHT_LEAF) != 0u {
                 nodes[top_part(child.bits & ~LIGHT_LEAF) + 2u] = place;
             } else if child.held == NODE_STORED {
-                node_store_parent(stored, child.bits, place);
+                node_store_parent(child.bits, place);
             }
         }
         let child_bits = node_child_bits(child);
-        node_store_child_bits(stored, place, child_bits);
+        node_store_child_bits(place, child_bits);
         pack_child_names[lane] = light_hash(node_child_name(child, child_bits) ^ light_hash(slot));
     }
     // The words may be written again, and the cluster is read.
@@ -130,7 +125,7 @@ fn node_pack(lane: u32, node: u32, parent: u32, is_used: bool, child: NodeChild,
             name += pack_child_names[first + i];
         }
         pack_names[held] = name;
-        nodes[node_tail_word(stored, node) + 2u] = name;
+        nodes[node_tail_word(node) + 2u] = name;
     }
 }
 

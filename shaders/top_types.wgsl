@@ -19,12 +19,6 @@ struct TopPass {
     // The word of `planes` at which the roots of the blocks of this stage begin, and their number.
     blocks: u32,
     block_count: u32,
-    // The layout of records: see LightParams.
-    node_stride: u32,
-    node_lobes: u32,
-    light_stride: u32,
-    instance_stride: u32,
-    instance_sector: u32,
     // Where the masks of the nodes begin in the buffer of the nodes, in units of 16 bytes; 0 if they
     // are not stored.
     masks: u32,

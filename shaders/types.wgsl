@@ -3,8 +3,7 @@
 // Binds nothing.
 
 // A node: eight children and the place of the node itself. Twin of `NodeRecord` in
-// src/plan/node_record.rs, which explains the fields. The lobes are stored in worlds with cones or
-// ranges only.
+// src/plan/node_record.rs, which explains the fields.
 struct LightNode {
     // The minimum corner of all boxes, as the bits of floats; the steps of the grid.
     head: vec4<u32>,
@@ -31,7 +30,6 @@ struct LightCluster {
 }
 
 // One light in the space of its tree. src/plan/layout.rs explains the fields for each kind of light.
-// Where all lights are points, records end before `b`.
 struct LightRecord {
     a: vec3<f32>,
     kind: u32,
@@ -124,25 +122,15 @@ struct LightParams {
     directional_count: u32,
     // The slot of the sky's instance; LIGHT_NO_INSTANCE if there is none to be seen.
     sky: u32,
-    // The stride of nodes, and the offset of a node's lobes; 0 if they are not stored. All strides
-    // and offsets are in units of 16 bytes.
-    node_stride: u32,
-    node_lobes: u32,
-    // The strides of lights and of instances.
-    light_stride: u32,
-    instance_stride: u32,
-    // The offset of an instance's sector, which is the last of its record; as the stride if it is
-    // not stored.
-    instance_sector: u32,
     // 1 if large and near surfaces are sampled by solid angle.
     solid_angles: u32,
-    // The offset of the parts in the buffer of the top level.
+    // The offset of the parts in the buffer of the top level. Offsets are in units of 16 bytes.
     parts: u32,
     // The offset of the sky's map in the same buffer.
     sky_map: u32,
-    // The sector whose centre the origin is; 0 in worlds without sectors.
-    home: vec3<i32>,
     // The offset of the masks in the same buffer; 0 if they are not stored. See `NodeMasks` in
     // src/top/masks.rs.
     masks: u32,
+    // The sector whose centre the origin is; 0 in worlds without sectors.
+    home: vec3<i32>,
 }

@@ -239,7 +239,7 @@ fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample
         }
         let in_top = instance == LIGHT_NO_INSTANCE;
         let index = base + place / LIGHT_WIDTH;
-        let at = index * light_params.node_stride;
+        let at = index * LIGHT_NODE_QUADS;
         let view = light_node_view(light_quad(in_top, at), local);
         let bin = light_child_bin(
             light_packed_child(in_top, at, place % LIGHT_WIDTH), view, instance, local, cell.from_center,

@@ -75,7 +75,6 @@ pub use sync::SyncReport;
 use top_status::TopStatus;
 
 use crate::effects::Effects;
-use crate::plan::pool::Growth;
 use crate::plan::{BufferId, Commands, KERNELS, Kernel, LightPlanner, PlanLimits};
 pub use crate::plan::{GpuMemory, HeatMap, ShaderNameError, ShaderParts, UploadReport, wgsl, with_prefix};
 use crate::world::{LightWorld, Revision};
@@ -234,8 +233,8 @@ impl GpuLights {
             bound: [None; ALL],
             sources: SourceLink::new(device),
         };
-        // Conversions and refits are rare, so their kernels are compiled when they are needed.
-        let is_rare = |kernel: &&Kernel| matches!(kernel.stage(), "relayout" | "refit");
+        // Refits are rare, so their kernels are compiled when they are needed.
+        let is_rare = |kernel: &&Kernel| kernel.stage() == "refit";
         KERNELS.iter().filter(|kernel| !is_rare(kernel)).for_each(|kernel| lights.player.compile(*kernel));
         lights.planner.keep_previous(options.previous);
         lights.make_cells(options)?;
@@ -243,12 +242,10 @@ impl GpuLights {
         Ok(lights)
     }
 
-    /// Makes the first buffers, of a world without lights, in the layout for all effects.
+    /// Makes the first buffers, of a world without lights.
     fn start(&mut self) -> Result<(), GpuError> {
         let world = LightWorld::new();
-        // Without room for masks, which few worlds have.
-        let effects = Effects::all() - Effects::MASKS;
-        let reservation = self.planner.reserve_as(&world, effects, Growth::Double)?;
+        let reservation = self.planner.reserve(&world)?;
         self.player.create(reservation.new_buffers())?;
         // All nodes of the top level are zero, as a build of no lights leaves the root.
         self.player.play(&reservation.plan().upload);

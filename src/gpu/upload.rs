@@ -4,7 +4,6 @@ use super::GpuLights;
 use super::error::GpuError;
 use super::memory;
 use super::probe;
-use crate::effects::Effects;
 use crate::plan::UploadReport;
 use crate::plan::pool::Growth;
 use crate::span::span;
@@ -14,10 +13,8 @@ impl GpuLights {
     /// Sends what changed in `world` since the last upload ([`GpuLights::revision`]), however long ago
     /// that was. The first upload sends everything.
     ///
-    /// Writes go through the queue, ahead of the next submission. Which parts of nodes, lights and
-    /// instances are stored follows [`LightWorld::effects`]: when these change, the GPU converts
-    /// its buffers and the bind group is replaced. O(what changed); an upload without changes sends
-    /// nothing.
+    /// Writes go through the queue, ahead of the next submission. O(what changed); an upload without
+    /// changes sends nothing.
     ///
     /// # Errors
     /// The next upload sends what an upload that fails has not sent.
@@ -30,15 +27,10 @@ impl GpuLights {
     /// - [`GpuError::DeviceLost`] from the first call after wgpu noticed the loss. In browsers
     ///   only the engine's own `set_device_lost_callback` reports it.
     pub fn upload(&mut self, world: &LightWorld) -> Result<UploadReport, GpuError> {
-        self.upload_as(world, world.effects())
-    }
-
-    /// Uploads in the layout for these effects, which must contain the world's.
-    pub(super) fn upload_as(&mut self, world: &LightWorld, effects: Effects) -> Result<UploadReport, GpuError> {
         span!("upload");
         probe::check(&self.device)?;
         let (device, revision) = (self.device.clone(), self.revision());
-        let (result, is_refused) = memory::watch(&device, || self.send(world, effects));
+        let (result, is_refused) = memory::watch(&device, || self.send(world));
         if is_refused {
             // Some write or copy did not happen, and wgpu does not report which.
             self.planner.lose();
@@ -51,18 +43,18 @@ impl GpuLights {
     }
 
     /// Makes all buffers, and only then changes what shaders read.
-    fn send(&mut self, world: &LightWorld, effects: Effects) -> Result<UploadReport, GpuError> {
-        let result = self.try_send(world, effects, Growth::Double);
+    fn send(&mut self, world: &LightWorld) -> Result<UploadReport, GpuError> {
+        let result = self.try_send(world, Growth::Double);
         if !matches!(result, Err(GpuError::OutOfMemory { .. })) {
             return result;
         }
         // Buffers without spare room may still fit.
-        self.try_send(world, effects, Growth::Exact).or(result)
+        self.try_send(world, Growth::Exact).or(result)
     }
 
-    fn try_send(&mut self, world: &LightWorld, effects: Effects, growth: Growth) -> Result<UploadReport, GpuError> {
+    fn try_send(&mut self, world: &LightWorld, growth: Growth) -> Result<UploadReport, GpuError> {
         let Self { planner, player, .. } = self;
-        let reservation = planner.reserve_as(world, effects, growth)?;
+        let reservation = planner.reserve_as(world, growth)?;
         player.create(reservation.new_buffers())?;
         let plan = reservation.plan();
         player.play(&plan.upload);

@@ -1,24 +1,17 @@
-//! Tests that any variant of the shaders reads any layout of the buffers and samples the same
-//! lights, as long as both serve the effects of the world.
-
-use std::mem::offset_of;
-use std::ops::Range;
+//! Tests that all variants of the shaders that serve the effects of a world sample the same lights.
 
 use glam::{DVec3, Mat3, Quat, Vec3};
 
 use super::testing::{compute_pipeline, gpu, gpu_lights, random, random_vec, read, record_batch, small_sky};
 use super::*;
-use crate::effects::EFFECT_HOLD_UPDATES;
 use crate::instance::placement::Placement;
 use crate::instance::portal::Portal;
-use crate::keys::{InstanceKey, TreeKey};
+use crate::keys::InstanceKey;
 use crate::light::{DirectionalLight, Light};
-use crate::plan::layout::{InstanceRecord, ParamsRecord, Strides};
 use crate::plan::text;
 use crate::policy::Policy;
 use crate::profile::Profile;
 use crate::profile::tests::of_degrees;
-use crate::scheduler::FrameBudget;
 use crate::tree::LightTree;
 use crate::world::OriginMode;
 
@@ -154,10 +147,9 @@ fn record(lights: &mut GpuLights, variant: Effects) -> (wgpu::CommandEncoder, wg
     record_batch(lights, &requests(), variant)
 }
 
-/// The lights of a world, stored for these effects.
-fn upload(world: &LightWorld, stored: Effects) -> GpuLights {
+fn upload(world: &LightWorld) -> GpuLights {
     let mut lights = gpu_lights();
-    lights.upload_as(world, stored).unwrap();
+    lights.upload(world).unwrap();
     lights
 }
 
@@ -207,8 +199,8 @@ fn a_world_that_lacks_an_effect_is_sampled_alike_by_the_variant_without_it() {
             rest => rest,
         };
         let world = world_of(effects);
-        let mut lights = upload(&world, world.effects());
-        let twin = sample(&mut upload(&world, all), all);
+        let mut lights = upload(&world);
+        let twin = sample(&mut upload(&world), all);
         for variant in [all, all - absent, effects] {
             let records = sample(&mut lights, variant);
             assert_alike(&records, &twin, &format!("{variant:?} of a world without {absent:?}"));
@@ -217,149 +209,12 @@ fn a_world_that_lacks_an_effect_is_sampled_alike_by_the_variant_without_it() {
 }
 
 #[test]
-fn any_variant_reads_any_layout() {
-    let world = world_of(Effects::empty());
-    let twin = sample(&mut upload(&world, Effects::all()), Effects::all());
-    let ends = [Effects::empty(), Effects::all()];
-    let sets = EFFECTS.into_iter().chain(ends).chain([Effects::CONES | Effects::RANGES]);
-    let mut layouts: Vec<_> = sets.map(|stored| (stored, upload(&world, stored))).collect();
-    // The variants of the test above, so that each is compiled once.
-    for variant in EFFECTS.into_iter().map(|effect| Effects::all() - effect).chain(ends) {
-        for (stored, lights) in &mut layouts {
-            assert_alike(&sample(lights, variant), &twin, &format!("{variant:?} of {stored:?}"));
-        }
-    }
-}
-
-/// The ranges of the pools that are in use, and the root that is built from them. Where the records
-/// of a tree and the parts of an instance lie is left out: it depends on the edits before.
-fn content(lights: &mut GpuLights) -> [Vec<u32>; 4] {
-    let (device, queue) = gpu();
-    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    lights.build_top(&mut encoder);
-    queue.submit([encoder.finish()]);
-    let words = |buffer, records: Range<u32>, quads: u32| {
-        let words: Vec<u32> = read(&device, &queue, buffer);
-        words[(records.start * quads * 4) as usize..(records.end * quads * 4) as usize].to_vec()
-    };
-    let without_places = |mut words: Vec<u32>, quads: u32| {
-        for record in words.chunks_exact_mut(4 * quads as usize) {
-            record[offset_of!(InstanceRecord, tree) / 4] = 0;
-            record[offset_of!(InstanceRecord, first_part) / 4] = 0;
-        }
-        words
-    };
-    let (planner, [_, top, nodes, instances, others, ..]) = (&lights.planner, lights.buffers());
-    let ([used_nodes, used_lights], strides) = (planner.used(), planner.strides());
-    [
-        words(nodes, 0..used_nodes, strides.node),
-        words(others, 0..used_lights, strides.light),
-        // No instance has slot 0, so it is never written.
-        without_places(words(instances, 1..planner.params().slots, strides.instance), strides.instance),
-        // The root: the nodes behind it may be left over from other builds.
-        words(top, 0..1, strides.node),
-    ]
-}
-
-#[test]
-fn a_world_whose_effects_come_and_go_is_stored_as_a_fresh_upload_stores_it() {
-    let mut world = world_of(Effects::empty());
-    let mut lights = upload(&world, world.effects());
-    let mut strides = Vec::new();
-    let mut check = |world: &mut LightWorld, what: &str| {
-        // An effect outlasts its last light by some updates.
-        for _ in 0..=EFFECT_HOLD_UPDATES {
-            world.update(FrameBudget::NONE);
-        }
-        let effects = world.effects();
-        lights.upload(world).unwrap();
-        let mut fresh = upload(world, effects);
-        let twin = sample(&mut fresh, Effects::all());
-        // Some offsets depend on how a buffer has grown.
-        let params = |lights: &GpuLights| {
-            let params = lights.planner.params();
-            ParamsRecord { parts: 0, masks: (params.masks > 0).into(), sky_map: 0, ..params }
-        };
-        assert_eq!(params(&lights), params(&fresh), "{what}");
-        for (i, (ours, theirs)) in content(&mut lights).iter().zip(&content(&mut fresh)).enumerate() {
-            let other = ours.iter().zip(theirs).position(|(a, b)| a != b);
-            assert!(ours.len() == theirs.len() && other.is_none(), "{what}, buffer {i}: word {other:?} differs");
-        }
-        assert_eq!(sample(&mut lights, Effects::all()), twin, "{what}");
-        strides.push(lights.planner.strides());
-    };
-    check(&mut world, "points");
-    let mut undo: Vec<(TreeKey, InstanceKey)> = Vec::new();
-    // Each tree adds an effect that none before it had; the last instance is scaled, and has
-    // a factor and a mask.
-    for (i, effects) in [
-        Effects::RANGES,
-        Effects::CONES,
-        Effects::AREAS,
-        Effects::AREAS | Effects::TWO_SIDED,
-        Effects::NON_RIGID | Effects::FACTORS | Effects::MASKS,
-    ]
-    .into_iter()
-    .enumerate()
-    {
-        let tree = world.add_tree(LightTree::new((0..LIGHTS).map(|i| light(i, effects)).collect()).unwrap());
-        let at = placement(1 + 4 * i as u32, effects);
-        let instance = world.add_instance(tree, at, Policy::default()).unwrap();
-        adorn(&mut world, instance, 0, effects);
-        undo.push((tree, instance));
-        check(&mut world, &format!("with {effects:?}"));
-    }
-    let sun = DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::ONE };
-    let sun = world.add_directional(sun).unwrap();
-    check(&mut world, "with a sun");
-    world.remove_directional(sun).unwrap();
-    check(&mut world, "without the sun");
-    for (tree, instance) in undo.into_iter().rev() {
-        world.remove_instance(instance).unwrap();
-        world.remove_tree(tree).unwrap();
-        check(&mut world, "with one tree less");
-    }
-    let changes = strides.windows(2).filter(|pair| pair[0] != pair[1]).count();
-    // With ranges, with the scaled instance and its factor, and without each of them.
-    assert_eq!((changes, strides[0]), (4, strides[strides.len() - 1]), "{strides:?}");
-}
-
-#[test]
-fn an_upload_without_changes_still_drops_what_lost_effects_stored() {
-    let world = world_of(Effects::empty());
-    let mut lights = upload(&world, Effects::all());
-    assert_eq!(lights.planner.strides(), Strides::of(Effects::all()));
-    let report = lights.upload(&world).unwrap();
-    assert_eq!((report.trees, report.instances), (0, 0));
-    assert!(report.bytes > 0 && report.bytes < 4096, "uniforms and no records: {report:?}");
-    assert!(content(&mut lights) == content(&mut upload(&world, Effects::empty())));
-    assert_eq!(lights.upload(&world).unwrap(), UploadReport::default());
-}
-
-#[test]
-fn commands_recorded_before_a_change_of_layout_read_the_former_buffers() {
-    let (device, queue) = gpu();
-    let mut world = world_of(Effects::empty());
-    let mut lights = upload(&world, Effects::empty());
-    let before = sample(&mut lights, Effects::empty());
-    let (encoder, output) = record(&mut lights, Effects::empty());
-    let effects = Effects::CONES | Effects::RANGES | Effects::NON_RIGID | Effects::FACTORS;
-    let tree = world.add_tree(LightTree::new((0..60).map(|i| light(i, effects)).collect()).unwrap());
-    let instance = world.add_instance(tree, placement(1, effects), Policy::default()).unwrap();
-    adorn(&mut world, instance, 0, effects);
-    lights.upload(&world).unwrap();
-    assert_eq!((lights.planner.strides(), lights.effects()), (Strides::of(effects), effects));
-    queue.submit([encoder.finish()]);
-    assert!(read::<SampleRecord>(&device, &queue, &output) == before);
-}
-
-#[test]
 fn the_variant_that_counts_nodes_counts_those_that_a_sample_reads() {
     let (device, queue) = gpu();
     let mut world = LightWorld::new();
     let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)]).unwrap());
     world.add_instance(lamp, Placement::at(DVec3::X), Policy::default()).unwrap();
-    let mut lights = upload(&world, Effects::empty());
+    let mut lights = upload(&world);
     let text = text::wgsl_counting(0, Effects::empty())
         + "@group(1) @binding(0) var<storage, read_write> counts: array<u32>;
         @compute @workgroup_size(1) fn count() {

@@ -3,7 +3,6 @@
 use super::layout::InstanceRecord;
 use super::parts::PartTable;
 use super::pool::Pool;
-use super::stored;
 
 /// Records that the first buffer has room for.
 const FIRST_RECORDS: u32 = 64;
@@ -20,10 +19,6 @@ pub(super) struct InstanceStore {
 impl InstanceStore {
     /// Nothing yet. No buffer will be larger than `limit` bytes.
     pub fn new(limit: u64) -> Self {
-        Self {
-            pool: Pool::new("instances", FIRST_RECORDS, limit, stored::missing_of_instance),
-            count: 0,
-            parts: PartTable::new(limit),
-        }
+        Self { pool: Pool::new("instances", FIRST_RECORDS, limit), count: 0, parts: PartTable::new(limit) }
     }
 }

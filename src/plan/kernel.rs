@@ -85,7 +85,7 @@ impl Kernel {
     }
 
     /// What it is a part of: `"leaves"`, `"keys"`, `"sort"`, `"cells"` and `"blocks"` of the top level,
-    /// `"relayout"`, `"scatter"`, `"cuts"` or `"visibility"`.
+    /// `"scatter"`, `"cuts"` or `"visibility"`.
     pub fn stage(&self) -> &'static str {
         self.stage
     }

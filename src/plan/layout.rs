@@ -1,11 +1,13 @@
 //! The records that the host uploads. `shaders/types.wgsl` has their twins; a test compares them.
 //!
-//! Nodes have a file of their own: `plan/node_record.rs`. Which parts of a
-//! record are stored depends on the world's effects: see `plan/stored.rs`.
+//! Nodes have a file of their own: `plan/node_record.rs`.
+
+use std::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, Quat, Vec3};
 
+use super::node_record::NodeRecord;
 use crate::cluster::Cluster;
 use crate::instance::appearance::Appearance;
 use crate::instance::placement::Placed;
@@ -13,8 +15,30 @@ use crate::instance::sector;
 use crate::light::{DirectionalLight, Light, Shape, UNLIMITED_RANGE, spot_falloff, spot_lobe};
 use crate::sampling::cut::NO_INSTANCE;
 use crate::sky::StoredPatch;
+use crate::top::masks::NodeMasks;
 use crate::tree::{LightTree, Opening};
 use crate::world::BIRTH_BITS;
+
+/// The quads, of 16 bytes each, of a node, a light and an instance, and the quad of a record at which a part of it
+/// begins. Shaders read quads.
+pub(crate) const NODE_QUADS: u32 = quads(size_of::<NodeRecord>());
+pub(crate) const NODE_CHILDREN: u32 = quads(offset_of!(NodeRecord, children));
+pub(crate) const NODE_TAIL: u32 = quads(offset_of!(NodeRecord, parent));
+pub(crate) const NODE_LOBES: u32 = quads(offset_of!(NodeRecord, lobes));
+pub(crate) const RECORD_QUADS: u32 = quads(size_of::<LightRecord>());
+pub(crate) const INSTANCE_QUADS: u32 = quads(size_of::<InstanceRecord>());
+pub(crate) const INSTANCE_TREE: u32 = quads(offset_of!(InstanceRecord, flags));
+pub(crate) const INSTANCE_PART: u32 = quads(offset_of!(InstanceRecord, first_part));
+pub(crate) const INSTANCE_LOCAL: u32 = quads(offset_of!(InstanceRecord, to_local));
+pub(crate) const INSTANCE_FACTOR: u32 = quads(offset_of!(InstanceRecord, factor));
+pub(crate) const INSTANCE_SECTOR: u32 = quads(offset_of!(InstanceRecord, sector));
+/// The quads of the masks of a node of the top level: the shares of the node, then two for the children.
+pub(crate) const MASK_QUADS: u32 = quads(size_of::<NodeMasks>());
+
+const fn quads(bytes: usize) -> u32 {
+    assert!(bytes.is_multiple_of(16), "parts of records start at multiples of 16 bytes");
+    (bytes / 16) as u32
+}
 
 /// The bits of [`LightRecord::kind`] that hold the kind.
 pub(crate) const KIND_MASK: u32 = 0xff;
@@ -59,7 +83,7 @@ pub(crate) const BIRTH_SHIFT: u32 = u32::BITS - BIRTH_BITS;
 /// The instance slot that samples of directional lights report.
 pub(crate) const DIRECTIONAL: u32 = u32::MAX;
 
-/// One light; `LightRecord` in WGSL. 64 bytes, of which a point light needs the first 32.
+/// One light; `LightRecord` in WGSL. 64 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct LightRecord {
@@ -74,9 +98,7 @@ pub(crate) struct LightRecord {
     pub profile: u32,
 }
 
-/// One instance slot; `LightInstance` in WGSL. 160 bytes, of which a rigid placement (a rotation
-/// and a translation) needs the first 80. The inverse of other placements takes 48 more, a factor
-/// and a mask 16, and a sector 16.
+/// One instance slot; `LightInstance` in WGSL. 160 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct InstanceRecord {
@@ -170,24 +192,7 @@ impl PartRecord {
     pub const NONE: Self = Self { slot: NO_INSTANCE, index: 0 };
 }
 
-/// The strides of all records and the offsets of a node's optional parts; part of `LightParams` and
-/// `TopPass` in WGSL. The unit is a `vec4<u32>`, 16 bytes.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
-pub(crate) struct Strides {
-    /// From one node to the next.
-    pub node: u32,
-    /// From the start of a node to its lobes; 0 if they are not stored.
-    pub lobes: u32,
-    /// From one light to the next.
-    pub light: u32,
-    /// From one instance to the next.
-    pub instance: u32,
-    /// From the start of an instance to its sector, which is last; as `instance` if it is not stored.
-    pub sector: u32,
-}
-
-/// The uniform that sampling reads; `LightParams` in WGSL. 64 bytes.
+/// The uniform that sampling reads; `LightParams` in WGSL. 48 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct ParamsRecord {
@@ -196,17 +201,17 @@ pub(crate) struct ParamsRecord {
     pub directional_count: u32,
     /// The slot of the sky's instance; [`NO_INSTANCE`] if there is none to be seen.
     pub sky: u32,
-    pub strides: Strides,
     /// 1 if large and near surfaces are sampled by solid angle.
     pub solid_angles: u32,
     /// The offset of the parts in the buffer of the top level, in units of 16 bytes.
     pub parts: u32,
     /// The offset of the sky's map in the same buffer.
     pub sky_map: u32,
-    /// The sector whose centre the origin is.
-    pub home: [i32; 3],
     /// The offset of the masks in the same buffer; 0 if they are not stored.
     pub masks: u32,
+    /// The sector whose centre the origin is.
+    pub home: [i32; 3],
+    pub padding: u32,
 }
 
 impl LightRecord {
@@ -333,8 +338,7 @@ impl InstanceRecord {
     }
 
     /// The record of an instance with this placement and appearance, whose tree and parts start at
-    /// `bases` in the pools. The inverse of a rigid placement is written as the exact transpose
-    /// without scale, because that is what shaders compute where the inverse is not stored.
+    /// `bases` in the pools. The inverse of a rigid placement is the exact transpose without scale.
     pub fn of(placed: &Placed, appearance: &Appearance, bases: Bases) -> Self {
         let to_world = &placed.linear.linear;
         let scales = Vec3::new(placed.determinant, placed.inverse_scale(), placed.linear.mean_square_scale);
@@ -493,22 +497,7 @@ mod tests {
             structs,
             ParamsRecord,
             "LightParams",
-            [
-                slots,
-                directional_base,
-                directional_count,
-                sky,
-                strides.node as "node_stride",
-                strides.lobes as "node_lobes",
-                strides.light as "light_stride",
-                strides.instance as "instance_stride",
-                strides.sector as "instance_sector",
-                solid_angles,
-                parts,
-                sky_map,
-                home,
-                masks
-            ]
+            [slots, directional_base, directional_count, sky, solid_angles, parts, sky_map, home, masks]
         );
     }
 }

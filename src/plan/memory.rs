@@ -1,6 +1,9 @@
 //! The memory that the GPU side takes, and how a limit of it is divided between nodes and lights.
 
 use super::LightPlanner;
+use super::layout::LightRecord;
+use super::node_record::NodeRecord;
+use super::pool::Pool;
 use super::residency::Form;
 use crate::keys::{TreeKey, slot_of};
 
@@ -88,12 +91,12 @@ impl LightPlanner {
     /// The memory that the buffers take after the last plan. O(gaps).
     pub fn memory(&self) -> GpuMemory {
         let pools = [
-            (self.trees.nodes.bytes(), self.trees.nodes.taken(), self.trees.nodes.used(), self.trees.nodes.stride()),
+            (self.trees.nodes.bytes(), self.trees.nodes.taken(), self.trees.nodes.used(), Pool::<NodeRecord>::STRIDE),
             (
                 self.trees.lights.bytes(),
                 self.trees.lights.taken(),
                 self.trees.lights.used(),
-                self.trees.lights.stride(),
+                Pool::<LightRecord>::STRIDE,
             ),
         ];
         let mut memory = GpuMemory { buffers: self.buffers.total(), ..GpuMemory::default() };

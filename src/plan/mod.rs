@@ -82,7 +82,6 @@ mod place;
 pub(crate) mod pool;
 pub(crate) mod previous;
 mod ranges;
-pub(crate) mod relayout;
 mod reserve;
 mod residency;
 mod room;
@@ -91,7 +90,6 @@ pub(crate) mod scatter;
 pub(crate) mod sort;
 pub(crate) mod sources;
 mod stand_in;
-pub(crate) mod stored;
 mod tables;
 pub(crate) mod text;
 pub(crate) mod top;
@@ -133,7 +131,8 @@ use crate::world::{LightWorld, Revision};
 use buffers::Buffers;
 use cuts::CutStore;
 use instance_store::InstanceStore;
-use layout::{ParamsRecord, Strides};
+use layout::{InstanceRecord, LightRecord, ParamsRecord};
+use pool::Pool;
 use previous::{Present, Previous};
 use residency::Form;
 use room::ReusedLists;
@@ -145,7 +144,6 @@ use uniforms::Uniforms;
 /// All kernels that plans dispatch. A kernel need not use all of its bindings. [`cut_kernels`] has those that build
 /// shared cuts, and [`visibility_kernels`] those by which cells learn.
 pub const KERNELS: &[Kernel] = &[
-    relayout::RELAYOUT,
     scatter::SCATTER,
     top::LEAVES,
     top::KEYS,
@@ -173,7 +171,7 @@ pub struct LightPlanner {
     revision: Revision,
     /// The device may lack what was written.
     is_lost: bool,
-    /// The effects that the buffers are stored for, without [`Effects::MOVING`].
+    /// The effects of the world at the last plan, without [`Effects::MOVING`].
     effects: Effects,
     /// Plans that were made.
     number: u64,
@@ -211,7 +209,7 @@ impl LightPlanner {
     }
 
     /// The lights that the engine's shaders bind after the last plan, in the order of the first bindings
-    /// of [`wgsl`]: a uniform buffer of 64 bytes, then four storage buffers that are only read, each
+    /// of [`wgsl`]: a uniform buffer of 48 bytes, then four storage buffers that are only read, each
     /// bound whole. `None` before the first plan.
     ///
     /// A plan that replaces one of them replaces the first one too. So commands that were recorded
@@ -247,8 +245,8 @@ impl LightPlanner {
         self.uniforms.params_buffer?;
         let (instances, lights) = (&self.instances.pool, &self.trees.lights);
         Some([
-            (instances.buffer(), instances.used() * instances.stride(), instances.bytes()),
-            (lights.buffer(), lights.used() * lights.stride(), lights.bytes()),
+            (instances.buffer(), instances.used() * Pool::<InstanceRecord>::STRIDE, instances.bytes()),
+            (lights.buffer(), lights.used() * Pool::<LightRecord>::STRIDE, lights.bytes()),
         ])
     }
 
@@ -278,12 +276,6 @@ impl LightPlanner {
         self.effects = Effects::all() - Effects::MOVING;
     }
 
-    /// The strides of the records after the last plan.
-    #[cfg(feature = "gpu")]
-    pub(crate) fn strides(&self) -> Strides {
-        self.uniforms.params.strides
-    }
-
     /// The parameters of shaders after the last plan.
     #[cfg(all(test, feature = "gpu"))]
     pub(crate) fn params(&self) -> ParamsRecord {
@@ -295,12 +287,6 @@ impl LightPlanner {
     pub(crate) fn tree_ranges(&self, slot: u32) -> (BufferId, [std::ops::Range<u32>; 3]) {
         let ranges = self.trees.residency.get(slot).ranges().map(Clone::clone);
         (self.trees.records.buffer(), ranges)
-    }
-
-    /// The ends of the ranges of nodes and lights that are in use.
-    #[cfg(all(test, feature = "gpu"))]
-    pub(crate) fn used(&self) -> [u32; 2] {
-        [self.trees.nodes.used() as u32, self.trees.lights.used() as u32]
     }
 
     /// Tells that the device may lack some of what was planned: a plan was not played, or not to its
@@ -351,7 +337,7 @@ impl LightPlanner {
     /// if the tree has no source, and if the GPU does not hold it whole.
     pub fn source_lights(&self, tree: TreeKey) -> Option<LightReadback> {
         let (version, range) = self.sources.lights(tree)?;
-        let stride = self.trees.lights.stride();
+        let stride = Pool::<LightRecord>::STRIDE;
         let (offset, bytes) = (u64::from(range.start) * stride, range.len() as u64 * stride);
         Some(LightReadback { buffer: self.trees.lights.buffer(), offset, bytes, tree: version.tree, version, stride })
     }
@@ -383,21 +369,22 @@ impl LightPlanner {
     }
 
     /// The parameters of shaders after a frame.
-    fn params_of(&self, world: &LightWorld, effects: Effects) -> ParamsRecord {
+    fn params_of(&self, world: &LightWorld) -> ParamsRecord {
+        let effects = world.effects();
         ParamsRecord {
             slots: self.instances.count,
             directional_base: self.trees.directionals.start,
             directional_count: self.trees.directionals.len() as u32,
             sky: self.sky_slot(world).unwrap_or(NO_INSTANCE),
-            strides: Strides::of(effects),
             solid_angles: u32::from(world.solid_angle_sampling()),
             parts: self.top.parts(),
             sky_map: match world.sky().is_some() || effects.contains(Effects::PROFILES) {
                 true => self.top.sky_map(),
                 false => 0,
             },
-            home: sector::number(world.home()),
             masks: if effects.contains(Effects::MASKS) { self.top.masks() } else { 0 },
+            home: sector::number(world.home()),
+            padding: 0,
         }
     }
 }

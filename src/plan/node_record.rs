@@ -1,5 +1,4 @@
-//! A node as shaders read it. `LightNode` in WGSL; 224 bytes, of which lights that shine to all sides
-//! and have no range need the first 160.
+//! A node as shaders read it. `LightNode` in WGSL; 224 bytes.
 //!
 //! A CPU weighs all children of a node at once, so [`Node`] has an array for each property. An
 //! invocation of a shader weighs one after the other, so this record has the properties of each child
@@ -22,7 +21,6 @@ pub(crate) struct NodeRecord {
     pub area_ratios: u32,
     /// Of the root of a tree: the index of its first light, and how many lights it has.
     pub lights: [u32; 2],
-    /// Stored in worlds with cones or ranges.
     pub lobes: [LobeRecord; WIDTH],
 }
 
@@ -55,11 +53,8 @@ pub(crate) fn stored_nodes(tree: &LightTree) -> &[Node] {
 }
 
 impl NodeRecord {
-    /// A node without children and without a parent.
-    pub const EMPTY: Self = Self::of(&Node::EMPTY);
-
     /// The record of a node.
-    pub const fn of(node: &Node) -> Self {
+    pub fn of(node: &Node) -> Self {
         let mut record = Self {
             origin: node.origin,
             steps: node.steps,
@@ -70,9 +65,7 @@ impl NodeRecord {
             lights: [0; 2],
             lobes: [LobeRecord { axis: [0; 3], cap: 0, shortness: 0, padding: 0, range: 0 }; WIDTH],
         };
-        // Constant functions have no other loops.
-        let mut i = 0;
-        while i < WIDTH {
+        for i in 0..WIDTH {
             record.children[i] = ChildRecord {
                 child_bits: node.children[i],
                 low: [node.low[0][i], node.low[1][i], node.low[2][i]],
@@ -88,7 +81,6 @@ impl NodeRecord {
                 padding: 0,
                 range: node.range[i],
             };
-            i += 1;
         }
         record
     }
@@ -125,6 +117,5 @@ mod tests {
         let bytes: Vec<u8> = (0..size_of::<Node>()).map(|i| (i * 37 % 251) as u8).collect();
         let node: Node = bytemuck::pod_read_unaligned(&bytes);
         assert_eq!(NodeRecord::of(&node).node(), node);
-        assert_eq!(NodeRecord::EMPTY.node(), Node::EMPTY);
     }
 }

@@ -13,7 +13,6 @@ use super::layout::PartRecord;
 use super::pool::{Growth, Pool, RestartedPool};
 use super::runs::runs;
 use super::scatter::Scattered;
-use super::stored::Missing;
 
 /// The parts of all instances.
 pub(super) struct PartTable {
@@ -39,7 +38,7 @@ impl PartTable {
     /// An empty table in a buffer of at most `limit_bytes`.
     pub fn new(limit_bytes: u64) -> Self {
         // Every layout stores whole records.
-        let pool = Pool::new("parts of instances", 64, limit_bytes, |_| Missing::Value(0));
+        let pool = Pool::new("parts of instances", 64, limit_bytes);
         Self { pool, ranges: Vec::new(), has_lost_records: false }
     }
 

@@ -8,9 +8,9 @@ use std::ops::Range;
 
 use super::changes::FrameChanges;
 use super::error::PlanError;
-use super::layout::TreeRecord;
-use super::node_record::stored_nodes;
-use super::pool::{Demand, Growth};
+use super::layout::{LightRecord, TreeRecord};
+use super::node_record::{NodeRecord, stored_nodes};
+use super::pool::{Demand, Growth, Pool};
 use super::residency::{Form, Incoming, NOT_WEIGHED, TreeState, has_room, with_growth};
 use super::room::TreeRoom;
 use super::runs::runs;
@@ -210,7 +210,7 @@ impl TreeStore {
     }
 
     fn bytes(&self, [nodes, lights]: [usize; 2]) -> u64 {
-        nodes as u64 * self.nodes.next_stride() + lights as u64 * self.lights.next_stride()
+        (nodes * size_of::<NodeRecord>() + lights * size_of::<LightRecord>()) as u64
     }
 
     /// Decides what to send of the tree of a slot that was added, changed or removed.
@@ -471,7 +471,7 @@ impl TreeStore {
             incoming.restarts += 1;
         }
         let mut left = if incoming.restarts > MAX_RESTARTS { u64::MAX } else { room.left };
-        let strides = [self.nodes.next_stride(), self.lights.next_stride()];
+        let strides = [Pool::<NodeRecord>::STRIDE, Pool::<LightRecord>::STRIDE];
         let mut pieces = [Vec::new(), Vec::new()];
         for pool in 0..2 {
             let start = incoming.sent[pool];

@@ -7,9 +7,7 @@ use super::buffers::{BufferId, Ids, NewBuffer};
 use super::commands::Commands;
 use super::error::PlanError;
 use super::ranges::Ranges;
-use super::relayout::relayout;
 use super::scatter::{RunCount, Scattered};
-use super::stored::{Missing, Stored};
 
 /// Threads take this many records at a time, and share the work of four times as many.
 #[cfg(feature = "parallel")]
@@ -55,20 +53,14 @@ pub(crate) struct Pool<T> {
     limit_bytes: u64,
     /// The bytes of a limited memory that the pool may take.
     share: Option<u64>,
-    /// What the words are that are not stored in every layout.
-    missing: fn(usize) -> Missing,
     /// `None` before the first plan.
     buffer: Option<BufferId>,
     /// Records that the buffer has room for, or that the first one will have.
     capacity: u32,
-    /// Which parts of a record the buffer holds.
-    stored: Stored,
     /// Between the first and the last step there may be more room than in the buffer.
     ranges: Ranges,
     /// Records in use.
     taken: u64,
-    /// The layout after this frame.
-    next: Stored,
     /// The end of the last range in use when the frame began.
     kept: u32,
     /// The buffer after this frame, if it is another one.
@@ -77,23 +69,22 @@ pub(crate) struct Pool<T> {
 }
 
 impl<T: bytemuck::NoUninit> Pool<T> {
+    /// Bytes from one record to the next.
+    pub(crate) const STRIDE: u64 = size_of::<T>() as u64;
+
     /// An empty pool that will have room for `capacity` records, at least one, in a buffer of at
     /// most `limit_bytes`. `what` names the records in errors and in graphics debuggers, in the
-    /// plural. `missing` is the value of a word that is not stored.
-    pub(crate) fn new(what: &'static str, capacity: u32, limit_bytes: u64, missing: fn(usize) -> Missing) -> Self {
+    /// plural.
+    pub(crate) fn new(what: &'static str, capacity: u32, limit_bytes: u64) -> Self {
         const { assert!(size_of::<T>() != 0 && size_of::<T>().is_multiple_of(4), "writes are whole 4-byte words") };
-        let stored = Stored::whole::<T>();
         Self {
             what,
             limit_bytes,
             share: None,
-            missing,
             buffer: None,
             capacity: capacity.max(1),
             ranges: Ranges::new(u64::from(capacity.max(1))),
             taken: 0,
-            next: stored.clone(),
-            stored,
             kept: 0,
             replacement: None,
             records: PhantomData,
@@ -105,21 +96,20 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         self.share = share;
     }
 
-    /// Begins a frame that ends in this layout.
+    /// Begins a frame.
     ///
-    /// Fails with [`PlanError::Full`] and changes nothing if the records do not fit in it.
-    pub(crate) fn begin(&mut self, stored: Stored) -> Result<(), PlanError> {
-        let limit = self.limit(&stored);
+    /// Fails with [`PlanError::Full`] and changes nothing if the limit has fallen below what is in use.
+    pub(crate) fn begin(&mut self) -> Result<(), PlanError> {
+        let limit = self.limit();
         let used = self.used();
         if used > limit {
-            return Err(self.full(used, &stored));
+            return Err(self.full(used));
         }
         if self.ranges.end() > limit {
             self.ranges.cut_to(limit);
         }
         // Within the limit.
         self.kept = used as u32;
-        self.next = stored;
         Ok(())
     }
 
@@ -137,9 +127,9 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         }
         // No gap is long enough, so the range begins after the last one in use.
         let needed = self.used() + u64::from(len);
-        let limit = self.limit(&self.next);
+        let limit = self.limit();
         if needed > limit || growth == Growth::None {
-            return Err(self.full(needed, &self.next));
+            return Err(self.full(needed));
         }
         let doubled = (2 * self.ranges.end()).min(limit);
         let room = match growth {
@@ -157,7 +147,7 @@ impl<T: bytemuck::NoUninit> Pool<T> {
     /// As [`Pool::alloc`]. A [`Demand::May`] is also refused if it leaves too little for others.
     pub(crate) fn alloc_for(&mut self, len: u32, demand: Demand, growth: Growth) -> Result<Range<u32>, PlanError> {
         if demand == Demand::May && self.missing(len.into()) > 0 {
-            return Err(self.full(self.taken + u64::from(len), &self.next));
+            return Err(self.full(self.taken + u64::from(len)));
         }
         self.alloc(len, growth)
     }
@@ -165,14 +155,14 @@ impl<T: bytemuck::NoUninit> Pool<T> {
     /// How many more records have to be free before there is room for a [`Demand::May`] of `len`,
     /// gaps aside.
     pub(crate) fn missing(&self, len: u64) -> u64 {
-        let limit = self.limit(&self.next);
+        let limit = self.limit();
         (self.taken + len + limit / SPARE).saturating_sub(limit)
     }
 
     /// Forgets all ranges, and makes the buffer as small as its limit if that has fallen. Returns what
     /// [`Pool::restore`] takes. To be called before [`Pool::begin`].
     pub(crate) fn restart(&mut self) -> RestartedPool {
-        let room = self.limit(&self.stored).min(self.capacity.into());
+        let room = self.limit().min(self.capacity.into());
         let ranges = std::mem::replace(&mut self.ranges, Ranges::new(room));
         RestartedPool { ranges, taken: std::mem::take(&mut self.taken) }
     }
@@ -201,34 +191,22 @@ impl<T: bytemuck::NoUninit> Pool<T> {
 
     /// Names the new buffer, if one is needed.
     pub(crate) fn end(&mut self, ids: &mut Ids) -> Option<NewBuffer> {
-        let is_same = self.buffer.is_some() && self.room() == self.capacity && self.next == self.stored;
-        let new = (!is_same).then(|| ids.storage(self.what, u64::from(self.room()) * self.next.bytes() as u64));
+        let is_same = self.buffer.is_some() && self.room() == self.capacity;
+        let new = (!is_same).then(|| ids.storage(self.what, u64::from(self.room()) * Self::STRIDE));
         self.replacement = new.map(|buffer| buffer.id);
         new
     }
 
-    /// Whether records have to be converted to another layout.
-    pub(crate) fn has_conversion(&self) -> bool {
-        self.kept > 0 && self.next != self.stored
-    }
-
     /// Takes the new buffer into use, if there is one: adds the commands that bring the records
-    /// there and set the rest to zero. `uniform` is the uniform for conversions and the pass of it
-    /// to use. Returns the former buffer, which no later command uses.
-    pub(crate) fn adopt(&mut self, commands: &mut Commands, uniform: Option<(BufferId, u32)>) -> Option<BufferId> {
+    /// there and set the rest to zero. Returns the former buffer, which no later command uses.
+    pub(crate) fn adopt(&mut self, commands: &mut Commands) -> Option<BufferId> {
         let new = self.replacement.take()?;
-        let (kept, stride) = (self.kept, self.next.bytes() as u64);
+        let kept = u64::from(self.kept) * Self::STRIDE;
         if let Some(old) = self.buffer.filter(|_| kept > 0) {
-            if self.next == self.stored {
-                commands.copy(old, new, u64::from(kept) * stride);
-            } else {
-                let uniform = uniform.expect("a conversion has a uniform");
-                relayout(commands, kept, (old, &self.stored), (new, &self.next), self.missing, uniform);
-            }
+            commands.copy(old, new, kept);
         }
-        commands.zero(new, u64::from(kept) * stride..u64::from(self.room()) * stride);
+        commands.zero(new, kept..u64::from(self.room()) * Self::STRIDE);
         self.capacity = self.room();
-        self.stored = self.next.clone();
         self.buffer.replace(new)
     }
 
@@ -236,7 +214,6 @@ impl<T: bytemuck::NoUninit> Pool<T> {
     /// freed.
     pub(crate) fn undo(&mut self) {
         self.replacement = None;
-        self.next = self.stored.clone();
         let capacity = u64::from(self.capacity);
         match self.ranges.end() {
             room if room > capacity => self.ranges.cut_to(capacity),
@@ -254,9 +231,9 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         records: impl Iterator<Item = T>,
     ) {
         assert!(run.end <= self.capacity, "{run:?} does not fit into {}", self.capacity);
-        let start = u64::from(run.start) * self.stride();
+        let start = u64::from(run.start) * Self::STRIDE;
         let append = |bytes: &mut Vec<u8>| {
-            records.for_each(|record| self.stored.strip_into(bytemuck::bytes_of(&record), bytes));
+            records.for_each(|record| bytes.extend_from_slice(bytemuck::bytes_of(&record)));
         };
         match scattered.add(&run) {
             Some(bytes) => append(bytes),
@@ -276,14 +253,14 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         if run.len() >= 4 * RECORDS_PER_TASK && rayon::current_num_threads() > 1 {
             use rayon::prelude::*;
             assert!(run.end <= self.capacity, "{run:?} does not fit into {}", self.capacity);
-            let (stored, stride) = (&self.stored, self.stored.bytes());
-            commands.write_with(self.buffer(), u64::from(run.start) * self.stride(), |bytes| {
+            let stride = size_of::<T>();
+            commands.write_with(self.buffer(), u64::from(run.start) * Self::STRIDE, |bytes| {
                 let first = bytes.len();
                 bytes.resize(first + run.len() * stride, 0);
                 let tasks = bytes[first..].par_chunks_mut(RECORDS_PER_TASK * stride);
                 tasks.zip(run.into_par_iter().step_by(RECORDS_PER_TASK)).for_each(|(bytes, start)| {
                     for (index, bytes) in (start..).zip(bytes.chunks_exact_mut(stride)) {
-                        stored.strip(bytemuck::bytes_of(&record(index)), bytes);
+                        bytes.copy_from_slice(bytemuck::bytes_of(&record(index)));
                     }
                 });
             });
@@ -294,7 +271,7 @@ impl<T: bytemuck::NoUninit> Pool<T> {
 
     /// The bytes of staged data that the counted runs take; 0 if they are written one by one.
     pub(crate) fn staged_bytes(&self, runs: &RunCount) -> u64 {
-        runs.staged_bytes(self.next.bytes() as u64)
+        runs.staged_bytes(Self::STRIDE)
     }
 
     /// The buffer. Panics before the first plan.
@@ -312,16 +289,6 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         self.capacity
     }
 
-    /// Bytes from one record to the next.
-    pub(crate) fn stride(&self) -> u64 {
-        self.stored.bytes() as u64
-    }
-
-    /// Bytes from one record to the next after this frame.
-    pub(crate) fn next_stride(&self) -> u64 {
-        self.next.bytes() as u64
-    }
-
     /// Records in use.
     pub(crate) fn taken(&self) -> u64 {
         self.taken
@@ -329,7 +296,7 @@ impl<T: bytemuck::NoUninit> Pool<T> {
 
     /// The size of the buffer.
     pub(crate) fn bytes(&self) -> u64 {
-        u64::from(self.capacity) * self.stride()
+        u64::from(self.capacity) * Self::STRIDE
     }
 
     /// The end of the last range in use.
@@ -342,21 +309,14 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         self.ranges.end() as u32
     }
 
-    /// The most records after this frame.
-    pub(crate) fn most(&self) -> u64 {
-        self.limit(&self.next)
-    }
-
-    /// The most records in this layout.
-    fn limit(&self, stored: &Stored) -> u64 {
+    /// The most records that a buffer may have.
+    pub(crate) fn limit(&self) -> u64 {
         let bytes = self.share.map_or(self.limit_bytes, |share| share.min(self.limit_bytes));
-        u64::from(limit_of(bytes, stored))
+        (bytes / Self::STRIDE).min(u32::MAX.into())
     }
 
-    fn full(&self, records: u64, stored: &Stored) -> PlanError {
-        let stride = stored.bytes() as u64;
-        let limit = self.limit(stored) * stride;
-        PlanError::Full { what: self.what, needed: records * stride, limit }
+    fn full(&self, records: u64) -> PlanError {
+        PlanError::Full { what: self.what, needed: records * Self::STRIDE, limit: self.limit() * Self::STRIDE }
     }
 }
 
@@ -367,40 +327,29 @@ pub(crate) struct RestartedPool {
     taken: u64,
 }
 
-/// The number of records that a buffer of `limit_bytes` holds.
-fn limit_of(limit_bytes: u64, stored: &Stored) -> u32 {
-    u32::try_from(limit_bytes / stored.bytes() as u64).unwrap_or(u32::MAX)
-}
-
 #[cfg(all(test, feature = "parallel"))]
 mod tests {
     use super::super::buffers::Ids;
     use super::super::layout::InstanceRecord;
-    use super::super::stored::missing_of_instance;
     use super::*;
-    use crate::effects::Effects;
 
     #[test]
     fn threads_write_the_bytes_of_one_thread() {
         const SHARED: u32 = 4 * RECORDS_PER_TASK as u32;
-        for effects in [Effects::empty(), Effects::all()] {
-            let mut pool = Pool::<InstanceRecord>::new("instances", 20 * SHARED, u64::MAX, missing_of_instance);
-            pool.buffer = Some(Ids::default().storage("instances", 0).id);
-            pool.stored = Stored::instances(effects);
-            let record =
-                |index: u32| bytemuck::cast(std::array::from_fn::<u32, 40, _>(|word| 100 * index + word as u32));
-            for length in [1, SHARED - 1, SHARED, SHARED + 1, 10 * SHARED + 7] {
-                let written = |threads| {
-                    let mut commands = Commands::default();
-                    let write = || pool.write_each(&mut commands, &mut Scattered::default(), 5..5 + length, record);
-                    let threads = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-                    threads.install(write);
-                    commands
-                };
-                let [one, two] = [1, 2].map(written);
-                assert_eq!(one.bytes_written(), u64::from(length) * pool.stride());
-                assert!(one.iter().eq(two.iter()), "{length} records of {} bytes", pool.stride());
-            }
+        let mut pool = Pool::<InstanceRecord>::new("instances", 20 * SHARED, u64::MAX);
+        pool.buffer = Some(Ids::default().storage("instances", 0).id);
+        let record = |index: u32| bytemuck::cast(std::array::from_fn::<u32, 40, _>(|word| 100 * index + word as u32));
+        for length in [1, SHARED - 1, SHARED, SHARED + 1, 10 * SHARED + 7] {
+            let written = |threads| {
+                let mut commands = Commands::default();
+                let write = || pool.write_each(&mut commands, &mut Scattered::default(), 5..5 + length, record);
+                let threads = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+                threads.install(write);
+                commands
+            };
+            let [one, two] = [1, 2].map(written);
+            assert_eq!(one.bytes_written(), u64::from(length) * Pool::<InstanceRecord>::STRIDE);
+            assert!(one.iter().eq(two.iter()), "{length} records");
         }
     }
 }

@@ -130,8 +130,7 @@ impl Previous {
         let is_empty = std::mem::take(&mut self.is_lost) || copies.is_empty;
         self.is_stale = [is_empty; 2];
         // Without slots, shaders find no light.
-        let params =
-            if is_empty { ParamsRecord { strides: params.strides, ..ParamsRecord::default() } } else { params };
+        let params = if is_empty { ParamsRecord::default() } else { params };
         self.write(params, commands);
     }
 

@@ -7,15 +7,13 @@ use super::LightPlanner;
 use super::buffers::NewBuffer;
 use super::changes::FrameChanges;
 use super::error::PlanError;
-use super::layout::{ParamsRecord, PartRecord, Strides, TreeRecord};
+use super::layout::{ParamsRecord, PartRecord, TreeRecord};
 use super::opened::Opened;
 use super::pool::Growth;
-use super::relayout::RELAYOUT_STRIDE;
 use super::residency::TreeState;
 use super::room::{RecordRuns, ReusedLists, Room, TreeRoom};
 use super::runs::add_runs;
 use super::scatter::{self, RunCount};
-use super::stored::Stored;
 use super::top::MapQuads;
 use super::tree_writes::written_records;
 use crate::effects::Effects;
@@ -36,7 +34,6 @@ pub struct Reservation<'a> {
     pub(super) planner: &'a mut LightPlanner,
     pub(super) world: &'a LightWorld,
     pub(super) changes: FrameChanges,
-    pub(super) effects: Effects,
     pub(super) room: Room,
     /// The room was taken into use, so that there is nothing to undo.
     pub(super) is_used: bool,
@@ -82,7 +79,7 @@ impl LightPlanner {
     /// [`PlanError::Full`] if a buffer would outgrow [`PlanLimits`](super::PlanLimits). The next call
     /// starts from the same revision, and succeeds once the world holds less.
     pub fn reserve<'a>(&'a mut self, world: &'a LightWorld) -> Result<Reservation<'a>, PlanError> {
-        self.reserve_as(world, world.effects(), Growth::Double)
+        self.reserve_as(world, Growth::Double)
     }
 
     /// As [`LightPlanner::reserve`], with buffers no larger than needed. An engine that has no
@@ -91,19 +88,16 @@ impl LightPlanner {
     /// # Errors
     /// As [`LightPlanner::reserve`].
     pub fn reserve_exactly<'a>(&'a mut self, world: &'a LightWorld) -> Result<Reservation<'a>, PlanError> {
-        self.reserve_as(world, world.effects(), Growth::Exact)
+        self.reserve_as(world, Growth::Exact)
     }
 
-    /// Reserves for the layout of these effects, which must contain the world's.
+    /// Reserves with buffers that grow so.
     pub(crate) fn reserve_as<'a>(
         &'a mut self,
         world: &'a LightWorld,
-        effects: Effects,
         growth: Growth,
     ) -> Result<Reservation<'a>, PlanError> {
         span!("reserve");
-        // No shader depends on whether lights move.
-        let effects = effects - Effects::MOVING;
         if self.is_lost {
             self.trees.residency.lose();
             self.instances.parts.lose_records();
@@ -114,18 +108,17 @@ impl LightPlanner {
             true => FrameChanges::everything(world),
             false => FrameChanges::since(self.revision, world),
         };
-        let has_params =
-            self.uniforms.params_buffer.is_some() && self.uniforms.params == self.params_of(world, effects);
+        let has_params = self.uniforms.params_buffer.is_some() && self.uniforms.params == self.params_of(world);
         let is_idle = changes.is_empty() && has_params && !self.has_work();
-        self.trees.divide_memory(world, effects);
+        self.trees.divide_memory(world);
         // As it is before anything grows.
         let present = self.present();
         let mut room = self.new_room(growth);
         room.is_idle = is_idle;
         if !is_idle {
-            room.trees.formerly_opened = self.decide_openings((world, effects), &mut changes);
+            room.trees.formerly_opened = self.decide_openings(world, &mut changes);
         }
-        let mut result = if is_idle { Ok(()) } else { self.make_room((world, effects), &mut changes, &mut room) };
+        let mut result = if is_idle { Ok(()) } else { self.make_room(world, &mut changes, &mut room) };
         if let Err((shortage @ (Shortage::Trees | Shortage::Parts), _)) = result {
             let formerly_opened = room.trees.formerly_opened.take();
             self.undo(std::mem::take(&mut room));
@@ -138,11 +131,11 @@ impl LightPlanner {
                 Shortage::Parts => FrameChanges { trees: changes.trees, ..all },
                 // With stand-ins in place of the less useful trees as well.
                 _ => {
-                    room.trees.restarted = Some(self.trees.restart(world, effects));
+                    room.trees.restarted = Some(self.trees.restart(world));
                     all
                 }
             };
-            result = self.make_room((world, effects), &mut changes, &mut room);
+            result = self.make_room(world, &mut changes, &mut room);
         }
         if let Err((_, error)) = result {
             self.undo(room);
@@ -150,19 +143,15 @@ impl LightPlanner {
         }
         let limits = (self.trees.limits.largest_buffer, growth);
         room.copies = self.previous.reserve(present, limits, (&mut self.buffers.ids, &mut room.new_buffers));
-        Ok(Reservation { planner: self, world, changes, effects, room, is_used: false })
+        Ok(Reservation { planner: self, world, changes, room, is_used: false })
     }
 
     /// Decides which trees are opened for shaders, and adds those to the changes that are not as decided. Returns
     /// the former decision if it is another one.
-    fn decide_openings(
-        &mut self,
-        (world, effects): (&LightWorld, Effects),
-        changes: &mut FrameChanges,
-    ) -> Option<Opened> {
+    fn decide_openings(&mut self, world: &LightWorld, changes: &mut FrameChanges) -> Option<Opened> {
         let limit = self.trees.limits.largest_buffer;
         let records = size_of::<TreeRecord>().max(size_of::<PartRecord>()) as u64;
-        let room = (limit / records).min(self.top.most_parts(map_sizes(world, effects)).into());
+        let room = (limit / records).min(self.top.most_parts(map_sizes(world)).into());
         let decided = self.trees.opened.decided(world, room)?;
         let former = std::mem::replace(&mut self.trees.opened, decided);
         let slots: Vec<u32> = self.trees.slots_to_reopen(world).collect();
@@ -191,16 +180,16 @@ impl LightPlanner {
     /// [`Pool`](super::pool::Pool). To be undone if it fails.
     fn make_room(
         &mut self,
-        (world, effects): (&LightWorld, Effects),
+        world: &LightWorld,
         changes: &mut FrameChanges,
         room: &mut Room,
     ) -> Result<(), (Shortage, PlanError)> {
-        self.instances.pool.begin(Stored::instances(effects)).map_err(|error| (Shortage::Others, error))?;
-        self.instances.parts.pool().begin(Stored::whole::<PartRecord>()).map_err(|error| (Shortage::Parts, error))?;
-        self.make_room_of_trees((world, effects), changes, room).map_err(|error| (Shortage::Trees, error))?;
+        self.instances.pool.begin().map_err(|error| (Shortage::Others, error))?;
+        self.instances.parts.pool().begin().map_err(|error| (Shortage::Parts, error))?;
+        self.make_room_of_trees(world, changes, room).map_err(|error| (Shortage::Trees, error))?;
         self.trees.add_placed_instances(world, &room.trees, changes);
-        self.make_room_of_parts((world, effects), changes, room).map_err(|error| (Shortage::Parts, error))?;
-        let others = self.make_room_of_others((world, effects), changes, room);
+        self.make_room_of_parts(world, changes, room).map_err(|error| (Shortage::Parts, error))?;
+        let others = self.make_room_of_others(world, changes, room);
         others.map_err(|error| (Shortage::Others, error))?;
         self.find_runs(world, changes, room);
         self.name_buffers(room);
@@ -209,13 +198,13 @@ impl LightPlanner {
 
     fn make_room_of_trees(
         &mut self,
-        (world, effects): (&LightWorld, Effects),
+        world: &LightWorld,
         changes: &FrameChanges,
         room: &mut Room,
     ) -> Result<(), PlanError> {
-        self.trees.nodes.begin(Stored::nodes(effects))?;
-        self.trees.lights.begin(Stored::lights(effects))?;
-        self.trees.records.begin(Stored::whole::<TreeRecord>())?;
+        self.trees.nodes.begin()?;
+        self.trees.lights.begin()?;
+        self.trees.records.begin()?;
         self.trees.place_trees(world, changes, &mut room.trees)?;
         let directionals = world.directional_count() as u32;
         if changes.directionals && directionals as usize != self.trees.directionals.len() {
@@ -226,7 +215,7 @@ impl LightPlanner {
 
     fn make_room_of_parts(
         &mut self,
-        (world, effects): (&LightWorld, Effects),
+        world: &LightWorld,
         changes: &FrameChanges,
         room: &mut Room,
     ) -> Result<(), PlanError> {
@@ -235,14 +224,14 @@ impl LightPlanner {
         let counts: Vec<_> = slots.map(|slot| (*slot, self.part_count(*slot, world, &room.trees.placed))).collect();
         room.parts = self.instances.parts.reserve(counts.into_iter(), growth)?;
         let parts = self.instances.parts.count();
-        let maps = map_sizes(world, effects);
+        let maps = map_sizes(world);
         let nodes = self.top.fitting(world.partition(), parts, maps).len() as u32;
         self.top.reserve([parts, nodes], maps, growth, (&mut self.buffers.ids, &mut room.new_buffers))
     }
 
     fn make_room_of_others(
         &mut self,
-        (world, effects): (&LightWorld, Effects),
+        world: &LightWorld,
         changes: &mut FrameChanges,
         room: &mut Room,
     ) -> Result<(), PlanError> {
@@ -255,7 +244,7 @@ impl LightPlanner {
         self.sources.reserve(
             (world, changes),
             (&|slot| self.trees.state_after(slot, &room.trees.placed), &room.trees.placed),
-            (Strides::of(effects), growth),
+            growth,
             &mut room.sources,
         )
     }
@@ -265,7 +254,7 @@ impl LightPlanner {
     fn slots_of(&self, world: &LightWorld) -> u32 {
         let all = world.slot_count() as u32;
         let last = || (0..all).rev().find(|slot| world.instance_at(*slot).is_some());
-        if u64::from(all) > self.instances.pool.most() { last().map_or(0, |slot| slot + 1) } else { all }
+        if u64::from(all) > self.instances.pool.limit() { last().map_or(0, |slot| slot + 1) } else { all }
     }
 
     /// The number of parts of the instance in a slot: as many as its tree has records, once the
@@ -321,12 +310,6 @@ impl LightPlanner {
             room.new_buffers.push(buffer);
             buffer.id
         };
-        let converts = self.trees.nodes.has_conversion()
-            || self.trees.lights.has_conversion()
-            || self.instances.pool.has_conversion();
-        if converts && self.uniforms.relayout.is_none() {
-            room.uniforms.relayout = Some(add(ids.uniform("relayout", 3 * u64::from(RELAYOUT_STRIDE))));
-        }
         if room.runs.staged_bytes > 0 && self.uniforms.scatter.is_none() {
             room.uniforms.scatter = Some(add(ids.uniform("scatter", scatter::UNIFORM_BYTES)));
         }
@@ -378,7 +361,8 @@ impl LightPlanner {
 }
 
 /// Whether there are masks, and the quads of maps, beside the top level.
-pub(super) fn map_sizes(world: &LightWorld, effects: Effects) -> (bool, MapQuads) {
+pub(super) fn map_sizes(world: &LightWorld) -> (bool, MapQuads) {
+    let effects = world.effects();
     let quads = MapQuads {
         // Shaders that know portals read their number wherever there is a sky.
         portals: match effects.contains(Effects::PORTALS) {

@@ -7,7 +7,7 @@ use std::fmt::Write;
 use super::cuts::layout as cut_layout;
 use super::heat_map::HeatMap;
 use super::items::renamed;
-use super::{layout, previous, stored};
+use super::{layout, previous};
 use crate::cluster;
 use crate::effects::Effects;
 use crate::instance::sector;
@@ -231,7 +231,7 @@ fn functions(group: u32, effects: Effects, extras: Extras) -> String {
         include_str!("../../shaders/solid_angle.wgsl"),
         include_str!("../../shaders/emit.wgsl"),
         include_str!("../../shaders/sample.wgsl"),
-        include_str!("../../shaders/stored.wgsl"),
+        include_str!("../../shaders/records.wgsl"),
         include_str!("../../shaders/scaled.wgsl"),
         include_str!("../../shaders/places.wgsl"),
         include_str!("../../shaders/rough.wgsl"),
@@ -316,15 +316,18 @@ pub(crate) fn constants() -> String {
         ("LATTICE_Y", resample::LATTICE[0]),
         ("LATTICE_Z", resample::LATTICE[1]),
         ("LATTICE_W", resample::LATTICE[2]),
-        ("NODE_CHILDREN", stored::NODE_CHILDREN),
-        ("NODE_TAIL", stored::NODE_TAIL),
-        ("INSTANCE_TREE", stored::INSTANCE_TREE),
-        ("INSTANCE_PART", stored::INSTANCE_PART),
-        ("POINT_STRIDE", stored::POINT_STRIDE),
-        ("RIGID_STRIDE", stored::RIGID_STRIDE),
-        ("FACTOR_QUADS", stored::FACTOR_QUADS),
-        ("WITHOUT_SECTOR", stored::WITHOUT_SECTOR),
-        ("MASK_QUADS", stored::MASK_QUADS),
+        ("NODE_QUADS", layout::NODE_QUADS),
+        ("NODE_CHILDREN", layout::NODE_CHILDREN),
+        ("NODE_LOBES", layout::NODE_LOBES),
+        ("RECORD_QUADS", layout::RECORD_QUADS),
+        ("INSTANCE_QUADS", layout::INSTANCE_QUADS),
+        ("INSTANCE_LOCAL", layout::INSTANCE_LOCAL),
+        ("INSTANCE_FACTOR", layout::INSTANCE_FACTOR),
+        ("INSTANCE_SECTOR", layout::INSTANCE_SECTOR),
+        ("NODE_TAIL", layout::NODE_TAIL),
+        ("INSTANCE_TREE", layout::INSTANCE_TREE),
+        ("INSTANCE_PART", layout::INSTANCE_PART),
+        ("MASK_QUADS", layout::MASK_QUADS),
         ("MASK_WHOLE", masks::WHOLE),
         ("SHARED_NODES", cuts::SHARED_NODES as u32),
         ("CONTESTED", cuts::CONTESTED as u32),
@@ -484,8 +487,6 @@ pub(crate) fn constants() -> String {
         // As f64: the shortest digits of the greatest f32 are above it, which Tint refuses.
         let _ = writeln!(text, "const LIGHT_{name}: f32 = {:e};", f64::from(value));
     }
-    let lobe: Vec<String> = stored::missing_lobe().iter().map(|word| format!("{word}u")).collect();
-    let _ = writeln!(text, "const LIGHT_NO_LOBE = vec2({});", lobe.join(", "));
     text
 }
 
@@ -828,7 +829,7 @@ mod tests {
             ),
             (
                 Effects::NON_RIGID,
-                "light_rigid_to_local light_flux_shares light_axes light_axis_in_axes \
+                "light_flux_shares light_axes light_axis_in_axes \
                  light_box_in_axes light_scaled_child LightMappedBox LightMappedBox.bounds \
                  LightMappedBox.size_sq light_cap_cosine LIGHT_LEAST_NORMAL_CODE LIGHT_ALL_SURFACES LIGHT_AXIS_ROUNDING LightInstance.to_local \
                  LightPackedChild.area_ratio LightLocalShadingPoint.scaled_instance \

@@ -31,7 +31,6 @@ use super::buffers::{BufferId, Ids, NewBuffer};
 use super::commands::{CommandSizes, Commands};
 use super::error::PlanError;
 use super::kernel::{Binding, Kernel, UNIFORM_ALIGNMENT};
-use super::layout::Strides;
 use super::pool::Growth;
 use super::sort::SortBuffers;
 use crate::top::partition::Partition;
@@ -209,14 +208,13 @@ impl TopBuild {
         }
     }
 
-    /// Sets what the next builds read and store: `parts` parts, records with these strides, masks at
+    /// Sets what the next builds read and store: `parts` parts, masks at
     /// this place of the nodes, 0 for none, places relative to the centre of the sector `home`, and the nodes of a
     /// partition. Sends what changed: 80 bytes for each pass, 112 for each divided node, and the roots of blocks.
     pub(crate) fn prepare(
         &mut self,
         commands: &mut Commands,
         (parts, partition): (u32, &Partition),
-        strides: Strides,
         (masks, home): (u32, [i32; 3]),
     ) {
         let (Some(buffers), Some(uniforms)) = (&mut self.buffers, self.uniforms) else { return };
@@ -230,7 +228,6 @@ impl TopBuild {
             nodes: *nodes,
             runs: buffers.capacity.nodes,
             is_divided: u32::from(*is_divided),
-            strides,
             masks,
             sort_block: SortBuffers::block_keys(parts),
             home,

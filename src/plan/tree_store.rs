@@ -10,8 +10,6 @@ use super::opened::Opened;
 use super::pool::Pool;
 use super::residency::{Incoming, Residency, TreeState};
 use super::room::RestartedTrees;
-use super::stored::{self, Missing, Stored};
-use crate::effects::Effects;
 use crate::world::LightWorld;
 
 /// Records that the first buffer of each pool has room for.
@@ -47,13 +45,11 @@ impl TreeStore {
     /// Nothing yet.
     pub fn new(limits: PlanLimits) -> Self {
         let limit = limits.largest_buffer;
-        // Every layout stores whole records of trees.
-        let none = |_| Missing::Value(0);
         Self {
             limits,
-            nodes: Pool::new("light tree nodes", FIRST_RECORDS, limit, stored::missing_of_node),
-            lights: Pool::new("lights", FIRST_RECORDS, limit, stored::missing_of_light),
-            records: Pool::new("light trees", FIRST_RECORDS / 4, limit, none),
+            nodes: Pool::new("light tree nodes", FIRST_RECORDS, limit),
+            lights: Pool::new("lights", FIRST_RECORDS, limit),
+            records: Pool::new("light trees", FIRST_RECORDS / 4, limit),
             directionals: 0..0,
             residency: Residency::new(limits.tree_memory.is_some()),
             opened: Opened::ALL,
@@ -64,7 +60,7 @@ impl TreeStore {
 
     /// Divides a limited memory between nodes and lights, in the ratio of their bytes in the world.
     /// The division stays the same once a pool has grown to its whole share.
-    pub fn divide_memory(&mut self, world: &LightWorld, effects: Effects) {
+    pub fn divide_memory(&mut self, world: &LightWorld) {
         let Some(memory) = self.limits.tree_memory.map(|memory| memory.max(MIN_TREE_MEMORY)) else {
             self.nodes.set_share(None);
             self.lights.set_share(None);
@@ -79,8 +75,8 @@ impl TreeStore {
         let slots = self.residency.slots().max(world.tree_slot_count());
         for slot in (0..slots).step_by(slots.div_ceil(SAMPLED_TREES).max(1) as usize) {
             if let Some(tree) = world.tree_at(slot).and_then(|key| world.tree(key)) {
-                nodes += (tree.nodes().len() * Stored::nodes(effects).bytes()) as u64;
-                lights += (tree.lights().len() * Stored::lights(effects).bytes()) as u64;
+                nodes += (tree.nodes().len() * size_of::<NodeRecord>()) as u64;
+                lights += (tree.lights().len() * size_of::<LightRecord>()) as u64;
             }
         }
         let least = memory / LEAST_SHARE;
@@ -92,7 +88,7 @@ impl TreeStore {
     }
 
     /// Forgets where trees are, so that all of them are placed anew.
-    pub fn restart(&mut self, world: &LightWorld, effects: Effects) -> Box<RestartedTrees> {
+    pub fn restart(&mut self, world: &LightWorld) -> Box<RestartedTrees> {
         let restarted = RestartedTrees {
             nodes: self.nodes.restart(),
             lights: self.lights.restart(),
@@ -101,7 +97,7 @@ impl TreeStore {
             directionals: std::mem::take(&mut self.directionals),
         };
         self.shares = None;
-        self.divide_memory(world, effects);
+        self.divide_memory(world);
         Box::new(restarted)
     }
 

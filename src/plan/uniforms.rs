@@ -1,16 +1,13 @@
 //! The small buffers of a planner: uniforms, and what records are staged in.
 
 use super::buffers::BufferId;
-use super::layout::{ParamsRecord, Strides};
-use crate::effects::Effects;
+use super::layout::ParamsRecord;
 
 /// The uniforms of shaders and kernels, and the buffer of staged records.
 pub(super) struct Uniforms {
     /// What the uniform of shaders holds.
     pub params: ParamsRecord,
     pub params_buffer: Option<BufferId>,
-    /// The uniform of conversions. Made at first use.
-    pub relayout: Option<BufferId>,
     /// The uniform of the pass that scatters staged records. Made at first use, like their buffer.
     pub scatter: Option<BufferId>,
     /// The buffer of staged records, and its bytes.
@@ -21,7 +18,6 @@ pub(super) struct Uniforms {
 #[derive(Debug, Default)]
 pub(super) struct NewUniforms {
     pub params: Option<BufferId>,
-    pub relayout: Option<BufferId>,
     pub scatter: Option<BufferId>,
     pub staging: Option<(BufferId, u64)>,
 }
@@ -29,12 +25,6 @@ pub(super) struct NewUniforms {
 impl Uniforms {
     /// No buffers yet.
     pub fn new() -> Self {
-        Self {
-            params: ParamsRecord { strides: Strides::of(Effects::all()), ..ParamsRecord::default() },
-            params_buffer: None,
-            relayout: None,
-            scatter: None,
-            staging: None,
-        }
+        Self { params: ParamsRecord::default(), params_buffer: None, scatter: None, staging: None }
     }
 }

@@ -9,6 +9,7 @@ use super::commands::Commands;
 use super::frame::FramePlan;
 use super::layout::{Bases, InstanceRecord, LightRecord, ParamsRecord, STAND_IN, TreeRecord, stored_place};
 use super::node_record::{NodeRecord, stored_nodes};
+use super::pool::Pool;
 use super::reserve::Reservation;
 use super::residency::{Form, Incoming, TreeState};
 use super::room::{Room, TreeRoom};
@@ -27,6 +28,14 @@ use crate::world::{LightWorld, birth_of_directional, birth_of_instance};
 const MORE_COMMANDS: usize = 32;
 const MORE_BYTES: u64 = 4096;
 
+/// The bytes of a record of each pool that takes short runs from staged records.
+const STRIDES: [u64; MAX_TARGETS] = [
+    Pool::<NodeRecord>::STRIDE,
+    Pool::<LightRecord>::STRIDE,
+    Pool::<TreeRecord>::STRIDE,
+    Pool::<InstanceRecord>::STRIDE,
+];
+
 /// The short runs of each pool that takes them from staged records.
 struct Staged {
     nodes: Scattered,
@@ -43,10 +52,11 @@ impl Reservation<'_> {
         span!("plan");
         self.is_used = true;
         let mut room = std::mem::take(&mut self.room);
-        let (planner, world, changes, effects) = (&mut *self.planner, self.world, &self.changes, self.effects);
+        let (planner, world, changes) = (&mut *self.planner, self.world, &self.changes);
         planner.number += 1;
         planner.revision = world.revision();
-        planner.effects = effects;
+        // No shader depends on whether lights move.
+        planner.effects = world.effects() - Effects::MOVING;
         let mut plan = FramePlan { number: planner.number, ..FramePlan::default() };
         plan.new_buffers = std::mem::take(&mut room.new_buffers);
         planner.trees.is_resized = false;
@@ -65,8 +75,8 @@ impl Reservation<'_> {
             planner.buffers.change(&plan.new_buffers, &plan.freed);
             return plan;
         }
-        let ParamsRecord { strides, masks, home, .. } = planner.uniforms.params;
-        let former = (strides, masks, home);
+        let ParamsRecord { masks, home, .. } = planner.uniforms.params;
+        let former = (masks, home);
         let is_new_top = planner.top.is_replaced() || planner.is_lost;
         let replaced = [planner.instances.pool.is_replaced(), planner.trees.lights.is_replaced()];
         let room = planner.adopt(room, &mut plan);
@@ -100,15 +110,15 @@ impl Reservation<'_> {
         planner.write_portals(commands, world, is_new_top);
         planner.write_profiles(commands, is_new_top);
         planner.write_sky(commands, world, is_new_top);
-        planner.write_params(commands, world, effects);
+        planner.write_params(commands, world);
         planner.previous.follow_maps(planner.uniforms.params, commands);
-        let ParamsRecord { strides, masks, home, .. } = planner.uniforms.params;
-        planner.sources.adopt(sources, strides, commands, &mut plan.freed);
+        let ParamsRecord { masks, home, .. } = planner.uniforms.params;
+        planner.sources.adopt(sources, commands, &mut plan.freed);
         planner.top.is_due |= planner.sources.is_active();
         let parts = planner.instances.parts.count();
-        let partition = planner.top.fitting(world.partition(), parts, super::reserve::map_sizes(world, effects));
-        planner.top.prepare(commands, (parts, &partition), strides, (masks, home));
-        if changes.concern_lights || is_new_top || former != (strides, masks, home) || planner.top.is_due {
+        let partition = planner.top.fitting(world.partition(), parts, super::reserve::map_sizes(world));
+        planner.top.prepare(commands, (parts, &partition), (masks, home));
+        if changes.concern_lights || is_new_top || former != (masks, home) || planner.top.is_due {
             planner.finish_top(&mut plan.top);
         }
         let is_void = commands.bytes_written() > 0 || !plan.top.is_empty();
@@ -152,15 +162,9 @@ impl LightPlanner {
     /// Makes room for what is written, so that no list is copied while it grows. A few more commands
     /// and bytes are for parameters.
     fn make_lists(&self, room: &Room, commands: &mut Commands) -> Staged {
-        let strides = [
-            self.trees.nodes.stride(),
-            self.trees.lights.stride(),
-            self.trees.records.stride(),
-            self.instances.pool.stride(),
-        ];
         let (mut writes, mut bytes) = (MORE_COMMANDS, room.runs.staged_bytes + MORE_BYTES);
         let lists: [Scattered; MAX_TARGETS] = std::array::from_fn(|i| {
-            let (count, stride, is_scattered) = (&room.runs.counts[i], strides[i], room.runs.is_scattered[i]);
+            let (count, stride, is_scattered) = (&room.runs.counts[i], STRIDES[i], room.runs.is_scattered[i]);
             let (runs, bytes_of_runs) = count.written(stride, is_scattered);
             writes += runs;
             bytes += bytes_of_runs;
@@ -190,7 +194,6 @@ impl LightPlanner {
     /// Takes new buffers into use. Returns what is left of the room.
     fn adopt(&mut self, room: Room, plan: &mut FramePlan) -> Room {
         let FramePlan { upload, freed, .. } = plan;
-        self.uniforms.relayout = room.uniforms.relayout.or(self.uniforms.relayout);
         self.uniforms.scatter = room.uniforms.scatter.or(self.uniforms.scatter);
         if let Some(staging) = room.uniforms.staging {
             freed.extend(self.uniforms.staging.replace(staging).map(|(id, _)| id));
@@ -201,12 +204,11 @@ impl LightPlanner {
             self.uniforms.params = ParamsRecord { slots: u32::MAX, ..ParamsRecord::default() };
         }
         self.instances.count = self.instances.count.max(room.slots.end);
-        let uniform = |pass| self.uniforms.relayout.map(|buffer| (buffer, pass));
-        freed.extend(self.trees.nodes.adopt(upload, uniform(0)));
-        freed.extend(self.trees.lights.adopt(upload, uniform(1)));
-        freed.extend(self.instances.pool.adopt(upload, uniform(2)));
-        freed.extend(self.trees.records.adopt(upload, None));
-        freed.extend(self.instances.parts.pool().adopt(upload, None));
+        freed.extend(self.trees.nodes.adopt(upload));
+        freed.extend(self.trees.lights.adopt(upload));
+        freed.extend(self.instances.pool.adopt(upload));
+        freed.extend(self.trees.records.adopt(upload));
+        freed.extend(self.instances.parts.pool().adopt(upload));
         self.top.adopt(upload, freed);
         room
     }
@@ -359,17 +361,17 @@ impl LightPlanner {
     fn scatter(&self, commands: &mut Commands, staged: Staged) {
         let (Some((staging, _)), Some(uniform)) = (self.uniforms.staging, self.uniforms.scatter) else { return };
         let targets = [
-            (self.trees.nodes.buffer(), self.trees.nodes.stride(), staged.nodes),
-            (self.trees.lights.buffer(), self.trees.lights.stride(), staged.lights),
-            (self.trees.records.buffer(), self.trees.records.stride(), staged.trees),
-            (self.instances.pool.buffer(), self.instances.pool.stride(), staged.instances),
+            (self.trees.nodes.buffer(), STRIDES[0], staged.nodes),
+            (self.trees.lights.buffer(), STRIDES[1], staged.lights),
+            (self.trees.records.buffer(), STRIDES[2], staged.trees),
+            (self.instances.pool.buffer(), STRIDES[3], staged.instances),
         ];
         scatter(commands, targets, (staging, uniform));
     }
 
     /// Sends the parameters, if they have changed.
-    fn write_params(&mut self, commands: &mut Commands, world: &LightWorld, effects: Effects) {
-        let params = self.params_of(world, effects);
+    fn write_params(&mut self, commands: &mut Commands, world: &LightWorld) {
+        let params = self.params_of(world);
         if let Some(buffer) = self.uniforms.params_buffer
             && (params != self.uniforms.params || self.is_lost)
         {

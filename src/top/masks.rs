@@ -1,7 +1,7 @@
 //! The masks of the lights below each node of the top level: which bits they have, and on how much of
 //! the flux.
 //!
-//! Twin of `pack_masks` in shaders/top_pack.wgsl and of `light_seen_share` in shaders/stored.wgsl. All
+//! Twin of `pack_masks` in shaders/top_pack.wgsl and of `light_seen_share` in shaders/records.wgsl. All
 //! sums are of whole numbers, so that both get the same bits.
 
 use bytemuck::{Pod, Zeroable};

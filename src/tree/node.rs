@@ -33,9 +33,7 @@ pub type Bytes = [u8; WIDTH];
 /// A node: up to eight children and a link to the parent. It has 208 bytes: 23 for each child and
 /// 24 of its own. Tools that look into trees need it; engines do not. Any release may change it.
 ///
-/// The fields from `shortness` on come last. A GPU does not store them in a world without cones and
-/// ranges (`plan/stored.rs`). A dark child has the values of a child without a cone and without a
-/// range.
+/// A dark child has the values of a child without a cone and without a range.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Node {

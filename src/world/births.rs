@@ -55,7 +55,7 @@ pub(crate) fn birth_of_directional(key: DirectionalKey) -> u32 {
     hash(slot_of(key) ^ hash(version)) >> (u32::BITS - BIRTH_BITS)
 }
 
-/// A number for a light, at least 1 and below 2²⁴. Twin of `light_generation` in `shaders/stored.wgsl`.
+/// A number for a light, at least 1 and below 2²⁴. Twin of `light_generation` in `shaders/records.wgsl`.
 pub(super) fn generation(of_instance: u32, of_light: u32) -> u32 {
     (hash(of_instance ^ hash(of_light)) >> 8).max(1)
 }

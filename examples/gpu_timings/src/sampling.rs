@@ -4,7 +4,7 @@ use super::machine::Machine;
 use super::shading_points::requests;
 use super::spread::Spread;
 use super::timer::Timer;
-use girandole::gpu::measure::{NodeCounter, record_bytes};
+use girandole::gpu::measure::{INSTANCE_BYTES, LIGHT_BYTES, NODE_BYTES, NodeCounter};
 use girandole::gpu::{GpuLights, SampleRecord, SampleRequest};
 use girandole::{CandidateCount, FrameBudget, wgpu};
 use serde_json::{Value, json};
@@ -87,7 +87,6 @@ pub fn measure(machine: &Machine, timer: &Timer, size: Size, picture: (u32, u32)
     drop(samples);
     let pixels = machine.storage("pixels", u64::from(count) * PIXEL_BYTES);
     let counts = machine.storage("node counts", u64::from(count) * 4);
-    let record_bytes = record_bytes(&lights);
     let counter = NodeCounter::new(&lights);
     let mut rows = Vec::new();
     for candidates in CANDIDATES {
@@ -98,7 +97,7 @@ pub fn measure(machine: &Machine, timer: &Timer, size: Size, picture: (u32, u32)
         machine.queue.submit([encoder.finish()]);
         let read: Vec<u32> = timer.read(&counts)?;
         let nodes = read.iter().map(|count| f64::from(*count)).sum::<f64>() / f64::from(count);
-        let each = f64::from(candidates.get()) * f64::from(record_bytes.instance + record_bytes.light);
+        let each = f64::from(candidates.get()) * f64::from(INSTANCE_BYTES + LIGHT_BYTES);
         rows.push(Row {
             city: format!("{size:?}"),
             lights: world.light_count(),
@@ -107,7 +106,7 @@ pub fn measure(machine: &Machine, timer: &Timer, size: Size, picture: (u32, u32)
             candidates,
             time,
             nodes,
-            bytes: nodes * f64::from(record_bytes.node) + each,
+            bytes: nodes * f64::from(NODE_BYTES) + each,
         });
     }
     Ok(rows)

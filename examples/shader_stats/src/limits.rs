@@ -27,7 +27,6 @@ const fn limit(kernel: &'static str, effects: &'static str, most: [u64; 3]) -> L
 /// are those that were measured; instructions are rounded up. Mesa
 /// 22.3.6, 2026-11-30, by `cargo run --release -p shader_stats -- --out FILE.csv`.
 pub const LIMITS: [Limit; 50] = [
-    limit("relayout", "", [16, 0, 100]),
     limit("scatter", "", [8, 0, 100]),
     limit("top_leaves", "", [48, 0, 700]),
     limit("top_keys", "", [16, 0, 200]),

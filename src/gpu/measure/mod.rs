@@ -13,7 +13,7 @@ pub use key_sort::KeySort;
 use super::GpuLights;
 use super::recorder::Recorder;
 pub use super::recorder::TopStage;
-use crate::plan::top;
+use crate::plan::{layout, top};
 
 /// The largest number of stages of a top-level build. A query set of twice as many timestamps has
 /// room for any build.
@@ -21,17 +21,10 @@ pub const MAX_TOP_STAGES: u32 = 64;
 
 const _: () = assert!(top::MAX_STAGES <= MAX_TOP_STAGES);
 
-/// The sizes in bytes of the records that sampling reads, as they are stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct RecordBytes {
-    /// A node of either level.
-    pub node: u32,
-    /// A light of a tree, or a directional light.
-    pub light: u32,
-    /// An instance with its transforms.
-    pub instance: u32,
-}
+/// The bytes of a node of either level, of a light, and of an instance with its transforms.
+pub const NODE_BYTES: u32 = 16 * layout::NODE_QUADS;
+pub const LIGHT_BYTES: u32 = 16 * layout::RECORD_QUADS;
+pub const INSTANCE_BYTES: u32 = 16 * layout::INSTANCE_QUADS;
 
 /// Records the build of the top level with each stage in a compute pass of its own. Unlike
 /// [`GpuLights::build_top`] it records the build even if nothing was uploaded since the last one.
@@ -50,12 +43,6 @@ pub fn build_top_timed(
     let mut recorder = Recorder::apart(encoder, "girandole top level", queries);
     lights.player.record(&mut recorder, &lights.top);
     recorder.finish()
-}
-
-/// The sizes of all records as of the last upload.
-pub fn record_bytes(lights: &GpuLights) -> RecordBytes {
-    let strides = lights.planner.strides();
-    RecordBytes { node: 16 * strides.node, light: 16 * strides.light, instance: 16 * strides.instance }
 }
 
 #[cfg(test)]

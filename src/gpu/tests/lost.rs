@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use crate::gpu::measure::{KeySort, NodeCounter, build_top_timed, record_bytes};
+use crate::gpu::measure::{KeySort, NodeCounter, build_top_timed};
 use crate::gpu::testing::{limited_gpu, mixed_world};
 use crate::gpu::*;
 use crate::sampling::counts::CandidateCount;
@@ -129,7 +129,6 @@ const CALLS: &[(&str, Call)] = &[
     }),
     ("KeySort::new", |s| result(KeySort::new(&s.device, &s.queue, 100))),
     ("KeySort::record", |s| nothing(s.sort.record(&mut s.encoder, None))),
-    ("record_bytes", |s| nothing(record_bytes(&s.lights))),
 ];
 
 /// The names of the public functions of [`GpuLights`] below a folder, as they are in the text.

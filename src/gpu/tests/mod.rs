@@ -6,7 +6,6 @@ mod lights;
 mod lost;
 mod pool;
 mod profile;
-mod relayout;
 mod scatter;
 mod sky;
 mod sort;

@@ -1,14 +1,10 @@
-//! Pools: growth, gaps, limits and changes of layout.
+//! Pools: growth, gaps, and limits.
 
 use std::ops::Range;
 
 use super::Rig;
-use crate::effects::Effects;
-use crate::plan::layout::InstanceRecord;
 use crate::plan::pool::{Growth, Pool};
-use crate::plan::relayout::RELAYOUT_STRIDE;
 use crate::plan::scatter::Scattered;
-use crate::plan::stored::{Missing, Stored, missing_of_instance};
 use crate::plan::{BufferId, PlanError};
 
 /// A pool whose every call is a frame of its own.
@@ -16,13 +12,12 @@ pub(super) struct TestPool<T> {
     pub pool: Pool<T>,
     /// The buffers that it had.
     former: Vec<BufferId>,
-    stored: Stored,
 }
 
 impl<T: bytemuck::NoUninit> TestPool<T> {
-    pub fn new(rig: &mut Rig, capacity: u32, limit_bytes: u64, missing: fn(usize) -> Missing) -> Self {
-        let pool = Pool::new("test records", capacity, limit_bytes, missing);
-        let mut pool = Self { pool, former: Vec::new(), stored: Stored::whole::<T>() };
+    pub fn new(rig: &mut Rig, capacity: u32, limit_bytes: u64) -> Self {
+        let pool = Pool::new("test records", capacity, limit_bytes);
+        let mut pool = Self { pool, former: Vec::new() };
         pool.frame(rig, |_| Ok(())).expect("an empty pool fits");
         pool
     }
@@ -33,7 +28,7 @@ impl<T: bytemuck::NoUninit> TestPool<T> {
         rig: &mut Rig,
         change: impl FnOnce(&mut Pool<T>) -> Result<R, PlanError>,
     ) -> Result<R, PlanError> {
-        self.pool.begin(self.stored.clone())?;
+        self.pool.begin()?;
         let result = match change(&mut self.pool) {
             Ok(result) => result,
             Err(error) => {
@@ -42,10 +37,9 @@ impl<T: bytemuck::NoUninit> TestPool<T> {
             }
         };
         let new = self.pool.end(&mut rig.ids);
-        let uniform = rig.ids.uniform("relayout", u64::from(RELAYOUT_STRIDE));
         let (pool, former) = (&mut self.pool, &mut self.former);
-        let new: Vec<_> = new.into_iter().chain([uniform]).collect();
-        rig.play(&new, |commands| former.extend(pool.adopt(commands, Some((uniform.id, 0)))));
+        let new: Vec<_> = new.into_iter().collect();
+        rig.play(&new, |commands| former.extend(pool.adopt(commands)));
         Ok(result)
     }
 
@@ -64,11 +58,6 @@ impl<T: bytemuck::NoUninit> TestPool<T> {
         sent
     }
 
-    pub fn set_layout(&mut self, rig: &mut Rig, stored: &Stored) {
-        self.stored = stored.clone();
-        self.frame(rig, |_| Ok(())).expect("the records fit");
-    }
-
     /// How often the buffer was replaced, and how many records it holds.
     fn state(&self) -> (usize, u32) {
         (self.former.len(), self.pool.capacity())
@@ -83,7 +72,7 @@ fn records(range: Range<u32>, salt: u32) -> Vec<Record> {
 }
 
 fn pool(rig: &mut Rig, capacity: u32, limit: u64) -> TestPool<Record> {
-    TestPool::new(rig, capacity, limit, |_| Missing::Value(0))
+    TestPool::new(rig, capacity, limit)
 }
 
 const LIMIT: u64 = 128 << 20;
@@ -121,10 +110,10 @@ fn writes_before_and_after_a_growth_in_one_list_arrive_in_order() {
         pool.write(commands, &mut Scattered::default(), 1..2, std::iter::once(record));
     };
     write(&pool.pool, &mut commands, [1; 4]);
-    pool.pool.begin(pool.stored.clone()).unwrap();
+    pool.pool.begin().unwrap();
     pool.pool.alloc(1, Growth::Exact).unwrap();
     let new = pool.pool.end(&mut rig.ids).expect("it grows");
-    let old = pool.pool.adopt(&mut commands, None).expect("it had a buffer");
+    let old = pool.pool.adopt(&mut commands).expect("it had a buffer");
     write(&pool.pool, &mut commands, [2; 4]);
     rig.player.create(&[new]).expect("room enough");
     rig.player.play(&commands);
@@ -183,45 +172,18 @@ fn a_pool_can_be_filled_to_its_limit_and_refuses_one_record_more_without_a_chang
 }
 
 #[test]
-fn a_change_to_longer_records_keeps_ranges_and_gaps_or_is_refused() {
+fn a_frame_that_is_undone_leaves_ranges_and_room_as_they_were() {
     let mut rig = Rig::new();
-    let (short, whole) = (Stored::instances(Effects::empty()), Stored::instances(Effects::all()));
-    let mut pool = TestPool::<InstanceRecord>::new(&mut rig, 1, 26 * 80, missing_of_instance);
-    pool.set_layout(&mut rig, &short);
-    let ranges: Vec<_> = [3, 4, 3, 16].map(|len| pool.alloc(&mut rig, len).unwrap()).into();
-    pool.write(&mut rig, 7, &[InstanceRecord { tree: 5, ..InstanceRecord::NONE }]);
-    let refused = PlanError::Full { what: "test records", needed: 26 * 160, limit: 13 * 160 };
-    assert_eq!(pool.pool.begin(whole.clone()), Err(refused));
-    pool.pool.free(ranges[3].clone());
-    pool.pool.free(ranges[1].clone());
-    let before = pool.state().0;
-    pool.set_layout(&mut rig, &whole);
-    assert_eq!(pool.state(), (before + 1, 13));
-    pool.set_layout(&mut rig, &whole);
-    assert_eq!(pool.state(), (before + 1, 13), "it has this layout");
-    assert_eq!(rig.read::<InstanceRecord>(pool.pool.buffer())[7].tree, 5);
-    let [gap, end] = [4, 3].map(|len| pool.alloc(&mut rig, len).unwrap());
-    assert_eq!((gap, end), (3..7, 10..13));
-    assert!(pool.alloc(&mut rig, 1).is_err());
-    pool.set_layout(&mut rig, &short);
-    assert_eq!(pool.alloc(&mut rig, 13).unwrap(), 13..26);
-}
-
-#[test]
-fn a_frame_that_is_undone_leaves_ranges_room_and_layout_as_they_were() {
-    let mut rig = Rig::new();
-    let (short, whole) = (Stored::instances(Effects::empty()), Stored::instances(Effects::all()));
-    let mut pool = TestPool::<InstanceRecord>::new(&mut rig, 4, LIMIT, missing_of_instance);
-    pool.set_layout(&mut rig, &short);
+    let mut pool = pool(&mut rig, 4, LIMIT);
     let used = pool.alloc(&mut rig, 3).unwrap();
-    pool.pool.begin(whole).unwrap();
+    pool.pool.begin().unwrap();
     let range = pool.pool.alloc(9, Growth::Double).unwrap();
     assert!(pool.pool.end(&mut rig.ids).is_some());
     pool.pool.free(range);
     pool.pool.undo();
-    assert_eq!((pool.state(), pool.pool.used()), ((1, 4), u64::from(used.end)));
-    pool.pool.begin(short).unwrap();
+    assert_eq!((pool.state(), pool.pool.used()), ((0, 4), u64::from(used.end)));
+    pool.pool.begin().unwrap();
     assert!(pool.pool.end(&mut rig.ids).is_none(), "nothing has changed");
     assert_eq!(pool.alloc(&mut rig, 1).unwrap(), 3..4);
-    assert_eq!(pool.state(), (1, 4));
+    assert_eq!(pool.state(), (0, 4));
 }

@@ -4,15 +4,13 @@ use super::Rig;
 use super::pool::TestPool;
 use crate::math::dice::hash;
 use crate::plan::scatter::{MAX_TARGETS, RunCount, UNIFORM_BYTES, scatter};
-use crate::plan::stored::Missing;
 
 /// Two pools of records of different sizes, and two targets without any records.
 #[test]
 fn scattered_records_arrive_in_their_places_and_no_others_change() {
     let mut rig = Rig::new();
-    let none = |_| Missing::Value(0);
-    let mut small = TestPool::<[u32; 4]>::new(&mut rig, 5000, 128 << 20, none);
-    let mut large = TestPool::<[u32; 20]>::new(&mut rig, 5000, 128 << 20, none);
+    let mut small = TestPool::<[u32; 4]>::new(&mut rig, 5000, 128 << 20);
+    let mut large = TestPool::<[u32; 20]>::new(&mut rig, 5000, 128 << 20);
     small.alloc(&mut rig, 5000).expect("room enough");
     large.alloc(&mut rig, 5000).expect("room enough");
     let (mut expected_small, mut expected_large) = (vec![[7; 4]; 5000], vec![[9; 20]; 5000]);

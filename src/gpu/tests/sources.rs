@@ -12,7 +12,7 @@ use crate::gpu::testing::{gpu, gpu_lights, random, random_vec, read, record_batc
 use crate::gpu::{GpuLights, SampleRecord, SampleRequest};
 use crate::keys::slot_of;
 use crate::light::UNLIMITED_RANGE;
-use crate::plan::layout::{LightRecord, TreeRecord};
+use crate::plan::layout::{LightRecord, NODE_QUADS, TreeRecord};
 use crate::plan::node_record::NodeRecord;
 use crate::plan::sources::MeasureRecord;
 use crate::plan::{BufferId, Command, LightPlanner, MeasureReadback, PlanLimits, ShaderBuffers};
@@ -147,10 +147,10 @@ fn world_of(sizes: &[u32], placement: impl Fn(u32) -> Placement) -> (LightWorld,
 /// Nodes as the GPU holds them, whose parents are not compared: what is above openings has another form there.
 fn read_nodes(lights: &GpuLights, buffer: BufferId, range: Range<u32>) -> Vec<Node> {
     let (device, queue) = gpu();
-    let stride = 16 * lights.planner.strides().node as usize;
+    let stride = 16 * NODE_QUADS as usize;
     let bytes: Vec<u8> = read(&device, &queue, lights.player.buffer(buffer));
     let node = |index: u32| {
-        let mut record = NodeRecord::EMPTY;
+        let mut record = NodeRecord::of(&Node::EMPTY);
         let stored = &bytes[index as usize * stride..][..stride];
         bytemuck::bytes_of_mut(&mut record)[..stride].copy_from_slice(stored);
         record.node()

@@ -2,7 +2,6 @@
 
 mod bounds;
 mod changes;
-mod layouts;
 mod twin;
 
 use std::collections::HashMap;
@@ -17,10 +16,9 @@ use crate::effects::Effects;
 use crate::gpu::testing::{random, random_vec};
 use crate::instance::part::{PART, PART_BITS, Part};
 use crate::keys::slot_of;
-use crate::plan::layout::{Bases, ClusterRecord, InstanceRecord, LeafRecord, PartRecord, Strides, TreeRecord};
+use crate::plan::layout::{Bases, ClusterRecord, InstanceRecord, LeafRecord, PartRecord, TreeRecord};
 use crate::plan::node_record::NodeRecord;
 use crate::plan::pool::Growth;
-use crate::plan::stored::Missing;
 use crate::plan::top::{MapQuads, TopBuild};
 use crate::scheduler::FrameBudget;
 use crate::top::masks::NodeMasks;
@@ -140,18 +138,16 @@ fn world_of(slots: u32, place: impl Fn(u32) -> Placement) -> LightWorld {
 struct TopRig {
     rig: Rig,
     top: TopBuild,
-    /// The strides of the nodes that are stored.
-    strides: Strides,
 }
 
 impl TopRig {
     fn new() -> Self {
-        Self { rig: Rig::new(), top: TopBuild::new(128 << 20), strides: Strides::of(Effects::all()) }
+        Self { rig: Rig::new(), top: TopBuild::new(128 << 20) }
     }
 
     /// A pool that holds these records.
     fn pool<T: bytemuck::NoUninit>(&mut self, records: &[T]) -> TestPool<T> {
-        let mut pool = TestPool::new(&mut self.rig, 1, 128 << 20, |_| Missing::Value(0));
+        let mut pool = TestPool::new(&mut self.rig, 1, 128 << 20);
         pool.alloc(&mut self.rig, records.len() as u32).unwrap();
         pool.write(&mut self.rig, 0, records);
         pool
@@ -187,16 +183,11 @@ fn build(top: &mut TopRig, world: &LightWorld) -> Built {
     top.top
         .reserve([count, nodes], (has_masks, MapQuads::default()), Growth::Double, (&mut top.rig.ids, &mut new))
         .unwrap();
-    let (strides, build) = (top.strides, &mut top.top);
+    let build = &mut top.top;
     top.rig.play(&new, |commands| {
         build.adopt(commands, &mut Vec::new());
         let masks = if has_masks { build.masks() } else { 0 };
-        build.prepare(
-            commands,
-            (count, world.partition()),
-            strides,
-            (masks, crate::instance::sector::number(world.home())),
-        );
+        build.prepare(commands, (count, world.partition()), (masks, crate::instance::sector::number(world.home())));
         build.build(commands, pools);
     });
     let (top, rig) = (&top.top, &top.rig);
@@ -234,4 +225,13 @@ fn cluster_of(record: &ClusterRecord) -> Cluster {
         cos_half_angle: record.cos_half_angle,
         range: record.range,
     }
+}
+
+#[test]
+fn two_builds_of_one_world_are_equal_bit_for_bit() {
+    let mut top = TopRig::new();
+    let world = world_of(2000, placement);
+    let (first, second) = (build(&mut top, &world), build(&mut top, &world));
+    assert_eq!(first.nodes, second.nodes);
+    assert_eq!(first.records, second.records);
 }

@@ -60,9 +60,7 @@ fn each_buffer_of_an_upload_may_be_refused_and_the_next_upload_sends_what_is_mis
         assert!(report.trees >= 40 && report.instances >= 400, "{what}: {report:?}");
         assert_eq!(lights.upload(&world), Ok(UploadReport::default()));
     }
-    for what in
-        ["light tree nodes", "lights", "instances", "light trees", "relayout", "sampling parameters", "sort keys"]
-    {
+    for what in ["light tree nodes", "lights", "instances", "light trees", "sampling parameters", "sort keys"] {
         assert!(refused.contains(&what), "{what} never refused: {refused:?}");
     }
 }
@@ -162,18 +160,6 @@ fn refused_records_leave_no_light_until_the_next_upload_sends_all() {
     let expected = sample(&mut fresh);
     assert!(count_lit(&expected) > 32);
     assert!(sample(&mut lights) == expected);
-}
-
-#[test]
-fn the_first_upload_compiles_no_pipeline_to_convert_records() {
-    let (device, queue) = noop();
-    let mut world = small_world();
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    lights.upload(&world).expect("room enough");
-    assert!(!lights.player.has_compiled("relayout"), "there was nothing to convert");
-    grow(&mut world);
-    lights.upload(&world).expect("room enough");
-    assert!(lights.player.has_compiled("relayout"));
 }
 
 #[test]

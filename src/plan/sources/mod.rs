@@ -26,11 +26,10 @@ use super::changes::FrameChanges;
 use super::commands::Commands;
 use super::error::PlanError;
 use super::kernel::{UNIFORM_ALIGNMENT, pass_bytes};
-use super::layout::{Strides, TreeRecord};
+use super::layout::TreeRecord;
 use super::pool::{Growth, Pool};
 use super::residency::{Form, TreeState};
 use super::scatter::Scattered;
-use super::stored::{Missing, Stored};
 use crate::effects::Effects;
 use crate::keys::{TreeKey, slot_of};
 use crate::world::{LightWorld, TreeSource, TreeVersion};
@@ -53,9 +52,8 @@ pub(super) struct SourceStore {
     list: Range<u32>,
     /// The source and the part that are read back next.
     next_part: (u32, u32),
-    /// The passes of the last plan, and the strides that they are for.
+    /// The passes of the last plan.
     passes: Vec<RefitPass>,
-    strides: Strides,
 }
 
 /// The state of the tree in a slot after the frame.
@@ -94,32 +92,24 @@ pub(super) struct NewSources {
 impl SourceStore {
     /// No sources. No buffer will be larger than `limit` bytes.
     pub fn new(limit: u64) -> Self {
-        let none = |_| Missing::Value(0);
         Self {
-            table: Pool::new("light sources", FIRST_RECORDS, limit, none),
-            measures: Pool::new("measures of sources", FIRST_RECORDS, limit, none),
-            clusters: Pool::new("clusters of sources", FIRST_RECORDS, limit, none),
-            pieces: Pool::new("pieces of sources", FIRST_RECORDS, limit, none),
-            lists: Pool::new("lists of pieces", FIRST_RECORDS, limit, none),
+            table: Pool::new("light sources", FIRST_RECORDS, limit),
+            measures: Pool::new("measures of sources", FIRST_RECORDS, limit),
+            clusters: Pool::new("clusters of sources", FIRST_RECORDS, limit),
+            pieces: Pool::new("pieces of sources", FIRST_RECORDS, limit),
+            lists: Pool::new("lists of pieces", FIRST_RECORDS, limit),
             uniform: None,
             new_uniform: None,
             states: Vec::new(),
             list: 0..0,
             next_part: (0, 0),
             passes: Vec::new(),
-            strides: Strides::default(),
         }
     }
 
     /// The numbers of the sources whose states depend on what has changed. O(1) if nothing has.
-    fn affected(
-        &self,
-        (world, changes): (&LightWorld, &FrameChanges),
-        placed: &BTreeMap<u32, TreeState>,
-        strides: Strides,
-    ) -> Vec<u32> {
-        let is_all = strides != self.strides;
-        let is_none = !is_all && changes.trees.as_slice().is_empty() && placed.is_empty();
+    fn affected(&self, (world, changes): (&LightWorld, &FrameChanges), placed: &BTreeMap<u32, TreeState>) -> Vec<u32> {
+        let is_none = changes.trees.as_slice().is_empty() && placed.is_empty();
         let count = if is_none { 0 } else { world.source_numbers().max(self.states.len() as u32) };
         let is_settled = |key: TreeKey| {
             let slot = slot_of(key);
@@ -127,7 +117,7 @@ impl SourceStore {
         };
         let is_affected = |index: &u32| {
             let of = self.states.get(*index as usize).and_then(|state| state.key);
-            is_all || of.is_none() || world.source_tree(*index) != of || !of.is_some_and(is_settled)
+            of.is_none() || world.source_tree(*index) != of || !of.is_some_and(is_settled)
         };
         (0..count).filter(is_affected).collect()
     }
@@ -138,7 +128,7 @@ impl SourceStore {
         index: u32,
         world: &LightWorld,
         changes: &FrameChanges,
-        (trees, placed, strides): (Trees<'_>, &BTreeMap<u32, TreeState>, Strides),
+        (trees, placed): (Trees<'_>, &BTreeMap<u32, TreeState>),
     ) -> (SourceState, bool) {
         let present = self.states.get(index as usize).cloned().unwrap_or_default();
         let Some((key, source)) = world.source_at(index) else { return (SourceState::default(), false) };
@@ -160,7 +150,6 @@ impl SourceStore {
         let record = SourceRecord {
             light_base: state.lights.start,
             light_count: entry.tree.lights().len() as u32,
-            light_stride: strides.light,
             node_base: state.nodes.start,
             root: present.record.root,
             record_base: state.records.start,
@@ -182,7 +171,7 @@ impl SourceStore {
         &mut self,
         (world, changes): (&LightWorld, &FrameChanges),
         (trees, placed): (Trees<'_>, &BTreeMap<u32, TreeState>),
-        (strides, growth): (Strides, Growth),
+        growth: Growth,
         new: &mut NewSources,
     ) -> Result<(), PlanError> {
         let count = (world.source_numbers()).max(self.states.len() as u32);
@@ -190,16 +179,16 @@ impl SourceStore {
             return Ok(());
         }
         new.is_begun = true;
-        self.table.begin(Stored::whole::<SourceRecord>())?;
-        self.measures.begin(Stored::whole::<MeasureRecord>())?;
-        self.clusters.begin(Stored::whole::<RefitCluster>())?;
-        self.pieces.begin(Stored::whole::<[u32; 2]>())?;
-        self.lists.begin(Stored::whole::<u32>())?;
+        self.table.begin()?;
+        self.measures.begin()?;
+        self.clusters.begin()?;
+        self.pieces.begin()?;
+        self.lists.begin()?;
         let more = count - self.states.len() as u32;
         new.table = self.table.alloc(more, growth)?;
         new.measures = self.measures.alloc(more, growth)?;
-        for index in self.affected((world, changes), placed, strides) {
-            let (mut state, has_new_pieces) = self.due(index, world, changes, (trees, placed, strides));
+        for index in self.affected((world, changes), placed) {
+            let (mut state, has_new_pieces) = self.due(index, world, changes, (trees, placed));
             let present = self.states.get(index as usize);
             let is_same =
                 present.is_some_and(|p| (p.key, p.version, &p.record) == (state.key, state.version, &state.record));
@@ -292,15 +281,15 @@ impl SourceStore {
     }
 
     /// Takes what was reserved into use, and writes what has changed.
-    pub fn adopt(&mut self, mut new: NewSources, strides: Strides, commands: &mut Commands, freed: &mut Vec<BufferId>) {
+    pub fn adopt(&mut self, mut new: NewSources, commands: &mut Commands, freed: &mut Vec<BufferId>) {
         if !new.is_begun {
             return;
         }
-        freed.extend(self.table.adopt(commands, None));
-        freed.extend(self.measures.adopt(commands, None));
-        freed.extend(self.clusters.adopt(commands, None));
-        freed.extend(self.pieces.adopt(commands, None));
-        freed.extend(self.lists.adopt(commands, None));
+        freed.extend(self.table.adopt(commands));
+        freed.extend(self.measures.adopt(commands));
+        freed.extend(self.clusters.adopt(commands));
+        freed.extend(self.pieces.adopt(commands));
+        freed.extend(self.lists.adopt(commands));
         let has_new_uniform = self.new_uniform.is_some();
         if let Some(uniform) = self.new_uniform.take() {
             freed.extend(self.uniform.replace(uniform).map(|(id, _)| id));
@@ -327,10 +316,10 @@ impl SourceStore {
             let former = std::mem::replace(&mut self.list, new.list);
             self.lists.free(former);
         }
-        if !is_changed && !has_new_uniform && strides == self.strides {
+        if !is_changed && !has_new_uniform {
             return;
         }
-        let (list, passes) = self.list_of_passes(strides);
+        let (list, passes) = self.list_of_passes();
         if is_changed {
             self.lists.write(commands, &mut Scattered::default(), self.list.clone(), list.into_iter());
         }
@@ -339,15 +328,15 @@ impl SourceStore {
         {
             commands.write(uniform, 0, &pass_bytes(&passes, UNIFORM_ALIGNMENT));
         }
-        (self.passes, self.strides) = (passes, strides);
+        self.passes = passes;
     }
 
     /// The words of the lists, and the passes that read them. The last pass writes the records of parts.
-    fn list_of_passes(&self, strides: Strides) -> (Vec<u32>, Vec<RefitPass>) {
+    fn list_of_passes(&self) -> (Vec<u32>, Vec<RefitPass>) {
         let (mut list, mut passes) = (Vec::new(), Vec::new());
         let mut add = |list: &Vec<u32>, before: usize, words: u32| {
             let (first, count) = (self.list.start + before as u32, (list.len() - before) as u32 / words);
-            passes.push(RefitPass { first, count, node_stride: strides.node, node_lobes: strides.lobes });
+            passes.push(RefitPass { first, count });
         };
         let most = self.states.iter().map(|state| state.passes.len()).max().unwrap_or(0);
         for pass in 0..most {
@@ -409,7 +398,7 @@ impl SourceStore {
     pub fn measures(&self, first: u32, most: u32) -> Option<MeasureReadback> {
         let end = first.saturating_add(most).min(self.states.len() as u32);
         let versions: Vec<_> = self.states.get(first as usize..end as usize)?.iter().map(|s| s.version).collect();
-        let stride = self.measures.stride();
+        let stride = Pool::<MeasureRecord>::STRIDE;
         let (offset, bytes) = (u64::from(first) * stride, versions.len() as u64 * stride);
         self.uniform.filter(|_| bytes > 0 && self.is_active())?;
         Some(MeasureReadback { buffer: self.measures.buffer(), offset, bytes, versions })
@@ -426,7 +415,7 @@ impl SourceStore {
             {
                 let end = record.record_count.min(first.saturating_add(most.max(1)));
                 self.next_part = (source, end);
-                let stride = records.stride();
+                let stride = Pool::<TreeRecord>::STRIDE;
                 let (offset, bytes) = (u64::from(record.record_base + first) * stride, u64::from(end - first) * stride);
                 let (version, count) = (*version, record.record_count as usize);
                 return Some(PartReadback { buffer: records.buffer(), offset, bytes, version, first, count });

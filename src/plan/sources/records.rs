@@ -12,8 +12,6 @@ use crate::cluster::Linear;
 pub(in crate::plan) struct SourceRecord {
     pub light_base: u32,
     pub light_count: u32,
-    /// In units of 16 bytes.
-    pub light_stride: u32,
     pub node_base: u32,
     /// The cluster of all lights.
     pub root: u32,
@@ -23,7 +21,7 @@ pub(in crate::plan) struct SourceRecord {
     pub record_count: u32,
     /// Counted by shaders.
     pub refused: u32,
-    pub padding: [u32; 3],
+    pub padding: [u32; 4],
     /// The columns of the matrix of cofactors of the map.
     pub weights: [[f32; 4]; 3],
 }
@@ -75,6 +73,4 @@ pub(super) struct RefitPass {
     pub first: u32,
     /// The number of its workgroups.
     pub count: u32,
-    pub node_stride: u32,
-    pub node_lobes: u32,
 }

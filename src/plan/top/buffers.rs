@@ -2,7 +2,7 @@
 
 use super::super::buffers::{BufferId, Ids, NewBuffer};
 use super::super::error::PlanError;
-use super::super::layout::{ClusterRecord, LeafRecord, Strides};
+use super::super::layout::{ClusterRecord, LeafRecord};
 use super::super::node_record::NodeRecord;
 use super::super::sort::SortBuffers;
 use super::partition::PlanesRecord;
@@ -31,7 +31,6 @@ pub(super) struct TopPass {
     pub is_divided: u32,
     pub blocks: u32,
     pub block_count: u32,
-    pub strides: Strides,
     pub masks: u32,
     pub sort_block: u32,
     pub padding: u32,

@@ -7,7 +7,6 @@ use naga::TypeInner;
 
 use super::stage::{BLOCKS, CELLS, KEYS, LANES, LEAVES, NODE_LANES};
 use super::*;
-use crate::effects::Effects;
 use crate::plan::kernel::MAX_WORKGROUPS;
 use crate::plan::layout::{ClusterRecord, LeafRecord};
 use crate::plan::node_record::NodeRecord;
@@ -72,7 +71,7 @@ fn forty_million_parts_are_covered_by_dispatches_of_two_dimensions_and_words_of_
     assert!(new.iter().all(|buffer| buffer.bytes / 4 <= 1 << 32), "{new:?}");
     let mut commands = Commands::default();
     let masks = top.masks();
-    top.prepare(&mut commands, (PARTS, &Partition::default()), Strides::of(Effects::all()), (masks, [0; 3]));
+    top.prepare(&mut commands, (PARTS, &Partition::default()), (masks, [0; 3]));
     top.passes[0].nodes = NODES;
     top.build(&mut commands, [0; 3].map(|_| Ids::default().storage("read only", 4).id));
     let mut groups = Vec::new();
@@ -104,7 +103,7 @@ fn a_build_takes_ten_dispatches_or_fewer_and_each_block_is_packed_once_after_tho
         let mut top = TopBuild::new(MAX_LARGEST_BUFFER);
         reserve(&mut top, [parts, partition.len() as u32], false, Growth::Double).unwrap();
         let mut commands = Commands::default();
-        top.prepare(&mut commands, (parts, &partition), Strides::of(Effects::all()), (0, [0; 3]));
+        top.prepare(&mut commands, (parts, &partition), (0, [0; 3]));
         let mut build = Commands::default();
         top.build(&mut build, [0; 3].map(|_| Ids::default().storage("read only", 4).id));
         let dispatches = build.iter().filter(|command| matches!(command, Command::Dispatch { .. })).count();
@@ -118,9 +117,9 @@ fn a_build_takes_ten_dispatches_or_fewer_and_each_block_is_packed_once_after_tho
         assert_eq!(blocks as usize + in_blocks, divided, "{parts}");
         // Nothing is sent twice.
         let sent = commands.bytes_written();
-        top.prepare(&mut commands, (parts, &partition), Strides::of(Effects::all()), (0, [0; 3]));
+        top.prepare(&mut commands, (parts, &partition), (0, [0; 3]));
         assert_eq!(commands.bytes_written(), sent);
-        top.prepare(&mut commands, (parts, &partition), Strides::of(Effects::all()), (0, [1; 3]));
+        top.prepare(&mut commands, (parts, &partition), (0, [1; 3]));
         assert_eq!(commands.bytes_written(), sent + size_of::<TopPass>() as u64);
     }
 }
@@ -182,11 +181,6 @@ fn the_stages_are_valid_and_have_the_sizes_that_the_host_expects() {
                 ("is_divided", offset_of!(TopPass, is_divided)),
                 ("blocks", offset_of!(TopPass, blocks)),
                 ("block_count", offset_of!(TopPass, block_count)),
-                ("node_stride", offset_of!(TopPass, strides.node)),
-                ("node_lobes", offset_of!(TopPass, strides.lobes)),
-                ("light_stride", offset_of!(TopPass, strides.light)),
-                ("instance_stride", offset_of!(TopPass, strides.instance)),
-                ("instance_sector", offset_of!(TopPass, strides.sector)),
                 ("masks", offset_of!(TopPass, masks)),
                 ("sort_block", offset_of!(TopPass, sort_block)),
                 ("home", offset_of!(TopPass, home)),

@@ -21,7 +21,7 @@ fn records(played: &Played, world: &LightWorld) -> Vec<Vec<u32>> {
     let [params, _, nodes, instances, lights] = played.bound();
     let words = |id| bytemuck::pod_collect_to_vec::<u8, u32>(played.device.content(id));
     let (mut params, nodes, instances, lights) = (words(params), words(nodes), words(instances), words(lights));
-    let [node_stride, light_stride, instance_stride] = [4, 6, 7].map(|word| 4 * params[word] as usize);
+    let [node_stride, light_stride, instance_stride] = [56, 16, 40];
     let mut records = Vec::new();
     for slot in 1..slots(world) {
         let mut record = instances[slot * instance_stride..][..instance_stride].to_vec();
@@ -38,7 +38,7 @@ fn records(played: &Played, world: &LightWorld) -> Vec<Vec<u32>> {
     let [first, count] = [params[1] as usize, params[2] as usize];
     records.push(lights[first * light_stride..][..count * light_stride].to_vec());
     // The place of the directional lights, and the ranges of parts and of masks.
-    [1, 10, 15].into_iter().for_each(|word| params[word] = 0);
+    [1, 5, 7].into_iter().for_each(|word| params[word] = 0);
     records.push(params);
     records
 }

@@ -94,7 +94,6 @@ impl Device {
                     *self.dispatches.entry(kernel.entry()).or_default() += 1;
                     match kernel.entry() {
                         "scatter" => self.scatter(buffers, uniform_offset as usize, workgroups),
-                        "relayout" => self.relayout(buffers, uniform_offset as usize),
                         "top_leaves" => self.leaves = buffers.to_vec(),
                         _ => {}
                     }
@@ -107,28 +106,6 @@ impl Device {
     /// Fills all buffers with garbage, as a device that lost them might.
     pub fn forget(&mut self) {
         self.buffers.values_mut().for_each(|(_, bytes)| bytes.fill(0xcd));
-    }
-
-    /// What the kernel does, written from its description.
-    fn relayout(&mut self, buffers: &[BufferId], offset: usize) {
-        let words = |bytes: &[u8]| -> Vec<u32> {
-            bytes.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().expect("a word"))).collect()
-        };
-        let pass = words(&self.content(buffers[0])[offset..]);
-        let [records, before, after] = [0, 1, 2].map(|i| pass[i] as usize);
-        // 14 quads are as long as the longest record.
-        let (sources, values) = pass[4..].split_at(56);
-        let former = words(self.content(buffers[1]));
-        for record in 0..records {
-            for word in 0..4 * after {
-                let value = match sources[word] {
-                    u32::MAX => values[word],
-                    source => former[record * before + source as usize],
-                };
-                let at = 4 * (record * 4 * after + word);
-                self.bytes(buffers[2], at as u64, 4).copy_from_slice(&value.to_le_bytes());
-            }
-        }
     }
 
     /// What the kernel does, written from its description.

@@ -17,7 +17,7 @@ const PARENT: usize = 36;
 const PLACE: usize = 7;
 
 /// The words of the parameters that say where directional lights, parts and masks start.
-const PLACES_OF_PARAMS: [usize; 3] = [1, 10, 15];
+const PLACES_OF_PARAMS: [usize; 3] = [1, 5, 7];
 const FLAGS: usize = 12;
 /// The bytes of the record of a part.
 const PART_BYTES: usize = 80;
@@ -52,11 +52,8 @@ impl Records<'_> {
 /// The parameters, nodes, instances and lights.
 fn records(played: &Played) -> [Records<'_>; 4] {
     let [params, _, nodes, instances, lights] = played.bound().map(|id| played.device.content(id));
-    let params = Records { bytes: params, stride: 16 };
-    let of = |bytes, word| Records { bytes, stride: 4 * params.word(0, word) as usize };
-    let others = [of(nodes, 4), of(instances, 7), of(lights, 6)];
-    let [nodes, instances, lights] = others;
-    [params, nodes, instances, lights]
+    let of = |bytes, stride| Records { bytes, stride };
+    [of(params, 12), of(nodes, 56), of(instances, 40), of(lights, 16)]
 }
 
 /// What was found of an instance.

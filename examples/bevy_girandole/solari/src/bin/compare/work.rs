@@ -6,7 +6,7 @@ use bevy::prelude::*;
 use bevy::render::RenderApp;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy_girandole::GirandoleLights;
-use girandole::gpu::measure::{NodeCounter, record_bytes};
+use girandole::gpu::measure::{NODE_BYTES, NodeCounter};
 use girandole::gpu::{GpuLights, SampleRequest};
 use girandole::wgpu::util::{BufferInitDescriptor, DeviceExt, DownloadBuffer};
 use girandole::{CandidateCount, wgpu};
@@ -56,6 +56,6 @@ pub fn print(app: &App, [lower, upper]: [Vec3; 2]) -> Result<(), String> {
     let bytes = receive.recv().map_err(|error| error.to_string())?.map_err(|error| error.to_string())?;
     let nodes: u64 = bytes.chunks_exact(4).map(|of| u64::from(u32::from_le_bytes([of[0], of[1], of[2], of[3]]))).sum();
     let lights = world.light_count();
-    println!("{lights} lights, {:.1} nodes a draw of {} bytes", nodes as f64 / POINTS as f64, record_bytes(&gpu).node);
+    println!("{lights} lights, {:.1} nodes a draw of {} bytes", nodes as f64 / POINTS as f64, NODE_BYTES);
     Ok(())
 }

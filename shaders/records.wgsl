@@ -1,6 +1,5 @@
-// Reads stored records. Twin of src/plan/stored.rs. light_params holds the strides, so any variant
-// of the text reads any layout. A part that is not stored gets the values of a record without that
-// effect. Reads the buffers that sample.wgsl binds; binds nothing itself.
+// Reads the records of src/plan/layout.rs. A variant of the text skips the parts that it has no use for. Reads the
+// buffers that sample.wgsl binds; binds nothing itself.
 
 // #if COUNTS
 // The nodes whose children this invocation has weighed.
@@ -34,7 +33,7 @@ fn light_packed_child(in_top: bool, at: u32, slot: u32) -> LightPackedChild {
     let words_at = at + LIGHT_NODE_CHILDREN + slot;
     // #if CONES | RANGES
     // Two children share 16 bytes.
-    let lobes_at = at + light_params.node_lobes + slot / 2u;
+    let lobes_at = at + LIGHT_NODE_LOBES + slot / 2u;
     let half = 2u * (slot & 1u);
     var lobe: vec2<u32>;
     // #endif
@@ -68,14 +67,14 @@ fn light_packed_child(in_top: bool, at: u32, slot: u32) -> LightPackedChild {
     child.area_ratio = (ratios >> (4u * slot)) & 15u;
     // #endif
     // #if CONES | RANGES
-    child.lobe = select(lobe, LIGHT_NO_LOBE, light_params.node_lobes == 0u);
+    child.lobe = lobe;
     // #endif
     return child;
 }
 
 // The place of a node in its parent: parent * LIGHT_WIDTH + slot.
 fn light_parent(in_top: bool, index: u32) -> u32 {
-    return light_quad(in_top, index * light_params.node_stride + LIGHT_NODE_TAIL).x;
+    return light_quad(in_top, index * LIGHT_NODE_QUADS + LIGHT_NODE_TAIL).x;
 }
 
 // #if MASKS
@@ -116,12 +115,12 @@ fn light_seen_share(in_top: bool, child_bits: u32, mask: u32) -> f32 {
 
 // The child bits of the child in a slot of a node.
 fn light_child_bits(in_top: bool, index: u32, slot: u32) -> u32 {
-    return light_quad(in_top, index * light_params.node_stride + LIGHT_NODE_CHILDREN + slot).x;
+    return light_quad(in_top, index * LIGHT_NODE_QUADS + LIGHT_NODE_CHILDREN + slot).x;
 }
 
 // A light; `index` counts from the start of the buffer.
 fn light_record(index: u32) -> LightRecord {
-    let at = index * light_params.light_stride;
+    let at = index * LIGHT_RECORD_QUADS;
     let first = light_record_quad(at);
     let second = light_record_quad(at + 1u);
     var light: LightRecord;
@@ -129,44 +128,35 @@ fn light_record(index: u32) -> LightRecord {
     light.kind = first.w;
     light.emission = bitcast<vec3<f32>>(second.xyz);
     light.place = second.w;
-    // #if RANGES
-    light.range = LIGHT_UNLIMITED_RANGE;
+    // #if CONES | AREAS | DIRECTIONAL | PROFILES
+    light.b = bitcast<vec3<f32>>(light_record_quad(at + 2u).xyz);
     // #endif
-    // #if CONES | RANGES | AREAS | DIRECTIONAL | PROFILES
-    if light_params.light_stride > LIGHT_POINT_STRIDE {
-        // #if CONES | AREAS | DIRECTIONAL | PROFILES
-        light.b = bitcast<vec3<f32>>(light_record_quad(at + 2u).xyz);
-        // #endif
-        // #if RANGES
-        light.range = bitcast<f32>(light_record_quad(at + 2u).w);
-        // #endif
-        // #if CONES | AREAS | PROFILES
-        light.c = bitcast<vec3<f32>>(light_record_quad(at + 3u).xyz);
-        // #endif
-        // #if PROFILES
-        light.profile = light_record_quad(at + 3u).w;
-        // #endif
-    }
+    // #if RANGES
+    light.range = bitcast<f32>(light_record_quad(at + 2u).w);
+    // #endif
+    // #if CONES | AREAS | PROFILES
+    light.c = bitcast<vec3<f32>>(light_record_quad(at + 3u).xyz);
+    // #endif
+    // #if PROFILES
+    light.profile = light_record_quad(at + 3u).w;
     // #endif
     return light;
 }
 
 // The place of a light's leaf in its tree.
 fn light_place(index: u32) -> u32 {
-    return light_record_quad(index * light_params.light_stride + 1u).w;
+    return light_record_quad(index * LIGHT_RECORD_QUADS + 1u).w;
 }
 
 // The instance in a slot, without its first part.
 fn light_instance(slot: u32) -> LightInstance {
-    let at = slot * light_params.instance_stride;
+    let at = slot * LIGHT_INSTANCE_QUADS;
     let words = light_instance_quad(at + LIGHT_INSTANCE_TREE);
     var instance: LightInstance;
     instance.to_world = light_rows(light_instance_quad(at), light_instance_quad(at + 1u), light_instance_quad(at + 2u));
     // #if SECTORS
-    if light_params.instance_sector < light_params.instance_stride {
-        let sector = bitcast<vec3<i32>>(light_instance_quad(at + light_params.instance_sector).xyz);
-        instance.to_world = light_from_home(instance.to_world, sector, light_params.home);
-    }
+    let sector = bitcast<vec3<i32>>(light_instance_quad(at + LIGHT_INSTANCE_SECTOR).xyz);
+    instance.to_world = light_from_home(instance.to_world, sector, light_params.home);
     // #endif
     instance.flags = words.x;
     instance.tree = words.y;
@@ -177,36 +167,22 @@ fn light_instance(slot: u32) -> LightInstance {
     instance.cos_turn = bitcast<f32>(light_instance_quad(at + LIGHT_INSTANCE_PART).y);
     instance.sin_turn = bitcast<f32>(light_instance_quad(at + LIGHT_INSTANCE_PART).z);
     // #endif
-    instance.to_local = light_rigid_to_local(instance.to_world);
-    if light_params.instance_sector > LIGHT_RIGID_STRIDE + LIGHT_FACTOR_QUADS {
-        let local = at + LIGHT_RIGID_STRIDE;
-        instance.to_local =
-            light_rows(light_instance_quad(local), light_instance_quad(local + 1u), light_instance_quad(local + 2u));
-    }
+    let local = at + LIGHT_INSTANCE_LOCAL;
+    instance.to_local =
+        light_rows(light_instance_quad(local), light_instance_quad(local + 1u), light_instance_quad(local + 2u));
     // #endif
     // #if FACTORS
-    instance.factor = vec3(1.0);
+    instance.factor = bitcast<vec3<f32>>(light_instance_quad(at + LIGHT_INSTANCE_FACTOR).xyz);
     // #endif
     // #if MASKS
-    instance.mask = 0xffffffffu;
-    // #endif
-    // #if FACTORS | MASKS
-    if light_has_factors(light_params.instance_sector) {
-        let last = light_instance_quad(at + light_params.instance_sector - LIGHT_FACTOR_QUADS);
-        // #if FACTORS
-        instance.factor = bitcast<vec3<f32>>(last.xyz);
-        // #endif
-        // #if MASKS
-        instance.mask = last.w;
-        // #endif
-    }
+    instance.mask = light_instance_quad(at + LIGHT_INSTANCE_FACTOR).w;
     // #endif
     return instance;
 }
 
 // The first node of an instance's tree.
 fn light_node_base(slot: u32) -> u32 {
-    return light_instance_quad(slot * light_params.instance_stride + LIGHT_INSTANCE_TREE).z;
+    return light_instance_quad(slot * LIGHT_INSTANCE_QUADS + LIGHT_INSTANCE_TREE).z;
 }
 
 // Returns the 32 bits that the engine has given to an instance; 0 for LIGHT_DIRECTIONAL and for a
@@ -215,7 +191,7 @@ fn light_user_data(instance: u32) -> u32 {
     if instance >= light_params.slots {
         return 0u;
     }
-    return light_instance_quad(instance * light_params.instance_stride + LIGHT_INSTANCE_PART).w;
+    return light_instance_quad(instance * LIGHT_INSTANCE_QUADS + LIGHT_INSTANCE_PART).w;
 }
 
 // Returns a number that changes when an instance and an index come to name another light, at least 1;
@@ -234,9 +210,9 @@ fn light_generation(instance: u32, light: u32) -> u32 {
 fn light_generation_at(instance: u32, index: u32) -> u32 {
     var of_instance = 0u;
     if instance != LIGHT_DIRECTIONAL {
-        of_instance = light_instance_quad(instance * light_params.instance_stride + LIGHT_INSTANCE_TREE).x;
+        of_instance = light_instance_quad(instance * LIGHT_INSTANCE_QUADS + LIGHT_INSTANCE_TREE).x;
     }
-    let of_light = light_record_quad(index * light_params.light_stride).w;
+    let of_light = light_record_quad(index * LIGHT_RECORD_QUADS).w;
     let births = vec2(of_instance, of_light) >> vec2(LIGHT_BIRTH_SHIFT);
     return max(light_hash(births.x ^ light_hash(births.y)) >> 8u, 1u);
 }
@@ -253,17 +229,17 @@ fn light_is_same(instance: u32, light: u32, generation: u32) -> bool {
         if instance >= light_params.slots {
             return false;
         }
-        let words = light_instance_quad(instance * light_params.instance_stride + LIGHT_INSTANCE_TREE);
+        let words = light_instance_quad(instance * LIGHT_INSTANCE_QUADS + LIGHT_INSTANCE_TREE);
         let stands_in = (words.x & LIGHT_STANDS_IN) != 0u;
         index = words.w + light;
         if (words.x & LIGHT_LIVE) == 0u || stands_in != (light >= LIGHT_STAND_IN)
-            || index >= light_record_quads() / light_params.light_stride {
+            || index >= light_record_quads() / LIGHT_RECORD_QUADS {
             return false;
         }
     }
     // #if SKY
     // While the tree of a new sky is on its way, the patches of the old one do not fit the map.
-    let kind = light_record_quad(index * light_params.light_stride).w & LIGHT_KIND_MASK;
+    let kind = light_record_quad(index * LIGHT_RECORD_QUADS).w & LIGHT_KIND_MASK;
     if kind == LIGHT_KIND_SKY && instance != light_params.sky {
         return false;
     }
@@ -280,11 +256,11 @@ fn light_find(instance: u32, light: u32) -> u32 {
     if instance >= light_params.slots {
         return LIGHT_NO_LIGHT;
     }
-    let words = light_instance_quad(instance * light_params.instance_stride + LIGHT_INSTANCE_TREE);
+    let words = light_instance_quad(instance * LIGHT_INSTANCE_QUADS + LIGHT_INSTANCE_TREE);
     if (words.x & LIGHT_LIVE) == 0u {
         return LIGHT_NO_LIGHT;
     }
-    let lights = light_nodes[words.z * light_params.node_stride + LIGHT_NODE_TAIL].zw;
+    let lights = light_nodes[words.z * LIGHT_NODE_QUADS + LIGHT_NODE_TAIL].zw;
     return select(LIGHT_NO_LIGHT, words.w + light, light - lights.x < lights.y);
 }
 
@@ -302,7 +278,7 @@ fn light_stands_in(instance: u32) -> bool {
     if instance >= light_params.slots {
         return false;
     }
-    let flags = light_instance_quad(instance * light_params.instance_stride + LIGHT_INSTANCE_TREE).x;
+    let flags = light_instance_quad(instance * LIGHT_INSTANCE_QUADS + LIGHT_INSTANCE_TREE).x;
     return (flags & LIGHT_STANDS_IN) != 0u;
 }
 
@@ -323,7 +299,7 @@ fn light_leaves_tree(place: u32) -> bool {
 
 // The place in the top level where it goes on.
 fn light_place_above(slot: u32, place: u32) -> u32 {
-    let first = light_instance_quad(slot * light_params.instance_stride + LIGHT_INSTANCE_PART).x;
+    let first = light_instance_quad(slot * LIGHT_INSTANCE_QUADS + LIGHT_INSTANCE_PART).x;
     let index = select(place & ~LIGHT_OPENING, 0u, place == LIGHT_NO_PARENT);
     return light_top[light_params.parts + first + index].z;
 }
