@@ -108,12 +108,6 @@ impl Player {
         })
     }
 
-    /// Whether a kernel was compiled.
-    #[cfg(test)]
-    pub fn has_compiled(&self, entry: &str) -> bool {
-        self.pipelines.keys().any(|kernel| kernel.entry() == entry)
-    }
-
     /// Makes all buffers, or none.
     pub fn create(&mut self, buffers: &[NewBuffer]) -> Result<(), GpuError> {
         let mut made = Vec::with_capacity(buffers.len());

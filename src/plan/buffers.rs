@@ -55,36 +55,20 @@ impl Deref for ShaderBuffers {
 }
 
 /// Gives out numbers for buffers.
-#[derive(Debug, Default)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Ids(u32);
 
 impl Ids {
-    /// A storage buffer with a number of its own.
-    pub fn storage(&mut self, what: &'static str, bytes: u64) -> NewBuffer {
-        NewBuffer { id: self.next(), what, bytes, kind: BufferKind::Storage }
-    }
-
-    /// A storage buffer for indirect dispatches with a number of its own.
-    pub fn indirect(&mut self, what: &'static str, bytes: u64) -> NewBuffer {
-        NewBuffer { kind: BufferKind::Indirect, ..self.storage(what, bytes) }
-    }
-
-    /// A uniform buffer with a number of its own.
-    pub fn uniform(&mut self, what: &'static str, bytes: u64) -> NewBuffer {
-        NewBuffer { id: self.next(), what, bytes, kind: BufferKind::Uniform }
-    }
-
-    fn next(&mut self) -> BufferId {
+    pub fn next(&mut self) -> BufferId {
         let id = BufferId(self.0);
         self.0 += 1;
         id
     }
 }
 
-/// The buffers of a planner: their numbers and their sizes.
-#[derive(Debug, Default)]
+/// The sizes of the buffers of a planner.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Buffers {
-    pub ids: Ids,
     bytes: BTreeMap<BufferId, u64>,
     total: u64,
 }

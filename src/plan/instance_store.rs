@@ -8,6 +8,7 @@ use super::pool::Pool;
 const FIRST_RECORDS: u32 = 64;
 
 /// What the GPU holds of instances.
+#[derive(Clone)]
 pub(super) struct InstanceStore {
     /// A table by slot.
     pub pool: Pool<InstanceRecord>,

@@ -497,7 +497,7 @@ mod tests {
             structs,
             ParamsRecord,
             "LightParams",
-            [slots, directional_base, directional_count, sky, solid_angles, parts, sky_map, home, masks]
+            [slots, directional_base, directional_count, sky, solid_angles, parts, sky_map, masks, home]
         );
     }
 }

@@ -37,7 +37,7 @@ impl LightPlanner {
     /// little is ever copied. While it grows, the old and the new buffer together exceed the share
     /// by at most a sixteenth. Without a limit, buffers double. A lower limit than before may send
     /// all trees again. A limit below 131,072 counts as 131,072. Instances and the top level do not
-    /// count towards the limit: they take up to 350 bytes for each instance of a whole tree, up to 270
+    /// count towards the limit: they take up to 435 bytes for each instance of a whole tree, up to 270
     /// for each part of an instance of an opened tree ([`FrameReport::parts`](crate::FrameReport)
     /// counts them), and up to twice as much because their buffers double.
     ///
@@ -45,12 +45,12 @@ impl LightPlanner {
     /// stand-ins, of up to 3.5 KB for each tree, and for trees of up to 16 lights, which are always
     /// whole.
     pub fn set_tree_memory(&mut self, bytes: Option<u64>) {
-        if bytes != self.trees.limits.tree_memory {
-            self.trees.limits.tree_memory = bytes;
-            self.trees.shares = None;
-            self.trees.is_resized = true;
-            self.trees.residency.sort();
-            self.trees.residency.unblock_all();
+        if bytes != self.held.trees.limits.tree_memory {
+            self.held.trees.limits.tree_memory = bytes;
+            self.held.trees.shares = None;
+            self.held.trees.is_resized = true;
+            self.held.trees.residency.sort();
+            self.held.trees.residency.unblock_all();
         }
     }
 
@@ -68,38 +68,43 @@ impl LightPlanner {
     /// gaps that trees have left, up to a quarter of the bytes of a frame goes to trees that move
     /// to gaps.
     pub fn set_frame_bytes(&mut self, bytes: Option<u64>) {
-        if bytes != self.trees.limits.frame_bytes {
-            self.trees.limits.frame_bytes = bytes;
-            self.trees.residency.unblock_all();
+        if bytes != self.held.trees.limits.frame_bytes {
+            self.held.trees.limits.frame_bytes = bytes;
+            self.held.trees.residency.unblock_all();
         }
     }
 
     /// Whether shaders see stand-ins of a tree after the last plan. False for a tree that was never
     /// planned.
     pub fn stands_in(&self, tree: TreeKey) -> bool {
-        let state = self.trees.residency.get(slot_of(tree));
+        let state = self.held.trees.residency.get(slot_of(tree));
         state.key == Some(tree) && state.form == Form::StandIns
     }
 
     /// Whether shaders do not see the present version of a tree after the last plan. They see
     /// stand-ins, an older version, or nothing of a tree that was never planned.
     pub fn is_waiting(&self, tree: TreeKey) -> bool {
-        let state = self.trees.residency.get(slot_of(tree));
+        let state = self.held.trees.residency.get(slot_of(tree));
         state.key != Some(tree) || state.waits
     }
 
     /// The memory that the buffers take after the last plan. O(gaps).
     pub fn memory(&self) -> GpuMemory {
         let pools = [
-            (self.trees.nodes.bytes(), self.trees.nodes.taken(), self.trees.nodes.used(), Pool::<NodeRecord>::STRIDE),
             (
-                self.trees.lights.bytes(),
-                self.trees.lights.taken(),
-                self.trees.lights.used(),
+                self.held.trees.nodes.bytes(),
+                self.held.trees.nodes.taken(),
+                self.held.trees.nodes.used(),
+                Pool::<NodeRecord>::STRIDE,
+            ),
+            (
+                self.held.trees.lights.bytes(),
+                self.held.trees.lights.taken(),
+                self.held.trees.lights.used(),
                 Pool::<LightRecord>::STRIDE,
             ),
         ];
-        let mut memory = GpuMemory { buffers: self.buffers.total(), ..GpuMemory::default() };
+        let mut memory = GpuMemory { buffers: self.held.buffers.total(), ..GpuMemory::default() };
         for (bytes, taken, end, stride) in pools {
             memory.trees += bytes;
             memory.used += taken * stride;
@@ -154,7 +159,7 @@ mod tests {
             let _ = planner.reserve(&world).expect("it fits").plan();
             let memory = planner.memory();
             let bytes = (memory.buffers - memory.trees) as f64 / f64::from(count);
-            assert!((310.0..355.0).contains(&bytes), "{bytes} bytes for each of {count} instances");
+            assert!((390.0..436.0).contains(&bytes), "{bytes} bytes for each of {count} instances");
         }
     }
 }

@@ -65,9 +65,11 @@ mod changes;
 pub(crate) mod commands;
 mod cursor;
 pub(crate) mod cuts;
+pub(crate) mod draft;
 mod error;
 mod frame;
 mod heat_map;
+mod held;
 mod instance_store;
 mod items;
 pub(crate) mod kernel;
@@ -84,13 +86,11 @@ pub(crate) mod previous;
 mod ranges;
 mod reserve;
 mod residency;
-mod room;
 mod runs;
 pub(crate) mod scatter;
 pub(crate) mod sort;
 pub(crate) mod sources;
 mod stand_in;
-mod tables;
 pub(crate) mod text;
 pub(crate) mod top;
 mod tree_store;
@@ -119,27 +119,14 @@ pub use memory::GpuMemory;
 pub use module::naga_oil_module;
 pub use reserve::Reservation;
 pub use sources::{LightReadback, MeasureReadback, PartReadback, wgsl_of_sources};
-pub use tables::TableReservation;
 pub use text::{ShaderParts, wgsl, wgsl_with};
 
 use crate::effects::Effects;
-use crate::instance::portal::PlacedPortal;
-use crate::instance::sector;
-use crate::keys::{TreeKey, slot_of};
-use crate::sampling::cut::NO_INSTANCE;
-use crate::world::{LightWorld, Revision};
-use buffers::Buffers;
-use cuts::CutStore;
-use instance_store::InstanceStore;
-use layout::{InstanceRecord, LightRecord, ParamsRecord};
+use crate::keys::TreeKey;
+use crate::world::Revision;
+use held::Held;
+use layout::LightRecord;
 use pool::Pool;
-use previous::{Present, Previous};
-use residency::Form;
-use room::ReusedLists;
-use sources::SourceStore;
-use top::TopBuild;
-use tree_store::TreeStore;
-use uniforms::Uniforms;
 
 /// All kernels that plans dispatch. A kernel need not use all of its bindings. [`cut_kernels`] has those that build
 /// shared cuts, and [`visibility_kernels`] those by which cells learn.
@@ -159,53 +146,13 @@ pub const KERNELS: &[Kernel] = &[
 /// Keep one for each world and device. It holds no GPU object and no copy of the world's data: at
 /// most 48 bytes for each tree and 8 bytes for each instance.
 pub struct LightPlanner {
-    trees: TreeStore,
-    instances: InstanceStore,
-    sources: SourceStore,
-    uniforms: Uniforms,
-    top: TopBuild,
-    previous: Previous,
-    cuts: CutStore,
-    buffers: Buffers,
-    /// How far the plans have followed the world.
-    revision: Revision,
-    /// The device may lack what was written.
-    is_lost: bool,
-    /// The effects of the world at the last plan, without [`Effects::MOVING`].
-    effects: Effects,
-    /// Plans that were made.
-    number: u64,
-    /// The revision of the sky's map that the device has; 0 for none.
-    written_sky: u64,
-    /// Where the tables of profiles that the device has end, in quads.
-    written_profiles: u32,
-    /// The portals that the device has.
-    written_portals: Vec<PlacedPortal>,
-    lists: ReusedLists,
+    held: Held,
 }
 
 impl LightPlanner {
     /// A planner for a device that holds nothing yet.
     pub fn new(limits: PlanLimits) -> Self {
-        let limits = limits.bounded();
-        Self {
-            trees: TreeStore::new(limits),
-            instances: InstanceStore::new(limits.largest_buffer),
-            sources: SourceStore::new(limits.largest_buffer),
-            uniforms: Uniforms::new(),
-            top: TopBuild::new(limits.largest_buffer),
-            previous: Previous::new(),
-            cuts: CutStore::default(),
-            buffers: Buffers::default(),
-            revision: Revision::default(),
-            is_lost: false,
-            effects: Effects::all() - Effects::MOVING,
-            number: 0,
-            written_sky: 0,
-            written_profiles: 0,
-            written_portals: Vec::new(),
-            lists: ReusedLists::default(),
-        }
+        Self { held: Held::new(limits.bounded()) }
     }
 
     /// The lights that the engine's shaders bind after the last plan, in the order of the first bindings
@@ -215,14 +162,7 @@ impl LightPlanner {
     /// A plan that replaces one of them replaces the first one too. So commands that were recorded
     /// before go on reading the former buffers, as long as these are not freed.
     pub fn bindings(&self) -> Option<ShaderBuffers> {
-        let params = self.uniforms.params_buffer?;
-        Some(ShaderBuffers([
-            params,
-            self.top.nodes(),
-            self.trees.nodes.buffer(),
-            self.instances.pool.buffer(),
-            self.trees.lights.buffer(),
-        ]))
+        self.held.bindings()
     }
 
     /// Keeps the instances and lights of the last frame, from the next plan on, or drops them. They take as much
@@ -231,62 +171,52 @@ impl LightPlanner {
     /// Make one plan for each frame then, also if nothing has changed: a frame is what lies between
     /// two plans. After [`LightPlanner::lose`], the last frame has no lights until the second plan.
     pub fn keep_previous(&mut self, is_kept: bool) {
-        self.previous.is_kept = is_kept;
+        self.held.previous.is_kept = is_kept;
     }
 
     /// The storage buffer of the last frame, which shaders read at binding 7; `None` before the first plan after
     /// [`LightPlanner::keep_previous`]. In that plan's frame it holds the lights of the plan before it.
     pub fn previous(&self) -> Option<BufferId> {
-        self.previous.buffer()
-    }
-
-    /// The buffers of instances and lights that shaders bind.
-    fn present(&self) -> Option<[Present; 2]> {
-        self.uniforms.params_buffer?;
-        let (instances, lights) = (&self.instances.pool, &self.trees.lights);
-        Some([
-            (instances.buffer(), instances.used() * Pool::<InstanceRecord>::STRIDE, instances.bytes()),
-            (lights.buffer(), lights.used() * Pool::<LightRecord>::STRIDE, lights.bytes()),
-        ])
+        self.held.previous.buffer()
     }
 
     /// The revision of the world at the last plan; `Revision::default()` before the first one.
     /// [`LightWorld::changes_since`](crate::LightWorld::changes_since) tells what the next plan
     /// will send.
     pub fn revision(&self) -> Revision {
-        self.revision
+        self.held.revision
     }
 
     /// Goes back to an earlier revision, because the last plan was not played.
     #[cfg(feature = "gpu")]
     pub(crate) fn rewind(&mut self, revision: Revision) {
-        self.revision = revision;
+        self.held.revision = revision;
     }
 
     /// The effects that the text of [`wgsl`] must support to read these buffers: those of
     /// [`LightWorld::effects`] at the last plan, and all before the first one. Never contains
     /// [`Effects::MOVING`], on which no shader depends.
     pub fn effects(&self) -> Effects {
-        self.effects
+        self.held.effects
     }
 
     /// Reports all effects until the next plan.
     #[cfg(feature = "gpu")]
     pub(crate) fn announce_all_effects(&mut self) {
-        self.effects = Effects::all() - Effects::MOVING;
+        self.held.effects = Effects::all() - Effects::MOVING;
     }
 
     /// The parameters of shaders after the last plan.
     #[cfg(all(test, feature = "gpu"))]
-    pub(crate) fn params(&self) -> ParamsRecord {
-        self.uniforms.params
+    pub(crate) fn params(&self) -> layout::ParamsRecord {
+        self.held.uniforms.params
     }
 
     /// The buffer of the records of trees, and the ranges of nodes, lights and records of the tree in a slot.
     #[cfg(all(test, feature = "gpu"))]
     pub(crate) fn tree_ranges(&self, slot: u32) -> (BufferId, [std::ops::Range<u32>; 3]) {
-        let ranges = self.trees.residency.get(slot).ranges().map(Clone::clone);
-        (self.trees.records.buffer(), ranges)
+        let ranges = self.held.trees.residency.get(slot).ranges().map(Clone::clone);
+        (self.held.trees.records.buffer(), ranges)
     }
 
     /// Tells that the device may lack some of what was planned: a plan was not played, or not to its
@@ -295,15 +225,15 @@ impl LightPlanner {
     ///
     /// If the buffers are gone too, as after the loss of a device, make another planner.
     pub fn lose(&mut self) {
-        self.is_lost = true;
-        self.top.is_due = true;
-        self.previous.lose();
+        self.held.is_lost = true;
+        self.held.top.is_due = true;
+        self.held.previous.lose();
     }
 
     /// Tells that the last build of the top level was not played, so the next plan has another one.
     /// Needed only if [`FramePlan::top`] alone was left out; see [`LightPlanner::lose`] otherwise.
     pub fn lose_top(&mut self) {
-        self.top.is_due = true;
+        self.held.top.is_due = true;
     }
 
     /// The refit of trees that kernels of the engine write and the build of the top level, after the last plan,
@@ -311,7 +241,7 @@ impl LightPlanner {
     /// again at any time between two plans. Adds nothing before the first plan.
     pub fn top_level(&self) -> Commands {
         let mut commands = Commands::default();
-        self.build_top(&mut commands);
+        self.held.build_top(&mut commands);
         commands
     }
 
@@ -319,86 +249,54 @@ impl LightPlanner {
     /// [`wgsl_of_sources`]: two storage buffers that are read and written. `None` until the world has a tree with
     /// a [source](crate::TreeSource). Any plan may replace them.
     pub fn source_bindings(&self) -> Option<[BufferId; 2]> {
-        self.sources.table().map(|table| [table, self.trees.lights.buffer()])
+        self.held.sources.table().map(|table| [table, self.held.trees.lights.buffer()])
     }
 
     /// What an engine reads back after each refit, of at most `most` trees with a source: the numbers from `first`
     /// on. `None` if there are none.
     pub fn measures(&self, first: u32, most: u32) -> Option<MeasureReadback> {
-        self.sources.measures(first, most)
+        self.held.sources.measures(first, most)
     }
 
     /// The number of numbers of sources, in use or not, after the last plan.
     pub fn source_count(&self) -> u32 {
-        self.sources.count()
+        self.held.sources.count()
     }
 
     /// Where the lights of a tree with a source are after the last plan, for an engine that reads them back; `None`
     /// if the tree has no source, and if the GPU does not hold it whole.
     pub fn source_lights(&self, tree: TreeKey) -> Option<LightReadback> {
-        let (version, range) = self.sources.lights(tree)?;
+        let (version, range) = self.held.sources.lights(tree)?;
         let stride = Pool::<LightRecord>::STRIDE;
         let (offset, bytes) = (u64::from(range.start) * stride, range.len() as u64 * stride);
-        Some(LightReadback { buffer: self.trees.lights.buffer(), offset, bytes, tree: version.tree, version, stride })
+        Some(LightReadback {
+            buffer: self.held.trees.lights.buffer(),
+            offset,
+            bytes,
+            tree: version.tree,
+            version,
+            stride,
+        })
     }
 
     /// Where some parts of a tree with a source are after the last plan, at most `most`, for an engine that reads back
     /// where its kernels have moved them: each time those that follow on the last ones. `None` if the GPU holds no such
     /// tree.
     pub fn source_parts(&mut self, most: u32) -> Option<PartReadback> {
-        self.sources.next_parts(most, &self.trees.records)
-    }
-
-    fn build_top(&self, commands: &mut Commands) {
-        if self.uniforms.params_buffer.is_some() {
-            let [nodes, lights, records] =
-                [self.trees.nodes.buffer(), self.trees.lights.buffer(), self.trees.records.buffer()];
-            self.sources.refit(commands, [nodes, lights, records]);
-            self.top.build(commands, [self.instances.parts.buffer(), self.instances.pool.buffer(), records]);
-        }
-    }
-
-    /// The slot of the sky's instance, if it is shown and its tree is on the device: older patches, or stand-ins, do
-    /// not fit the map.
-    fn sky_slot(&self, world: &LightWorld) -> Option<u32> {
-        let (key, _) = world.sky()?;
-        let instance = world.instance(key).filter(|instance| instance.shown().is_some())?;
-        let state = self.trees.residency.get(slot_of(instance.tree));
-        let has_nodes = world.tree(instance.tree).is_some_and(|tree| !tree.nodes().is_empty());
-        (state.form == Form::Whole && !state.waits && has_nodes).then(|| slot_of(key))
-    }
-
-    /// The parameters of shaders after a frame.
-    fn params_of(&self, world: &LightWorld) -> ParamsRecord {
-        let effects = world.effects();
-        ParamsRecord {
-            slots: self.instances.count,
-            directional_base: self.trees.directionals.start,
-            directional_count: self.trees.directionals.len() as u32,
-            sky: self.sky_slot(world).unwrap_or(NO_INSTANCE),
-            solid_angles: u32::from(world.solid_angle_sampling()),
-            parts: self.top.parts(),
-            sky_map: match world.sky().is_some() || effects.contains(Effects::PROFILES) {
-                true => self.top.sky_map(),
-                false => 0,
-            },
-            masks: if effects.contains(Effects::MASKS) { self.top.masks() } else { 0 },
-            home: sector::number(world.home()),
-            padding: 0,
-        }
+        self.held.sources.next_parts(most, &self.held.trees.records)
     }
 }
 
 impl fmt::Debug for LightPlanner {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("LightPlanner")
-            .field("plans", &self.number)
-            .field("effects", &self.effects)
-            .field("instance_slots", &self.instances.count)
-            .field("tree_slots", &self.trees.residency.slots())
-            .field("parts", &self.instances.parts.count())
-            .field("node_capacity", &self.trees.nodes.capacity())
-            .field("light_capacity", &self.trees.lights.capacity())
+            .field("plans", &self.held.number)
+            .field("effects", &self.held.effects)
+            .field("instance_slots", &self.held.instances.count)
+            .field("tree_slots", &self.held.trees.residency.slots())
+            .field("parts", &self.held.instances.parts.count())
+            .field("node_capacity", &self.held.trees.nodes.capacity())
+            .field("light_capacity", &self.held.trees.lights.capacity())
             .finish_non_exhaustive()
     }
 }

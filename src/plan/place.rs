@@ -4,6 +4,7 @@
 //! new versions of trees share the bytes of a frame, the most useful first. Until a tree has been
 //! sent, shaders see its stand-ins or its older version.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::changes::FrameChanges;
@@ -12,11 +13,10 @@ use super::layout::{LightRecord, TreeRecord};
 use super::node_record::{NodeRecord, stored_nodes};
 use super::pool::{Demand, Growth, Pool};
 use super::residency::{Form, Incoming, NOT_WEIGHED, TreeState, has_room, with_growth};
-use super::room::TreeRoom;
 use super::runs::runs;
 use super::stand_in::{may_stand_in, stand_ins};
 use super::tree_store::TreeStore;
-use super::tree_writes::{Source, TreeWrite};
+use super::tree_writes::{Source, TreeRuns, TreeWrite};
 use crate::keys::{TreeKey, slot_of};
 use crate::tree::LightTree;
 use crate::world::{LightWorld, TreeChanges, TreeEntry};
@@ -65,6 +65,34 @@ const MAX_REFUSALS: usize = 8;
 
 /// The most of them that a frame tries again.
 const MAX_RETRIES: usize = 4;
+
+/// The trees that a frame places, and what it writes of them.
+#[derive(Debug)]
+pub(super) struct TreeFrame {
+    pub growth: Growth,
+    /// The device lacks what it had, which is sent first.
+    is_lost: bool,
+    /// The former states of the trees whose place or form changes, by slot.
+    pub placed: BTreeMap<u32, TreeState>,
+    /// Bytes of new trees that may still be sent: none while all trees start anew as stand-ins, which leaves as much
+    /// room as possible.
+    left: u64,
+    is_anew: bool,
+    pub writes: TreeRuns,
+}
+
+impl TreeFrame {
+    pub fn new(growth: Growth, is_lost: bool, is_anew: bool) -> Self {
+        Self { growth, is_lost, placed: BTreeMap::new(), left: 0, is_anew, writes: TreeRuns::default() }
+    }
+}
+
+/// Stand-ins of a tree, and room for them.
+struct StandIns {
+    tree: LightTree,
+    nodes: Range<u32>,
+    lights: Range<u32>,
+}
 
 /// A tree of the world, and the key under which shaders know it.
 #[derive(Clone, Copy)]
@@ -169,18 +197,15 @@ impl TreeStore {
         &mut self,
         world: &LightWorld,
         changes: &FrameChanges,
-        room: &mut TreeRoom,
+        frame: &mut TreeFrame,
     ) -> Result<(), PlanError> {
-        // After a restart all trees start as stand-ins, which leaves as much room as possible.
-        let is_restarted = room.restarted.is_some();
-        room.left = if is_restarted { 0 } else { self.limits.frame_bytes.unwrap_or(u64::MAX) };
-        match self.residency.incoming.clone() {
-            Some(incoming) if room.left > 0 && !room.is_lost => self.go_on(world, incoming, room)?,
-            incoming => room.incoming = incoming,
+        frame.left = if frame.is_anew { 0 } else { self.limits.frame_bytes.unwrap_or(u64::MAX) };
+        if frame.left > 0 && !frame.is_lost {
+            self.go_on(world, frame)?;
         }
         // A lost device gets what it had first.
-        if room.left > 0 && !room.is_lost && self.residency.waiting_count() > 0 {
-            self.stream(world, room)?;
+        if frame.left > 0 && !frame.is_lost && self.residency.waiting_count() > 0 {
+            self.stream(world, frame)?;
         }
         if !changes.trees.as_slice().is_empty() {
             // The next frames may find room that this one has not found.
@@ -188,13 +213,14 @@ impl TreeStore {
         }
         for slot in changes.trees.as_slice() {
             // A tree that has just arrived is up to date.
-            if !room.placed.contains_key(slot) {
-                self.follow(world, *slot, room)?;
+            if !frame.placed.contains_key(slot) {
+                self.follow(world, *slot, frame)?;
             }
         }
-        if room.left > 0 && self.may_join_gaps() {
+        if frame.left > 0 && self.may_join_gaps() {
             let bytes = self.limits.frame_bytes.map_or(0, |bytes| bytes.div_ceil(MOVED_SHARE));
-            room.is_packed = !self.join_gaps(world, bytes, room)?;
+            let has_moved = self.join_gaps(world, bytes, frame)?;
+            self.residency.is_packed |= !has_moved;
         }
         Ok(())
     }
@@ -214,47 +240,49 @@ impl TreeStore {
     }
 
     /// Decides what to send of the tree of a slot that was added, changed or removed.
-    fn follow(&mut self, world: &LightWorld, slot: u32, room: &mut TreeRoom) -> Result<(), PlanError> {
+    fn follow(&mut self, world: &LightWorld, slot: u32, frame: &mut TreeFrame) -> Result<(), PlanError> {
         let subject = self.subject(world, slot);
         let key = subject.map(|subject| subject.key);
-        let incoming = room.incoming.as_ref().filter(|incoming| incoming.slot == slot);
+        let incoming = self.residency.incoming.as_ref().filter(|incoming| incoming.slot == slot);
         let is_coming = incoming.is_some_and(|incoming| Some(incoming.key) == key);
         if incoming.is_some() && !is_coming {
-            room.incoming = None;
+            self.drop_incoming();
         }
         let Some(subject) = subject else {
-            room.placed.insert(slot, TreeState::NONE);
+            self.put(slot, TreeState::NONE, frame);
             return Ok(());
         };
         let is_small = !may_stand_in(subject.tree());
-        let present = self.residency.get(slot);
+        let present = self.residency.get(slot).clone();
         let is_known = present.key == key;
         let is_lost = present.form == Form::Whole && !present.is_readable();
         if is_coming && (is_small || is_lost) {
             // It does not wait any more.
-            room.incoming = None;
+            self.drop_incoming();
         } else if is_coming {
             // What changes meanwhile is sent with the last piece.
-            let state = present.clone();
-            return if state.form == Form::Whole { Ok(()) } else { self.show_stand_ins(world, &subject, state, room) };
+            return match present.form {
+                Form::Whole => Ok(()),
+                _ => self.show_stand_ins(world, &subject, present, frame),
+            };
         }
-        if is_known && present.form == Form::Whole && has_room_for(present, &subject) {
+        if is_known && present.form == Form::Whole && has_room_for(&present, &subject) {
             let (runs, is_all) = subject.changes_since(present.revision, present.openings);
             let bytes = self.bytes([length(&runs[0]), length(&runs[1])]);
-            if !is_all || is_small || is_lost || bytes <= room.left {
-                room.left = room.left.saturating_sub(bytes);
-                return self.write_in_place(world, &subject, runs, room);
+            if !is_all || is_small || is_lost || bytes <= frame.left {
+                frame.left = frame.left.saturating_sub(bytes);
+                return self.write_in_place(world, &subject, runs, frame);
             }
         }
-        let state = if is_known { present.clone() } else { TreeState::new(subject.key) };
+        let state = if is_known { present } else { TreeState::new(subject.key) };
         let bytes = self.bytes(subject.counts());
         let is_in_place = state.form == Form::Whole && has_room_for(&state, &subject);
-        if !is_in_place && (is_small || bytes <= room.left) {
+        if !is_in_place && (is_small || bytes <= frame.left) {
             let demand = if is_small { Demand::Must } else { Demand::May };
-            match self.alloc(state.room_for(subject.counts()), demand, room.growth) {
+            match self.alloc(state.room_for(subject.counts()), demand, frame.growth) {
                 Ok(ranges) => {
-                    room.left = room.left.saturating_sub(bytes);
-                    return self.show_whole(world, &subject, state, ranges, room);
+                    frame.left = frame.left.saturating_sub(bytes);
+                    return self.show_whole(world, &subject, state, ranges, frame);
                 }
                 Err(error) if is_small => return Err(error),
                 Err(_) => {}
@@ -262,10 +290,10 @@ impl TreeStore {
         }
         if state.is_readable() {
             let usefulness = subject.usefulness(world);
-            room.placed.insert(slot, TreeState { waits: true, bytes, usefulness, ..state });
+            self.put(slot, TreeState { waits: true, bytes, usefulness, ..state }, frame);
             return Ok(());
         }
-        self.show_stand_ins(world, &subject, state, room)
+        self.show_stand_ins(world, &subject, state, frame)
     }
 
     /// Ranges for nodes and lights, both or neither.
@@ -291,7 +319,7 @@ impl TreeStore {
         world: &LightWorld,
         subject: &Subject,
         runs: [Vec<Range<u32>>; 2],
-        room: &mut TreeRoom,
+        frame: &mut TreeFrame,
     ) -> Result<(), PlanError> {
         let state = self.residency.get(subject.slot);
         let bases = [state.nodes.start, state.lights.start];
@@ -299,9 +327,9 @@ impl TreeStore {
         let has_new_records = state.waits || state.openings != subject.openings || state.records.len() != count;
         if has_new_records || state.replaced != subject.entry.replaced {
             let state = TreeState { waits: false, ..state.clone() };
-            self.set_state(world, subject, state, subject.openings, room)?;
+            self.set_state(world, subject, state, subject.openings, frame)?;
         }
-        room.writes.add(subject.write(Source::Tree, bases, has_new_records), runs);
+        frame.writes.add(subject.write(Source::Tree, bases, has_new_records), runs);
         Ok(())
     }
 
@@ -312,36 +340,74 @@ impl TreeStore {
         subject: &Subject,
         state: TreeState,
         [nodes, lights]: [Range<u32>; 2],
-        room: &mut TreeRoom,
+        frame: &mut TreeFrame,
     ) -> Result<(), PlanError> {
         let bases = [nodes.start, lights.start];
         let state = TreeState { form: Form::Whole, waits: false, nodes, lights, ..state };
-        self.set_state(world, subject, state, subject.openings, room)?;
-        room.writes.add(subject.write(Source::Tree, bases, true), subject.counts().map(all));
+        self.set_state(world, subject, state, subject.openings, frame)?;
+        frame.writes.add(subject.write(Source::Tree, bases, true), subject.counts().map(all));
         Ok(())
     }
 
-    /// Lets shaders see stand-ins of the tree.
+    /// Lets shaders see stand-ins of the tree. Fails if there is no room for them.
     fn show_stand_ins(
         &mut self,
         world: &LightWorld,
         subject: &Subject,
         state: TreeState,
-        room: &mut TreeRoom,
+        frame: &mut TreeFrame,
     ) -> Result<(), PlanError> {
-        let few = stand_ins(subject.tree());
-        let counts = [stored_nodes(&few).len(), few.lights().len()];
+        let few = self.room_for_stand_ins(subject, &state, frame.growth)?;
+        self.show_few(world, subject, state, few, frame)
+    }
+
+    /// Stand-ins of the tree, with room for them.
+    fn room_for_stand_ins(
+        &mut self,
+        subject: &Subject,
+        state: &TreeState,
+        growth: Growth,
+    ) -> Result<StandIns, PlanError> {
+        let tree = stand_ins(subject.tree());
+        let counts = [stored_nodes(&tree).len(), tree.lights().len()];
         let is_same = state.form == Form::StandIns && [state.nodes.len(), state.lights.len()] == counts;
         let [nodes, lights] = match is_same {
             true => [state.nodes.clone(), state.lights.clone()],
-            false => self.alloc(counts.map(|count| count as u32), Demand::Must, room.growth)?,
+            false => self.alloc(counts.map(|count| count as u32), Demand::Must, growth)?,
         };
+        Ok(StandIns { tree, nodes, lights })
+    }
+
+    fn show_few(
+        &mut self,
+        world: &LightWorld,
+        subject: &Subject,
+        state: TreeState,
+        StandIns { tree, nodes, lights }: StandIns,
+        frame: &mut TreeFrame,
+    ) -> Result<(), PlanError> {
+        let runs = [nodes.len(), lights.len()].map(all);
         let bases = [nodes.start, lights.start];
         let bytes = self.bytes(subject.counts());
         let state = TreeState { form: Form::StandIns, waits: true, bytes, nodes, lights, ..state };
-        self.set_state(world, subject, state, 0, room)?;
-        room.writes.add(subject.write(Source::StandIns(Box::new(few)), bases, true), counts.map(all));
+        self.set_state(world, subject, state, 0, frame)?;
+        frame.writes.add(subject.write(Source::StandIns(Box::new(tree)), bases, true), runs);
         Ok(())
+    }
+
+    /// Puts a state in place of the present one of a tree, and frees the ranges that only the latter has.
+    fn put(&mut self, slot: u32, state: TreeState, frame: &mut TreeFrame) {
+        let former = self.residency.replace(slot, state.clone());
+        if former.nodes != state.nodes {
+            self.nodes.free(former.nodes.clone());
+        }
+        if former.lights != state.lights {
+            self.lights.free(former.lights.clone());
+        }
+        if former.records != state.records {
+            self.records.free(former.records.clone());
+        }
+        frame.placed.entry(slot).or_insert(former);
     }
 
     /// Records the state of a tree after the frame, with room for the records of its parts.
@@ -351,24 +417,21 @@ impl TreeStore {
         subject: &Subject,
         mut state: TreeState,
         openings: usize,
-        room: &mut TreeRoom,
+        frame: &mut TreeFrame,
     ) -> Result<(), PlanError> {
         let count = TreeRecord::count(openings);
-        let has_records = state.records.len() as u32 == count;
+        if state.records.len() as u32 != count {
+            state.records = self.records.alloc(count, frame.growth)?;
+        }
         (state.openings, state.replaced) = (openings, subject.entry.replaced);
         let is_weighed = state.waits || self.residency.is_sorted();
         state.usefulness = if is_weighed { subject.usefulness(world) } else { NOT_WEIGHED };
-        // First, so that the reserved ranges are released if the rest fails.
-        room.placed.insert(subject.slot, state);
-        if !has_records {
-            let records = self.records.alloc(count, room.growth)?;
-            room.placed.entry(subject.slot).and_modify(|state| state.records = records);
-        }
+        self.put(subject.slot, state, frame);
         Ok(())
     }
 
     /// Sends waiting trees, as far as the frame's bytes and the pools allow.
-    fn stream(&mut self, world: &LightWorld, room: &mut TreeRoom) -> Result<(), PlanError> {
+    fn stream(&mut self, world: &LightWorld, frame: &mut TreeFrame) -> Result<(), PlanError> {
         for slot in self.residency.next_slots(WEIGHED_PER_FRAME) {
             self.weigh(world, slot);
         }
@@ -376,10 +439,10 @@ impl TreeStore {
         let waiting: Vec<u32> = self.residency.waiting().take(MAX_BROUGHT).collect();
         let mut refusals = 0;
         for slot in waiting {
-            if room.left == 0 || room.incoming.is_some() || refusals == MAX_REFUSALS {
+            if frame.left == 0 || self.residency.incoming.is_some() || refusals == MAX_REFUSALS {
                 break;
             }
-            if room.placed.contains_key(&slot) {
+            if frame.placed.contains_key(&slot) {
                 continue;
             }
             let is_same = |subject: &Subject| self.residency.get(slot).key == Some(subject.key);
@@ -388,30 +451,29 @@ impl TreeStore {
                 // It has just become small, and does not wait any more.
                 continue;
             }
-            if self.bring(world, &subject, room)? {
+            if self.bring(world, &subject, frame)? {
                 continue;
             }
-            if self.make_way(world, &subject, room)? {
+            if self.make_way(world, &subject, frame)? {
                 break;
             }
             refusals += 1;
             // What the frame has placed already may leave room behind.
-            if room.placed.is_empty() {
-                self.give_up(world, &subject, room)?;
+            if frame.placed.is_empty() {
+                self.give_up(world, &subject, frame)?;
             }
         }
         Ok(())
     }
 
-    /// Leaves a tree for which there is no room. An older version makes room for the present one: it
+    /// Leaves a tree for which there is no frame. An older version makes room for the present one: it
     /// would stay for good.
-    fn give_up(&mut self, world: &LightWorld, subject: &Subject, room: &mut TreeRoom) -> Result<(), PlanError> {
+    fn give_up(&mut self, world: &LightWorld, subject: &Subject, frame: &mut TreeFrame) -> Result<(), PlanError> {
         let state = self.residency.get(subject.slot).clone();
-        if state.form == Form::Whole {
-            let result = self.show_stand_ins(world, subject, state, room);
-            if result.is_ok() || room.placed.contains_key(&subject.slot) {
-                return result;
-            }
+        if state.form == Form::Whole
+            && let Ok(few) = self.room_for_stand_ins(subject, &state, frame.growth)
+        {
+            return self.show_few(world, subject, state, few, frame);
         }
         self.residency.block(subject.slot);
         Ok(())
@@ -427,40 +489,46 @@ impl TreeStore {
     }
 
     /// Sends a waiting tree, or its first piece. Returns whether there is room for it.
-    fn bring(&mut self, world: &LightWorld, subject: &Subject, room: &mut TreeRoom) -> Result<bool, PlanError> {
+    fn bring(&mut self, world: &LightWorld, subject: &Subject, frame: &mut TreeFrame) -> Result<bool, PlanError> {
         let state = self.residency.get(subject.slot).clone();
         let bytes = self.bytes(subject.counts());
-        let fits = bytes <= room.left;
+        let fits = bytes <= frame.left;
         if fits && state.form == Form::Whole && has_room_for(&state, subject) {
-            room.left -= bytes;
-            self.write_in_place(world, subject, subject.counts().map(all), room)?;
+            frame.left -= bytes;
+            self.write_in_place(world, subject, subject.counts().map(all), frame)?;
             return Ok(true);
         }
-        let Ok(ranges) = self.alloc(state.room_for(subject.counts()), Demand::May, room.growth) else {
+        let Ok(ranges) = self.alloc(state.room_for(subject.counts()), Demand::May, frame.growth) else {
             return Ok(false);
         };
         if fits {
-            room.left -= bytes;
-            self.show_whole(world, subject, state, ranges, room)?;
+            frame.left -= bytes;
+            self.show_whole(world, subject, state, ranges, frame)?;
         } else {
             let [nodes, lights] = ranges;
             let revision = subject.entry.log.revision();
             let (slot, key) = (subject.slot, subject.key);
             let is_opened = subject.is_opened();
             let incoming = Incoming { slot, key, nodes, lights, is_opened, sent: [0; 2], revision, restarts: 0 };
-            self.go_on(world, incoming, room)?;
+            self.residency.incoming = Some(incoming);
+            self.go_on(world, frame)?;
         }
         Ok(true)
     }
 
-    /// Sends the next piece of a tree. With the last one, shaders see the tree.
-    fn go_on(&mut self, world: &LightWorld, mut incoming: Incoming, room: &mut TreeRoom) -> Result<(), PlanError> {
+    /// Sends the next piece of the tree that is sent in pieces, if there is one. With the last piece, shaders see it.
+    fn go_on(&mut self, world: &LightWorld, frame: &mut TreeFrame) -> Result<(), PlanError> {
+        let Some(mut incoming) = self.residency.incoming.clone() else { return Ok(()) };
         let subject = self.subject(world, incoming.slot).filter(|subject| subject.key == incoming.key);
-        let Some(subject) = subject else { return Ok(()) };
+        let Some(subject) = subject else {
+            self.drop_incoming();
+            return Ok(());
+        };
         let counts = subject.counts();
         let has_room = has_room(&incoming.nodes, counts[0]) && has_room(&incoming.lights, counts[1]);
         if !has_room {
-            let Ok(ranges) = self.alloc(with_growth(counts), Demand::May, room.growth) else { return Ok(()) };
+            self.drop_incoming();
+            let Ok(ranges) = self.alloc(with_growth(counts), Demand::May, frame.growth) else { return Ok(()) };
             [incoming.nodes, incoming.lights] = ranges;
         }
         let is_reopened = incoming.is_opened != subject.is_opened();
@@ -470,7 +538,7 @@ impl TreeStore {
             incoming.revision = subject.entry.log.revision();
             incoming.restarts += 1;
         }
-        let mut left = if incoming.restarts > MAX_RESTARTS { u64::MAX } else { room.left };
+        let mut left = if incoming.restarts > MAX_RESTARTS { u64::MAX } else { frame.left };
         let strides = [Pool::<NodeRecord>::STRIDE, Pool::<LightRecord>::STRIDE];
         let mut pieces = [Vec::new(), Vec::new()];
         for pool in 0..2 {
@@ -482,36 +550,38 @@ impl TreeStore {
             incoming.sent[pool] = end;
             let bytes = u64::from(end - start) * strides[pool];
             left = left.saturating_sub(bytes);
-            room.left = room.left.saturating_sub(bytes);
+            frame.left = frame.left.saturating_sub(bytes);
         }
         let bases = [incoming.nodes.start, incoming.lights.start];
-        room.writes.add(subject.write(Source::Piece, bases, false), pieces);
+        frame.writes.add(subject.write(Source::Piece, bases, false), pieces);
         if (0..2).any(|pool| (incoming.sent[pool] as usize) < counts[pool]) {
-            room.incoming = Some(incoming);
+            self.residency.incoming = Some(incoming);
             return Ok(());
         }
+        self.residency.incoming = None;
         let (runs, _) = subject.changes_since(incoming.revision, subject.openings);
         let Incoming { nodes, lights, .. } = incoming;
         let state = self.residency.get(subject.slot).clone();
         let state = TreeState { form: Form::Whole, waits: false, nodes, lights, ..state };
-        self.set_state(world, &subject, state, subject.openings, room)?;
-        room.writes.add(subject.write(Source::Tree, bases, true), runs);
+        self.set_state(world, &subject, state, subject.openings, frame)?;
+        frame.writes.add(subject.write(Source::Tree, bases, true), runs);
         Ok(())
     }
 
     /// Makes room for a tree in the next frame: joins gaps, or evicts less useful trees, which fall
     /// back to stand-ins. Returns whether it did either.
-    fn make_way(&mut self, world: &LightWorld, subject: &Subject, room: &mut TreeRoom) -> Result<bool, PlanError> {
+    fn make_way(&mut self, world: &LightWorld, subject: &Subject, frame: &mut TreeFrame) -> Result<bool, PlanError> {
         self.residency.sort();
         let usefulness = self.residency.get(subject.slot).usefulness;
         let [nodes, lights] = subject.counts().map(|count| count as u64);
         let mut missing = [self.nodes.missing(nodes), self.lights.missing(lights)];
         if missing == [0; 2] {
-            return self.join_gaps(world, self.limits.frame_bytes.unwrap_or(MOVED_BYTES), room);
+            return self.join_gaps(world, self.limits.frame_bytes.unwrap_or(MOVED_BYTES), frame);
         }
         let below = (f32::from_bits(usefulness) / MIN_GAIN).to_bits();
         let mut fallbacks = Vec::new();
-        for slot in self.residency.less_useful(below).filter(|slot| !room.placed.contains_key(slot)).take(MAX_LOOKED_AT)
+        for slot in
+            self.residency.less_useful(below).filter(|slot| !frame.placed.contains_key(slot)).take(MAX_LOOKED_AT)
         {
             if missing == [0; 2] {
                 break;
@@ -532,11 +602,9 @@ impl TreeStore {
                 |subject: &Subject| self.residency.get(slot).key == Some(subject.key) && may_stand_in(subject.tree());
             let Some(subject) = self.subject(world, slot).filter(may_fall) else { continue };
             let state = self.residency.get(slot).clone();
-            match self.show_stand_ins(world, &subject, state, room) {
-                // Without room for stand-ins the tree stays.
-                Err(_) if !room.placed.contains_key(&slot) => break,
-                result => result?,
-            }
+            // Without room for stand-ins the tree stays.
+            let Ok(few) = self.room_for_stand_ins(&subject, &state, frame.growth) else { break };
+            self.show_few(world, &subject, state, few, frame)?;
             has_fallen = true;
         }
         Ok(has_fallen)
@@ -544,8 +612,8 @@ impl TreeStore {
 
     /// Defragments: moves trees of at most `bytes` bytes from the end of each pool to gaps. Returns
     /// whether it moved any.
-    fn join_gaps(&mut self, world: &LightWorld, bytes: u64, room: &mut TreeRoom) -> Result<bool, PlanError> {
-        let mut left = room.left.min(bytes);
+    fn join_gaps(&mut self, world: &LightWorld, bytes: u64, frame: &mut TreeFrame) -> Result<bool, PlanError> {
+        let mut left = frame.left.min(bytes);
         self.residency.sort();
         let mut has_moved = false;
         for pool in 0..2 {
@@ -561,19 +629,19 @@ impl TreeStore {
                 let mut runs = subject.counts().map(all);
                 runs[1 - pool].clear();
                 let bytes = self.bytes([length(&runs[0]), length(&runs[1])]);
-                if room.placed.contains_key(&slot) || !is_current || bytes > left {
+                if frame.placed.contains_key(&slot) || !is_current || bytes > left {
                     continue;
                 }
                 let mut ranges = [state.nodes.clone(), state.lights.clone()];
                 let Some(lower) = self.take_lower(pool, &ranges[pool]) else { continue };
                 ranges[pool] = lower;
                 left -= bytes;
-                room.left = room.left.saturating_sub(bytes);
+                frame.left = frame.left.saturating_sub(bytes);
                 has_moved = true;
                 let bases = [ranges[0].start, ranges[1].start];
                 let [nodes, lights] = ranges;
-                self.set_state(world, &subject, TreeState { nodes, lights, ..state }, subject.openings, room)?;
-                room.writes.add(subject.write(Source::Piece, bases, false), runs);
+                self.set_state(world, &subject, TreeState { nodes, lights, ..state }, subject.openings, frame)?;
+                frame.writes.add(subject.write(Source::Piece, bases, false), runs);
             }
         }
         Ok(has_moved)
@@ -598,9 +666,9 @@ impl TreeStore {
     }
 
     /// Adds the slots of instances whose tree has another place or form after the frame.
-    pub fn add_placed_instances(&self, world: &LightWorld, room: &TreeRoom, changes: &mut FrameChanges) {
-        for (slot, state) in &room.placed {
-            let former = self.residency.get(*slot);
+    pub fn add_placed_instances(&self, world: &LightWorld, frame: &TreeFrame, changes: &mut FrameChanges) {
+        for (slot, former) in &frame.placed {
+            let state = self.residency.get(*slot);
             let is_same = former.ranges() == state.ranges() && former.form == state.form;
             if is_same
                 && former.key == state.key

@@ -3,11 +3,13 @@
 use std::marker::PhantomData;
 use std::ops::Range;
 
-use super::buffers::{BufferId, Ids, NewBuffer};
+use super::buffers::BufferId;
 use super::commands::Commands;
+use super::draft::Draft;
 use super::error::PlanError;
+use super::frame::FramePlan;
 use super::ranges::Ranges;
-use super::scatter::{RunCount, Scattered};
+use super::scatter::Scattered;
 
 /// Threads take this many records at a time, and share the work of four times as many.
 #[cfg(feature = "parallel")]
@@ -44,8 +46,9 @@ const STEP: u64 = 16;
 
 /// Records of type `T` in one storage buffer. Ranges are in records, never in bytes.
 ///
-/// A frame goes through four steps: [`Pool::begin`], calls of [`Pool::alloc`], [`Pool::end`], which
-/// names the new buffer if one is needed, and then either [`Pool::adopt`] or [`Pool::undo`].
+/// Ranges are allocated first, which may make more room than the buffer has. [`Pool::settle`] then makes a larger
+/// buffer, if one is needed, and only then may records be written.
+#[derive(Clone)]
 pub(crate) struct Pool<T> {
     /// Names the records, in the plural.
     what: &'static str,
@@ -57,14 +60,9 @@ pub(crate) struct Pool<T> {
     buffer: Option<BufferId>,
     /// Records that the buffer has room for, or that the first one will have.
     capacity: u32,
-    /// Between the first and the last step there may be more room than in the buffer.
     ranges: Ranges,
     /// Records in use.
     taken: u64,
-    /// The end of the last range in use when the frame began.
-    kept: u32,
-    /// The buffer after this frame, if it is another one.
-    replacement: Option<BufferId>,
     records: PhantomData<T>,
 }
 
@@ -85,8 +83,6 @@ impl<T: bytemuck::NoUninit> Pool<T> {
             capacity: capacity.max(1),
             ranges: Ranges::new(u64::from(capacity.max(1))),
             taken: 0,
-            kept: 0,
-            replacement: None,
             records: PhantomData,
         }
     }
@@ -96,20 +92,17 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         self.share = share;
     }
 
-    /// Begins a frame.
+    /// Gives up room beyond the limit, if that has fallen.
     ///
-    /// Fails with [`PlanError::Full`] and changes nothing if the limit has fallen below what is in use.
-    pub(crate) fn begin(&mut self) -> Result<(), PlanError> {
-        let limit = self.limit();
-        let used = self.used();
+    /// Fails with [`PlanError::Full`] and changes nothing if more than that is in use.
+    pub(crate) fn keep_limit(&mut self) -> Result<(), PlanError> {
+        let (limit, used) = (self.limit(), self.used());
         if used > limit {
             return Err(self.full(used));
         }
         if self.ranges.end() > limit {
             self.ranges.cut_to(limit);
         }
-        // Within the limit.
-        self.kept = used as u32;
         Ok(())
     }
 
@@ -159,18 +152,10 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         (self.taken + len + limit / SPARE).saturating_sub(limit)
     }
 
-    /// Forgets all ranges, and makes the buffer as small as its limit if that has fallen. Returns what
-    /// [`Pool::restore`] takes. To be called before [`Pool::begin`].
-    pub(crate) fn restart(&mut self) -> RestartedPool {
-        let room = self.limit().min(self.capacity.into());
-        let ranges = std::mem::replace(&mut self.ranges, Ranges::new(room));
-        RestartedPool { ranges, taken: std::mem::take(&mut self.taken) }
-    }
-
-    /// Takes a restart back, after [`Pool::undo`].
-    pub(crate) fn restore(&mut self, former: RestartedPool) {
-        self.ranges = former.ranges;
-        self.taken = former.taken;
+    /// Forgets all ranges, and makes the buffer as small as its limit if that has fallen.
+    pub(crate) fn restart(&mut self) {
+        self.ranges = Ranges::new(self.limit().min(self.capacity.into()));
+        self.taken = 0;
     }
 
     /// Reserves from what is free.
@@ -189,36 +174,24 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         }
     }
 
-    /// Names the new buffer, if one is needed.
-    pub(crate) fn end(&mut self, ids: &mut Ids) -> Option<NewBuffer> {
-        let is_same = self.buffer.is_some() && self.room() == self.capacity;
-        let new = (!is_same).then(|| ids.storage(self.what, u64::from(self.room()) * Self::STRIDE));
-        self.replacement = new.map(|buffer| buffer.id);
-        new
-    }
-
-    /// Takes the new buffer into use, if there is one: adds the commands that bring the records
-    /// there and set the rest to zero. Returns the former buffer, which no later command uses.
-    pub(crate) fn adopt(&mut self, commands: &mut Commands) -> Option<BufferId> {
-        let new = self.replacement.take()?;
-        let kept = u64::from(self.kept) * Self::STRIDE;
-        if let Some(old) = self.buffer.filter(|_| kept > 0) {
-            commands.copy(old, new, kept);
+    /// Makes a buffer with room for all ranges, if the present one has another size: adds the commands that bring the
+    /// records there and set the rest to zero.
+    pub(crate) fn settle(&mut self, draft: &mut Draft) {
+        let room = self.ranges.end() as u32;
+        if self.buffer.is_some() && room == self.capacity {
+            return;
         }
-        commands.zero(new, kept..u64::from(self.room()) * Self::STRIDE);
-        self.capacity = self.room();
-        self.buffer.replace(new)
-    }
-
-    /// Ends the frame without the new buffer. All ranges that were reserved in it must have been
-    /// freed.
-    pub(crate) fn undo(&mut self) {
-        self.replacement = None;
-        let capacity = u64::from(self.capacity);
-        match self.ranges.end() {
-            room if room > capacity => self.ranges.cut_to(capacity),
-            _ => self.ranges.grow_to(capacity),
-        }
+        let new = draft.storage(self.what, u64::from(room) * Self::STRIDE);
+        let former = self.buffer.replace(new);
+        let kept = match former {
+            Some(_) => self.used().min(self.capacity.into()) * Self::STRIDE,
+            None => 0,
+        };
+        let FramePlan { upload, freed, .. } = &mut draft.plan;
+        former.filter(|_| kept > 0).into_iter().for_each(|former| upload.copy(former, new, kept));
+        freed.extend(former);
+        upload.zero(new, kept..u64::from(room) * Self::STRIDE);
+        self.capacity = room;
     }
 
     /// Overwrites the records of a run with the given ones, as many as it is long. Short runs may go
@@ -269,19 +242,9 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         self.write(commands, scattered, run.clone(), run.map(record));
     }
 
-    /// The bytes of staged data that the counted runs take; 0 if they are written one by one.
-    pub(crate) fn staged_bytes(&self, runs: &RunCount) -> u64 {
-        runs.staged_bytes(Self::STRIDE)
-    }
-
     /// The buffer. Panics before the first plan.
     pub(crate) fn buffer(&self) -> BufferId {
         self.buffer.expect("the first plan has made the buffer")
-    }
-
-    /// Whether the frame gives the pool another buffer.
-    pub(crate) fn is_replaced(&self) -> bool {
-        self.replacement.is_some()
     }
 
     /// Records that the buffer has room for.
@@ -304,11 +267,6 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         self.ranges.used()
     }
 
-    /// Records that there will be room for.
-    fn room(&self) -> u32 {
-        self.ranges.end() as u32
-    }
-
     /// The most records that a buffer may have.
     pub(crate) fn limit(&self) -> u64 {
         let bytes = self.share.map_or(self.limit_bytes, |share| share.min(self.limit_bytes));
@@ -318,13 +276,6 @@ impl<T: bytemuck::NoUninit> Pool<T> {
     fn full(&self, records: u64) -> PlanError {
         PlanError::Full { what: self.what, needed: records * Self::STRIDE, limit: self.limit() * Self::STRIDE }
     }
-}
-
-/// The ranges of a pool before a restart.
-#[derive(Debug)]
-pub(crate) struct RestartedPool {
-    ranges: Ranges,
-    taken: u64,
 }
 
 #[cfg(all(test, feature = "parallel"))]
@@ -337,7 +288,7 @@ mod tests {
     fn threads_write_the_bytes_of_one_thread() {
         const SHARED: u32 = 4 * RECORDS_PER_TASK as u32;
         let mut pool = Pool::<InstanceRecord>::new("instances", 20 * SHARED, u64::MAX);
-        pool.buffer = Some(Ids::default().storage("instances", 0).id);
+        pool.buffer = Some(Ids::default().next());
         let record = |index: u32| bytemuck::cast(std::array::from_fn::<u32, 40, _>(|word| 100 * index + word as u32));
         for length in [1, SHARED - 1, SHARED, SHARED + 1, 10 * SHARED + 7] {
             let written = |threads| {

@@ -3,8 +3,9 @@
 //! Each plan begins with copies of what the plan before it changed. So a world that rests costs nothing, and a plan
 //! may change all buffers freely afterwards.
 
-use super::buffers::{BufferId, Ids, NewBuffer};
+use super::buffers::BufferId;
 use super::commands::Commands;
+use super::draft::Draft;
 use super::layout::ParamsRecord;
 use super::pool::Growth;
 
@@ -24,7 +25,7 @@ struct Head {
     padding: [u32; 3],
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Previous {
     /// Whether the engine wants it.
     pub is_kept: bool,
@@ -47,16 +48,6 @@ struct Kept {
 /// A buffer that shaders bind, with the bytes that are in use and its size.
 pub(super) type Present = (BufferId, u64, u64);
 
-/// What a plan does first.
-#[derive(Debug, Default)]
-pub(super) struct Copies {
-    buffer: Option<Kept>,
-    /// Source, and its bytes: of instances and of lights; `None` for what is not copied.
-    sources: [Option<(BufferId, u64)>; 2],
-    /// The last frame has no lights: it is too large for a buffer.
-    is_empty: bool,
-}
-
 impl Previous {
     pub fn new() -> Self {
         Self { is_kept: false, buffer: None, written: None, is_stale: [true; 2], is_lost: false }
@@ -67,16 +58,13 @@ impl Previous {
         self.buffer.map(|kept| kept.id)
     }
 
-    /// Reserves room for copies of the present buffers, of instances and of lights, of at most `most` bytes; there are
-    /// none yet before the first plan. A frame that takes more is remembered as one without lights.
-    pub fn reserve(
-        &self,
-        present: Option<[Present; 2]>,
-        (most, growth): (u64, Growth),
-        (ids, new): (&mut Ids, &mut Vec<NewBuffer>),
-    ) -> Copies {
+    /// Copies the present buffers, of instances and of lights, and the parameters; there are none yet before the first
+    /// plan. A frame that takes more than `most` bytes is remembered as one without lights.
+    pub fn copy(&mut self, present: Option<[Present; 2]>, params: ParamsRecord, most: u64, draft: &mut Draft) {
         if !self.is_kept {
-            return Copies::default();
+            draft.plan.freed.extend(self.buffer());
+            *self = Self::new();
+            return;
         }
         let size = |bytes: [u64; 2]| 16 * u64::from(HEAD) + bytes[0] + bytes[1];
         let fitting = present.filter(|present| size(present.map(|(_, used, _)| used)) <= most);
@@ -84,54 +72,35 @@ impl Previous {
             Some(present) => [present.map(|(_, used, _)| used), present.map(|(.., whole)| whole)],
             None => [[EMPTY_BYTES; 2]; 2],
         };
-        let fits = |kept: &Kept| (0..2).all(|i| kept.bytes[i] >= used[i]);
-        let kept = match self.buffer.filter(fits) {
+        let kept = match self.buffer.filter(|kept| (0..2).all(|i| kept.bytes[i] >= used[i])) {
             Some(kept) => kept,
             None => {
-                let bytes = if growth == Growth::Double && size(whole) <= most { whole } else { used };
-                let buffer = ids.storage("lights of the last frame", size(bytes));
-                new.push(buffer);
-                Kept { id: buffer.id, bytes }
+                let bytes = if draft.growth == Growth::Double && size(whole) <= most { whole } else { used };
+                let id = draft.storage("lights of the last frame", size(bytes));
+                draft.plan.freed.extend(self.buffer());
+                (self.written, self.is_stale) = (None, [true; 2]);
+                Kept { id, bytes }
             }
         };
-        let is_new = self.buffer != Some(kept);
-        let mut sources = [None; 2];
-        if let Some(present) = fitting.filter(|_| !self.is_lost) {
-            sources = std::array::from_fn(|i| (self.is_stale[i] || is_new).then_some((present[i].0, present[i].1)));
-        }
-        Copies { buffer: Some(kept), sources, is_empty: present.is_some() && fitting.is_none() }
-    }
-
-    /// Adds the copies, and the parameters of the last frame. Adds a buffer that is no longer used to `freed`.
-    pub fn adopt(
-        &mut self,
-        copies: Copies,
-        params: ParamsRecord,
-        (commands, freed): (&mut Commands, &mut Vec<BufferId>),
-    ) {
-        let Some(kept) = copies.buffer else {
-            if !self.is_kept {
-                freed.extend(self.buffer());
-                *self = Self::new();
-            }
-            return;
-        };
-        let former = self.buffer.replace(kept).filter(|former| former.id != kept.id);
-        freed.extend(former.map(|former| former.id));
+        self.buffer = Some(kept);
         let head = 16 * u64::from(HEAD);
-        let starts = [head, head + kept.bytes[0]];
-        if former.is_some() || self.written.is_none() {
-            self.written = None;
-            commands.zero(kept.id, 0..head + kept.bytes[0] + kept.bytes[1]);
+        if self.written.is_none() {
+            draft.plan.upload.zero(kept.id, 0..size(kept.bytes));
         }
-        for (source, start) in copies.sources.into_iter().zip(starts) {
-            source.into_iter().for_each(|(from, bytes)| commands.copy_to(from, (kept.id, start), bytes));
+        let is_empty = self.is_lost || present.is_some() && fitting.is_none();
+        for (i, start) in [head, head + kept.bytes[0]].into_iter().enumerate() {
+            if let Some(present) = fitting
+                && self.is_stale[i]
+                && !self.is_lost
+            {
+                draft.plan.upload.copy_to(present[i].0, (kept.id, start), present[i].1);
+            }
         }
-        let is_empty = std::mem::take(&mut self.is_lost) || copies.is_empty;
+        self.is_lost = false;
         self.is_stale = [is_empty; 2];
         // Without slots, shaders find no light.
         let params = if is_empty { ParamsRecord::default() } else { params };
-        self.write(params, commands);
+        self.write(params, &mut draft.plan.upload);
     }
 
     /// Lets the last frame read the maps of this one: the sky and the profiles are not copied.

@@ -1,19 +1,20 @@
-//! Finds out which buffers a frame needs, before anything is written.
+//! One frame: finds room for what changed, and writes it.
 
-use std::collections::BTreeMap;
 use std::fmt;
+use std::ops::Range;
 
 use super::LightPlanner;
 use super::buffers::NewBuffer;
 use super::changes::FrameChanges;
+use super::draft::{Draft, Shortage};
 use super::error::PlanError;
-use super::layout::{ParamsRecord, PartRecord, TreeRecord};
-use super::opened::Opened;
+use super::frame::FramePlan;
+use super::held::Held;
+use super::layout::{PartRecord, TreeRecord};
+use super::place::TreeFrame;
 use super::pool::Growth;
-use super::residency::TreeState;
-use super::room::{RecordRuns, ReusedLists, Room, TreeRoom};
 use super::runs::add_runs;
-use super::scatter::{self, RunCount};
+use super::scatter::{MAX_TARGETS, RunCount, Scattered};
 use super::top::MapQuads;
 use super::tree_writes::written_records;
 use crate::effects::Effects;
@@ -26,59 +27,64 @@ use crate::world::LightWorld;
 /// Room for profiles grows by so many quads: 64 KiB.
 const PROFILE_QUADS: u32 = 1 << 12;
 
-/// The room that the changes of a world need on the GPU. Make [`Reservation::new_buffers`], then
-/// call [`Reservation::plan`].
+/// A plan whose buffers are still to be made. Make [`Reservation::new_buffers`], then call [`Reservation::plan`].
 ///
 /// Dropped without that, it changes nothing, and the next reservation has its changes too.
 pub struct Reservation<'a> {
-    pub(super) planner: &'a mut LightPlanner,
-    pub(super) world: &'a LightWorld,
-    pub(super) changes: FrameChanges,
-    pub(super) room: Room,
-    /// The room was taken into use, so that there is nothing to undo.
-    pub(super) is_used: bool,
+    planner: &'a mut LightPlanner,
+    /// What the device holds after the plan.
+    next: Held,
+    plan: FramePlan,
 }
 
-/// Which pools had too little room for a frame.
-#[derive(Clone, Copy, Debug)]
-enum Shortage {
-    /// Those of nodes, of lights and of the records of trees.
-    Trees,
-    /// Those whose sizes follow the number of parts.
-    Parts,
-    /// Those that no other order makes room in.
-    Others,
-}
+impl<'a> Reservation<'a> {
+    pub(super) fn new(planner: &'a mut LightPlanner, mut next: Held, draft: Draft) -> Self {
+        let mut plan = draft.plan;
+        // Numbers of buffers are never used again, whatever becomes of this plan.
+        planner.held.ids = draft.ids;
+        next.ids = draft.ids;
+        next.number += 1;
+        plan.number = next.number;
+        next.buffers.change(&plan.new_buffers, &plan.freed);
+        Self { planner, next, plan }
+    }
 
-impl Reservation<'_> {
-    /// The buffers that the frame needs. Buffers of former frames stay in use.
+    /// The buffers that the plan needs. Buffers of former plans stay in use.
     pub fn new_buffers(&self) -> &[NewBuffer] {
-        &self.room.new_buffers
+        &self.plan.new_buffers
+    }
+
+    /// Returns the plan, which the planner takes as played from now on. The buffers that were reserved must exist.
+    pub fn plan(self) -> FramePlan {
+        self.planner.held = self.next;
+        self.plan
     }
 }
 
 impl fmt::Debug for Reservation<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Reservation").field("new_buffers", &self.room.new_buffers).finish_non_exhaustive()
+        f.debug_struct("Reservation").field("new_buffers", &self.new_buffers()).finish_non_exhaustive()
     }
 }
 
-impl Drop for Reservation<'_> {
-    fn drop(&mut self) {
-        if !self.is_used {
-            self.planner.undo(std::mem::take(&mut self.room));
-        }
-    }
+/// What is placed anew, without gaps, because it did not fit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Anew {
+    Nothing,
+    Parts,
+    /// Parts and trees. All trees that may start as stand-ins do.
+    Trees,
 }
 
 impl LightPlanner {
-    /// Finds out which buffers the GPU needs to follow `world` from [`LightPlanner::revision`] on,
-    /// however long ago that was. Changes nothing that shaders read. O(what changed).
+    /// Plans what the GPU needs to follow `world` from [`LightPlanner::revision`] on, however long ago that was.
+    /// Changes nothing until the plan is taken. Copies what is sent: O(what changed). A plan without changes has no
+    /// commands.
     ///
     /// # Errors
     /// [`PlanError::Full`] if a buffer would outgrow [`PlanLimits`](super::PlanLimits). The next call
     /// starts from the same revision, and succeeds once the world holds less.
-    pub fn reserve<'a>(&'a mut self, world: &'a LightWorld) -> Result<Reservation<'a>, PlanError> {
+    pub fn reserve(&mut self, world: &LightWorld) -> Result<Reservation<'_>, PlanError> {
         self.reserve_as(world, Growth::Double)
     }
 
@@ -87,77 +93,112 @@ impl LightPlanner {
     ///
     /// # Errors
     /// As [`LightPlanner::reserve`].
-    pub fn reserve_exactly<'a>(&'a mut self, world: &'a LightWorld) -> Result<Reservation<'a>, PlanError> {
+    pub fn reserve_exactly(&mut self, world: &LightWorld) -> Result<Reservation<'_>, PlanError> {
         self.reserve_as(world, Growth::Exact)
     }
 
-    /// Reserves with buffers that grow so.
-    pub(crate) fn reserve_as<'a>(
-        &'a mut self,
-        world: &'a LightWorld,
-        growth: Growth,
-    ) -> Result<Reservation<'a>, PlanError> {
+    pub(crate) fn reserve_as(&mut self, world: &LightWorld, growth: Growth) -> Result<Reservation<'_>, PlanError> {
         span!("reserve");
-        if self.is_lost {
-            self.trees.residency.lose();
-            self.instances.parts.lose_records();
-            self.top.lose();
-            self.sources.lose();
+        let mut anew = Anew::Nothing;
+        loop {
+            let (mut next, mut draft) = (self.held.clone(), Draft::new(self.held.ids, growth));
+            let result = next.follow(world, anew, &mut draft);
+            self.held.ids = draft.ids;
+            anew = match (result, anew) {
+                (Ok(()), _) => return Ok(Reservation::new(self, next, draft)),
+                (Err(Shortage::Parts(_)), Anew::Nothing) => Anew::Parts,
+                (Err(Shortage::Trees(_)), Anew::Nothing | Anew::Parts) => Anew::Trees,
+                (Err(Shortage::Trees(error) | Shortage::Parts(error) | Shortage::Others(error)), _) => {
+                    return Err(error);
+                }
+            };
         }
-        let mut changes = match self.is_lost {
-            true => FrameChanges::everything(world),
-            false => FrameChanges::since(self.revision, world),
-        };
+    }
+}
+
+/// What a frame changes, as far as it was found out before anything is written.
+pub(super) struct Frame<'a> {
+    pub world: &'a LightWorld,
+    pub changes: FrameChanges,
+    pub trees: TreeFrame,
+    /// The runs of slots of the instances that are written.
+    pub instance_runs: Vec<Range<u32>>,
+    /// The runs of records that are written to the pools of nodes, lights, trees and instances, which ones of them
+    /// take their short runs from staged records, and the bytes of these.
+    pub counts: [RunCount; MAX_TARGETS],
+    pub is_scattered: [bool; MAX_TARGETS],
+    pub staged_bytes: u64,
+}
+
+impl Held {
+    /// Follows a world, and plans what the device has to do for it.
+    fn follow(&mut self, world: &LightWorld, anew: Anew, draft: &mut Draft) -> Result<(), Shortage> {
+        if self.is_lost {
+            self.lose();
+        }
+        let mut changes = FrameChanges::since(self.revision, world);
+        if self.is_lost || anew != Anew::Nothing {
+            let all = FrameChanges::everything(world);
+            let is_all_trees = self.is_lost || anew == Anew::Trees;
+            changes = if is_all_trees { all } else { FrameChanges { trees: changes.trees, ..all } };
+        }
         let has_params = self.uniforms.params_buffer.is_some() && self.uniforms.params == self.params_of(world);
         let is_idle = changes.is_empty() && has_params && !self.has_work();
         self.trees.divide_memory(world);
-        // As it is before anything grows.
-        let present = self.present();
-        let mut room = self.new_room(growth);
-        room.is_idle = is_idle;
-        if !is_idle {
-            room.trees.formerly_opened = self.decide_openings(world, &mut changes);
+        self.previous.copy(self.present(), self.uniforms.params, self.trees.limits.largest_buffer, draft);
+        if is_idle {
+            self.rest(world, draft);
+        } else {
+            if anew == Anew::Trees {
+                self.trees.restart(world);
+            }
+            if anew != Anew::Nothing {
+                self.instances.parts.restart();
+            }
+            let before = self.bindings();
+            self.decide_openings(world, &mut changes);
+            let frame = self.make_room(world, changes, anew == Anew::Trees, draft)?;
+            self.write(frame, before, draft);
         }
-        let mut result = if is_idle { Ok(()) } else { self.make_room(world, &mut changes, &mut room) };
-        if let Err((shortage @ (Shortage::Trees | Shortage::Parts), _)) = result {
-            let formerly_opened = room.trees.formerly_opened.take();
-            self.undo(std::mem::take(&mut room));
-            let all = FrameChanges::everything(world);
-            room = self.new_room(growth);
-            room.trees.formerly_opened = formerly_opened;
-            // Without gaps they may fit.
-            room.restarted_parts = Some(self.instances.parts.restart());
-            changes = match shortage {
-                Shortage::Parts => FrameChanges { trees: changes.trees, ..all },
-                // With stand-ins in place of the less useful trees as well.
-                _ => {
-                    room.trees.restarted = Some(self.trees.restart(world));
-                    all
-                }
-            };
-            result = self.make_room(world, &mut changes, &mut room);
-        }
-        if let Err((_, error)) = result {
-            self.undo(room);
-            return Err(error);
-        }
-        let limits = (self.trees.limits.largest_buffer, growth);
-        room.copies = self.previous.reserve(present, limits, (&mut self.buffers.ids, &mut room.new_buffers));
-        Ok(Reservation { planner: self, world, changes, room, is_used: false })
+        self.trees.is_resized = false;
+        self.revision = world.revision();
+        // No shader depends on whether lights move.
+        self.effects = world.effects() - Effects::MOVING;
+        Ok(())
     }
 
-    /// Decides which trees are opened for shaders, and adds those to the changes that are not as decided. Returns
-    /// the former decision if it is another one.
-    fn decide_openings(&mut self, world: &LightWorld, changes: &mut FrameChanges) -> Option<Opened> {
+    /// The device may lack what was written.
+    fn lose(&mut self) {
+        self.trees.residency.lose();
+        self.instances.parts.lose_records();
+        self.top.lose();
+        self.sources.lose();
+    }
+
+    /// Plans a frame in which nothing has changed that shaders read.
+    fn rest(&mut self, world: &LightWorld, draft: &mut Draft) {
+        let FramePlan { upload, top, report, .. } = &mut draft.plan;
+        let is_refit = self.sources.is_active();
+        self.top.is_due |= is_refit;
+        if self.top.is_due {
+            self.finish_top(top);
+        }
+        self.cuts.follow(upload, world.origin(), !top.is_empty(), false);
+        *report = self.report_of(upload);
+        self.previous.changed([false, is_refit]);
+    }
+
+    /// Decides which trees are opened for shaders, and adds those to the changes that are not as decided.
+    fn decide_openings(&mut self, world: &LightWorld, changes: &mut FrameChanges) {
         let limit = self.trees.limits.largest_buffer;
         let records = size_of::<TreeRecord>().max(size_of::<PartRecord>()) as u64;
-        let room = (limit / records).min(self.top.most_parts(map_sizes(world)).into());
-        let decided = self.trees.opened.decided(world, room)?;
-        let former = std::mem::replace(&mut self.trees.opened, decided);
-        let slots: Vec<u32> = self.trees.slots_to_reopen(world).collect();
-        changes.trees.extend(slots);
-        changes.trees.sort();
-        Some(former)
+        let room = (limit / records).min(self.top.most_parts(MapQuads::of(world)).into());
+        if let Some(decided) = self.trees.opened.decided(world, room) {
+            self.trees.opened = decided;
+            let slots: Vec<u32> = self.trees.slots_to_reopen(world).collect();
+            changes.trees.extend(slots);
+            changes.trees.sort();
+        }
     }
 
     /// Whether trees wait that this frame may send.
@@ -167,86 +208,64 @@ impl LightPlanner {
         has_waiting && may_send || self.trees.is_resized || self.trees.may_join_gaps()
     }
 
-    fn new_room(&mut self, growth: Growth) -> Room {
-        let ReusedLists { trees, instance_runs } = std::mem::take(&mut self.lists);
-        Room {
-            trees: TreeRoom { growth, is_lost: self.is_lost, writes: trees, ..TreeRoom::default() },
-            runs: RecordRuns { instances: instance_runs, ..RecordRuns::default() },
-            ..Room::default()
-        }
+    /// Finds room for everything that grew, and what is written.
+    fn make_room<'a>(
+        &mut self,
+        world: &'a LightWorld,
+        changes: FrameChanges,
+        is_anew: bool,
+        draft: &mut Draft,
+    ) -> Result<Frame<'a>, Shortage> {
+        let trees = TreeFrame::new(draft.growth, self.is_lost, is_anew);
+        let mut frame = Frame {
+            world,
+            changes,
+            trees,
+            instance_runs: Vec::new(),
+            counts: Default::default(),
+            is_scattered: Default::default(),
+            staged_bytes: 0,
+        };
+        self.make_room_of_trees(&mut frame).map_err(Shortage::Trees)?;
+        self.trees.add_placed_instances(world, &frame.trees, &mut frame.changes);
+        self.make_room_of_parts(&frame, draft).map_err(Shortage::Parts)?;
+        self.make_room_of_others(&mut frame, draft).map_err(Shortage::Others)?;
+        self.settle(draft);
+        self.count_runs(&mut frame, draft);
+        Ok(frame)
     }
 
-    /// Reserves room for everything that grew: the first three steps of each
-    /// [`Pool`](super::pool::Pool). To be undone if it fails.
-    fn make_room(
-        &mut self,
-        world: &LightWorld,
-        changes: &mut FrameChanges,
-        room: &mut Room,
-    ) -> Result<(), (Shortage, PlanError)> {
-        self.instances.pool.begin().map_err(|error| (Shortage::Others, error))?;
-        self.instances.parts.pool().begin().map_err(|error| (Shortage::Parts, error))?;
-        self.make_room_of_trees(world, changes, room).map_err(|error| (Shortage::Trees, error))?;
-        self.trees.add_placed_instances(world, &room.trees, changes);
-        self.make_room_of_parts(world, changes, room).map_err(|error| (Shortage::Parts, error))?;
-        let others = self.make_room_of_others(world, changes, room);
-        others.map_err(|error| (Shortage::Others, error))?;
-        self.find_runs(world, changes, room);
-        self.name_buffers(room);
-        Ok(())
-    }
-
-    fn make_room_of_trees(
-        &mut self,
-        world: &LightWorld,
-        changes: &FrameChanges,
-        room: &mut Room,
-    ) -> Result<(), PlanError> {
-        self.trees.nodes.begin()?;
-        self.trees.lights.begin()?;
-        self.trees.records.begin()?;
-        self.trees.place_trees(world, changes, &mut room.trees)?;
-        let directionals = world.directional_count() as u32;
-        if changes.directionals && directionals as usize != self.trees.directionals.len() {
-            room.directionals = Some(self.trees.lights.alloc(directionals, room.trees.growth)?);
+    fn make_room_of_trees(&mut self, frame: &mut Frame<'_>) -> Result<(), PlanError> {
+        self.trees.nodes.keep_limit()?;
+        self.trees.lights.keep_limit()?;
+        self.trees.place_trees(frame.world, &frame.changes, &mut frame.trees)?;
+        let directionals = frame.world.directional_count() as u32;
+        if frame.changes.directionals && directionals as usize != self.trees.directionals.len() {
+            self.trees.lights.free(std::mem::take(&mut self.trees.directionals));
+            self.trees.directionals = self.trees.lights.alloc(directionals, frame.trees.growth)?;
         }
         Ok(())
     }
 
-    fn make_room_of_parts(
-        &mut self,
-        world: &LightWorld,
-        changes: &FrameChanges,
-        room: &mut Room,
-    ) -> Result<(), PlanError> {
-        let growth = room.trees.growth;
-        let slots = changes.parts.as_slice().iter();
-        let counts: Vec<_> = slots.map(|slot| (*slot, self.part_count(*slot, world, &room.trees.placed))).collect();
-        room.parts = self.instances.parts.reserve(counts.into_iter(), growth)?;
-        let parts = self.instances.parts.count();
-        let maps = map_sizes(world);
-        let nodes = self.top.fitting(world.partition(), parts, maps).len() as u32;
-        self.top.reserve([parts, nodes], maps, growth, (&mut self.buffers.ids, &mut room.new_buffers))
+    fn make_room_of_parts(&mut self, frame: &Frame<'_>, draft: &mut Draft) -> Result<(), PlanError> {
+        for slot in frame.changes.parts.as_slice() {
+            // As many as the tree has records; none without an instance.
+            let tree = frame.world.instance_at(*slot).and_then(|key| frame.world.instance_tree(key));
+            let count = tree.map_or(0, |tree| self.trees.residency.get(slot_of(tree)).records.len() as u32);
+            self.instances.parts.place(*slot, count, draft.growth)?;
+        }
+        let (parts, maps) = (self.instances.parts.count(), MapQuads::of(frame.world));
+        let nodes = self.top.fitting(frame.world.partition(), parts, maps).len() as u32;
+        self.top.reserve(parts, nodes, maps, draft)
     }
 
-    fn make_room_of_others(
-        &mut self,
-        world: &LightWorld,
-        changes: &mut FrameChanges,
-        room: &mut Room,
-    ) -> Result<(), PlanError> {
-        let growth = room.trees.growth;
-        // Nothing of the table is ever given back, so every reservation continues the last one.
-        let more_slots = self.slots_of(world).saturating_sub(self.instances.count);
-        room.slots = self.instances.pool.alloc(more_slots, growth)?;
+    fn make_room_of_others(&mut self, frame: &mut Frame<'_>, draft: &mut Draft) -> Result<(), PlanError> {
+        // Nothing of the table is ever given back, so every range continues the last one.
+        let more_slots = self.slots_of(frame.world).saturating_sub(self.instances.count);
+        self.instances.count = self.instances.count.max(self.instances.pool.alloc(more_slots, draft.growth)?.end);
         // Shaders read no slots beyond the table.
-        changes.instances.cut_to(self.instances.count.max(room.slots.end));
-        self.sources.reserve(
-            (world, changes),
-            (&|slot| self.trees.state_after(slot, &room.trees.placed), &room.trees.placed),
-            growth,
-            &mut room.sources,
-        )
+        frame.changes.instances.cut_to(self.instances.count);
+        self.sources.place(frame, &self.trees.residency, draft)
     }
 
     /// The length of the table of instances: all slots of the world, or those up to the last one in use where the
@@ -257,124 +276,78 @@ impl LightPlanner {
         if u64::from(all) > self.instances.pool.limit() { last().map_or(0, |slot| slot + 1) } else { all }
     }
 
-    /// The number of parts of the instance in a slot: as many as its tree has records, once the
-    /// states in `placed` replace the present ones. 0 without an instance.
-    fn part_count(&self, slot: u32, world: &LightWorld, placed: &BTreeMap<u32, TreeState>) -> u32 {
-        let tree = world.instance_at(slot).and_then(|key| world.instance_tree(key));
-        tree.map_or(0, |tree| self.trees.state_after(slot_of(tree), placed).records.len() as u32)
+    /// Makes the buffers of all pools large enough.
+    fn settle(&mut self, draft: &mut Draft) {
+        self.trees.nodes.settle(draft);
+        self.trees.lights.settle(draft);
+        self.trees.records.settle(draft);
+        self.instances.pool.settle(draft);
+        self.instances.parts.settle(draft);
     }
 
     /// Counts the runs of records that will be written, and decides which pools take them from staged
     /// records.
-    fn find_runs(&self, world: &LightWorld, changes: &FrameChanges, room: &mut Room) {
-        let [mut node_count, mut light_count, mut tree_count, mut instance_count] =
-            [RunCount::default(); scatter::MAX_TARGETS];
-        for (write, [nodes, lights]) in &room.trees.writes.writes {
-            let runs = [&room.trees.writes.runs[nodes.clone()], &room.trees.writes.runs[lights.clone()]];
-            runs[0].iter().for_each(|run| node_count.add(run));
-            runs[1].iter().for_each(|run| light_count.add(run));
-            let Some(entry) = world.tree_at(write.slot).and_then(|key| world.tree_entry(key)) else { continue };
-            let state = self.trees.state_after(write.slot, &room.trees.placed);
-            let written = written_records(write, state.openings(entry), state.records.len(), runs[0]);
-            written.for_each(|run| tree_count.add(&run));
+    fn count_runs(&mut self, frame: &mut Frame<'_>, draft: &mut Draft) {
+        let [nodes, lights, trees, instances] = &mut frame.counts;
+        for (write, [node_runs, light_runs]) in &frame.trees.writes.writes {
+            let [node_runs, light_runs] = [node_runs, light_runs].map(|runs| &frame.trees.writes.runs[runs.clone()]);
+            node_runs.iter().for_each(|run| nodes.add(run));
+            light_runs.iter().for_each(|run| lights.add(run));
+            let key = frame.world.tree_at(write.slot);
+            let Some(entry) = key.and_then(|key| frame.world.tree_entry(key)) else { continue };
+            let state = self.trees.residency.get(write.slot);
+            let written = written_records(write, state.openings(entry), state.records.len(), node_runs);
+            written.for_each(|run| trees.add(&run));
         }
-        add_runs(&mut room.runs.instances, changes.instances.as_slice().iter().copied(), 0);
-        room.runs.instances.iter().for_each(|run| instance_count.add(run));
-        let staged = [
-            self.trees.nodes.staged_bytes(&node_count),
-            self.trees.lights.staged_bytes(&light_count),
-            self.trees.records.staged_bytes(&tree_count),
-            self.instances.pool.staged_bytes(&instance_count),
-        ];
-        room.runs.counts = [node_count, light_count, tree_count, instance_count];
+        add_runs(&mut frame.instance_runs, frame.changes.instances.as_slice().iter().copied(), 0);
+        frame.instance_runs.iter().for_each(|run| instances.add(run));
+        let staged = std::array::from_fn(|i| frame.counts[i].staged_bytes(super::write::STRIDES[i]));
         let bytes: u64 = staged.iter().sum();
-        if bytes <= self.trees.limits.largest_buffer {
-            room.runs.is_scattered = staged.map(|bytes| bytes > 0);
-            room.runs.staged_bytes = bytes;
+        let most = self.trees.limits.largest_buffer;
+        if bytes > 0 && bytes <= most {
+            frame.is_scattered = staged.map(|bytes| bytes > 0);
+            frame.staged_bytes = bytes;
+            self.uniforms.stage(bytes, most, draft);
         }
     }
 
-    /// Gives numbers to the new buffers.
-    fn name_buffers(&mut self, room: &mut Room) {
-        let ids = &mut self.buffers.ids;
-        let pools = [
-            self.trees.nodes.end(ids),
-            self.trees.lights.end(ids),
-            self.instances.pool.end(ids),
-            self.trees.records.end(ids),
-            self.instances.parts.pool().end(ids),
-        ];
-        room.new_buffers.extend(pools.into_iter().flatten());
-        self.sources.end(&room.sources, ids, &mut room.new_buffers);
-        let mut add = |buffer: NewBuffer| {
-            room.new_buffers.push(buffer);
-            buffer.id
-        };
-        if room.runs.staged_bytes > 0 && self.uniforms.scatter.is_none() {
-            room.uniforms.scatter = Some(add(ids.uniform("scatter", scatter::UNIFORM_BYTES)));
-        }
-        let staging = self.uniforms.staging.map_or(0, |(_, bytes)| bytes);
-        if room.runs.staged_bytes > staging {
-            let largest = self.trees.limits.largest_buffer & !3;
-            let bytes = room.runs.staged_bytes.max(2 * staging).min(largest);
-            room.uniforms.staging = Some((add(ids.storage("staged records", bytes)), bytes));
-        }
-        // The former parameters belong to the former buffers.
-        let is_replaced = self.top.is_replaced()
-            || self.trees.nodes.is_replaced()
-            || self.instances.pool.is_replaced()
-            || self.trees.lights.is_replaced();
-        if is_replaced {
-            room.uniforms.params = Some(add(ids.uniform("sampling parameters", size_of::<ParamsRecord>() as u64)));
-        }
-    }
-
-    /// Takes back what was reserved.
-    fn undo(&mut self, room: Room) {
-        self.lists.keep(room.trees.writes, room.runs.instances);
-        for (slot, state) in room.trees.placed {
-            let former = self.trees.residency.get(slot).clone();
-            self.trees.release_others(&state, &former);
-        }
-        let incoming = self.trees.residency.incoming.clone();
-        self.trees.release_incoming(room.trees.incoming, incoming.as_ref(), None);
-        self.instances.parts.release(room.parts);
-        self.instances.pool.free(room.slots);
-        room.directionals.into_iter().for_each(|range| self.trees.lights.free(range));
-        self.trees.nodes.undo();
-        self.trees.lights.undo();
-        self.instances.pool.undo();
-        self.trees.records.undo();
-        self.instances.parts.pool().undo();
-        self.top.undo();
-        self.sources.undo(room.sources);
-        if let Some(restarted) = room.restarted_parts {
-            self.instances.parts.restore(restarted);
-        }
-        if let Some(restarted) = room.trees.restarted {
-            self.trees.restore(*restarted);
-        }
-        if let Some(opened) = room.trees.formerly_opened {
-            self.trees.opened = opened;
-        }
+    /// Empty lists for the short runs of each pool, and room for all commands and bytes, so that no list is copied
+    /// while it grows.
+    pub(super) fn lists(&self, frame: &Frame<'_>, draft: &mut Draft) -> [Scattered; MAX_TARGETS] {
+        let (mut writes, mut bytes) = (MORE_COMMANDS, frame.staged_bytes + MORE_BYTES);
+        let lists = std::array::from_fn(|i| {
+            let (count, stride, is_scattered) = (&frame.counts[i], super::write::STRIDES[i], frame.is_scattered[i]);
+            let (runs, bytes_of_runs) = count.written(stride, is_scattered);
+            writes += runs;
+            bytes += bytes_of_runs;
+            count.list(stride, is_scattered)
+        });
+        draft.plan.upload.reserve(writes, bytes);
+        lists
     }
 }
 
-/// Whether there are masks, and the quads of maps, beside the top level.
-pub(super) fn map_sizes(world: &LightWorld) -> (bool, MapQuads) {
-    let effects = world.effects();
-    let quads = MapQuads {
-        // Shaders that know portals read their number wherever there is a sky.
-        portals: match effects.contains(Effects::PORTALS) {
-            true => PORTAL_QUADS,
-            false => u32::from(world.sky().is_some()),
-        },
-        profiles: match effects.contains(Effects::PROFILES) {
-            // In steps, so that not each new profile takes another buffer.
-            true => stored_quads().next_multiple_of(PROFILE_QUADS),
-            false => 0,
-        },
-        sky: world.sky().map_or(0, |(_, sky)| sky.stored_quads()),
-    };
-    (effects.contains(Effects::MASKS), quads)
+/// Commands and bytes of a plan besides the records of the large pools: parts and parameters.
+const MORE_COMMANDS: usize = 32;
+const MORE_BYTES: u64 = 4096;
+
+impl MapQuads {
+    /// The maps beside the top level of a world.
+    pub(super) fn of(world: &LightWorld) -> Self {
+        let effects = world.effects();
+        Self {
+            has_masks: effects.contains(Effects::MASKS),
+            // Shaders that know portals read their number wherever there is a sky.
+            portals: match effects.contains(Effects::PORTALS) {
+                true => PORTAL_QUADS,
+                false => u32::from(world.sky().is_some()),
+            },
+            profiles: match effects.contains(Effects::PROFILES) {
+                // In steps, so that not each new profile takes another buffer.
+                true => stored_quads().next_multiple_of(PROFILE_QUADS),
+                false => 0,
+            },
+            sky: world.sky().map_or(0, |(_, sky)| sky.stored_quads()),
+        }
+    }
 }

@@ -1,7 +1,8 @@
 //! The residency of trees on the GPU: which it holds whole, and which as stand-ins.
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
+
+use rpds::{RedBlackTreeMapSync, RedBlackTreeSetSync, VectorSync};
 
 use crate::keys::TreeKey;
 use crate::tree::Opening;
@@ -119,11 +120,11 @@ pub(super) struct Incoming {
 /// The trees of a world as the GPU holds them, by slot.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Residency {
-    trees: Vec<TreeState>,
+    trees: VectorSync<TreeState>,
     /// The trees that wait and may find room, the most useful last.
-    waiting: BTreeSet<(u32, u32)>,
+    waiting: RedBlackTreeSetSync<(u32, u32)>,
     /// The slots of trees that wait and for which there is no room until something changes.
-    blocked: BTreeSet<u32>,
+    blocked: RedBlackTreeSetSync<u32>,
     /// How many of these are to be tried again.
     retries: usize,
     /// The slot after the one that was tried again last.
@@ -145,28 +146,28 @@ pub(super) struct Residency {
 #[derive(Clone, Debug, Default)]
 struct Order {
     /// The trees that may be evicted, by usefulness and slot, the least useful first.
-    whole: BTreeSet<(u32, u32)>,
+    whole: RedBlackTreeSetSync<(u32, u32)>,
     /// The slots of trees by the start of their nodes and of their lights.
-    places: [BTreeMap<u32, u32>; 2],
+    places: [RedBlackTreeMapSync<u32, u32>; 2],
 }
 
 impl Order {
     fn remove(&mut self, slot: u32, state: &TreeState) {
-        self.whole.remove(&(state.usefulness, slot));
+        self.whole.remove_mut(&(state.usefulness, slot));
         for (places, range) in self.places.iter_mut().zip([&state.nodes, &state.lights]) {
             if !range.is_empty() && places.get(&range.start) == Some(&slot) {
-                places.remove(&range.start);
+                places.remove_mut(&range.start);
             }
         }
     }
 
     fn insert(&mut self, slot: u32, state: &TreeState) {
         if state.form == Form::Whole {
-            self.whole.insert((state.usefulness, slot));
+            self.whole.insert_mut((state.usefulness, slot));
         }
         for (places, range) in self.places.iter_mut().zip([&state.nodes, &state.lights]) {
             if !range.is_empty() {
-                places.insert(range.start, slot);
+                places.insert_mut(range.start, slot);
             }
         }
     }
@@ -195,19 +196,19 @@ impl Residency {
 
     /// The number of trees that wait.
     pub fn waiting_count(&self) -> usize {
-        self.waiting.len() + self.blocked.len()
+        self.waiting.size() + self.blocked.size()
     }
 
     /// Notes that there is no room for a tree that waits.
     pub fn block(&mut self, slot: u32) {
-        if self.waiting.remove(&(self.get(slot).usefulness, slot)) {
-            self.blocked.insert(slot);
+        if self.waiting.remove_mut(&(self.get(slot).usefulness, slot)) {
+            self.blocked.insert_mut(slot);
         }
     }
 
     /// Notes that trees for which there was no room may find some now.
     pub fn retry(&mut self) {
-        self.retries = self.blocked.len();
+        self.retries = self.blocked.size();
     }
 
     /// Lets all trees that wait be tried again.
@@ -219,12 +220,12 @@ impl Residency {
     /// Lets some of the trees for which there was no room be tried again, in turn.
     pub fn unblock(&mut self, count: usize) {
         for _ in 0..count.min(self.retries) {
-            let next = self.blocked.range(self.next_retry..).chain(&self.blocked).next();
+            let next = self.blocked.range(self.next_retry..).chain(self.blocked.iter()).next();
             let Some(slot) = next.copied() else { break };
             self.next_retry = slot + 1;
             self.retries -= 1;
-            self.blocked.remove(&slot);
-            self.waiting.insert((self.get(slot).usefulness, slot));
+            self.blocked.remove_mut(&slot);
+            self.waiting.insert_mut((self.get(slot).usefulness, slot));
         }
     }
 
@@ -241,20 +242,21 @@ impl Residency {
     /// Puts a tree in place of the former one of its slot, which is returned.
     pub fn replace(&mut self, slot: u32, state: TreeState) -> TreeState {
         let index = slot as usize;
-        if self.trees.len() <= index {
-            self.trees.resize(index + 1, TreeState::NONE);
+        while self.trees.len() <= index {
+            self.trees.push_back_mut(TreeState::NONE);
         }
-        let former = std::mem::replace(&mut self.trees[index], state);
+        let former = self.trees[index].clone();
+        self.trees.set_mut(index, state);
         let state = &self.trees[index];
         self.is_packed &= former.ranges() == state.ranges();
         if former.waits {
-            self.waiting.remove(&(former.usefulness, slot));
-            self.blocked.remove(&slot);
+            self.waiting.remove_mut(&(former.usefulness, slot));
+            self.blocked.remove_mut(&slot);
             self.waiting_bytes -= former.bytes;
         }
         if state.waits {
             self.waiting_bytes += state.bytes;
-            self.waiting.insert((state.usefulness, slot));
+            self.waiting.insert_mut((state.usefulness, slot));
         }
         self.stand_ins += usize::from(state.form == Form::StandIns);
         self.stand_ins -= usize::from(former.form == Form::StandIns);
@@ -267,21 +269,22 @@ impl Residency {
 
     /// Records that a tree was written up to a revision.
     pub fn was_written(&mut self, slot: u32, revision: u64) {
-        self.trees[slot as usize].revision = revision;
+        if let Some(state) = self.trees.get_mut(slot as usize) {
+            state.revision = revision;
+        }
     }
 
-    /// Forgets the ranges of all trees. Returns the former state.
-    pub fn restart(&mut self) -> Self {
-        let mut restarted = Self { next: self.next, ..Self::new(self.is_sorted()) };
+    /// Forgets the ranges of all trees.
+    pub fn restart(&mut self) {
         let state =
             |former: &TreeState| TreeState { key: former.key, usefulness: former.usefulness, ..TreeState::NONE };
-        restarted.trees = self.trees.iter().map(state).collect();
-        std::mem::replace(self, restarted)
+        let trees = self.trees.iter().map(state).collect();
+        *self = Self { trees, next: self.next, ..Self::new(self.is_sorted()) };
     }
 
     /// Forgets what was written, so that the next frame writes everything.
     pub fn lose(&mut self) {
-        self.trees.iter_mut().for_each(|state| state.revision = 0);
+        self.trees = self.trees.iter().map(|state| TreeState { revision: 0, ..state.clone() }).collect();
         if let Some(incoming) = &mut self.incoming {
             incoming.sent = [0; 2];
         }

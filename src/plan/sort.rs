@@ -17,8 +17,9 @@
 //! spread over the whole GPU. Blocks stop growing at [`MAX_ROUNDS`] keys a lane, where the
 //! counts of all passes take about a quarter of the memory of the keys.
 
-use super::buffers::{BufferId, Ids, NewBuffer};
+use super::buffers::BufferId;
 use super::commands::Commands;
+use super::draft::Draft;
 use super::error::PlanError;
 use super::kernel::{Binding, Kernel, MAX_WORKGROUPS, UNIFORM_ALIGNMENT, pass_bytes};
 
@@ -103,43 +104,36 @@ pub(crate) struct SortBuffers {
     count: u32,
 }
 
+/// The bytes of the keys and of the counts of so many keys. The counts of few keys are larger than the keys.
+fn sizes(capacity: u32) -> [u64; 2] {
+    [u64::from(capacity) * 4, u64::from(PASSES) * 4 * counts(max_blocks(capacity))]
+}
+
 impl SortBuffers {
-    /// Room for `capacity` keys; 0 counts as 1. Adds the buffers to `new`. Takes about 17 bytes
+    /// Room for `capacity` keys; 0 counts as 1. Takes about 17 bytes
     /// for each key from a million keys on, and 33 for each of 65,536 keys. The counts take at least
     /// 8 KiB.
-    ///
-    /// Fails with [`PlanError::Full`] if a buffer would be larger than `limit`, or if there are
-    /// more than [`MAX_KEYS`].
-    pub(crate) fn new(ids: &mut Ids, new: &mut Vec<NewBuffer>, capacity: u32, limit: u64) -> Result<Self, PlanError> {
+    pub(crate) fn new(capacity: u32, draft: &mut Draft) -> Self {
         let capacity = capacity.max(1);
-        let [keys_bytes, histogram_bytes] = Self::fit(capacity, limit)?;
-        let mut add = |buffer: NewBuffer| {
-            new.push(buffer);
-            buffer.id
-        };
-        Ok(Self {
-            keys: add(ids.storage("sort keys", keys_bytes)),
-            values: add(ids.storage("sort values", keys_bytes)),
-            scratch_keys: add(ids.storage("sort scratch keys", keys_bytes)),
-            scratch_values: add(ids.storage("sort scratch values", keys_bytes)),
-            histogram: add(ids.storage("sort histogram", histogram_bytes)),
-            passes: add(ids.uniform("sort passes", u64::from(PASSES * UNIFORM_ALIGNMENT))),
+        let [keys_bytes, histogram_bytes] = sizes(capacity);
+        Self {
+            keys: draft.storage("sort keys", keys_bytes),
+            values: draft.storage("sort values", keys_bytes),
+            scratch_keys: draft.storage("sort scratch keys", keys_bytes),
+            scratch_values: draft.storage("sort scratch values", keys_bytes),
+            histogram: draft.storage("sort histogram", histogram_bytes),
+            passes: draft.uniform("sort passes", u64::from(PASSES * UNIFORM_ALIGNMENT)),
             capacity,
             count: 0,
-        })
+        }
     }
 
-    /// The bytes of the keys and of the counts of so many keys, unless they are more than `limit`.
-    pub(crate) fn fit(capacity: u32, limit: u64) -> Result<[u64; 2], PlanError> {
-        let keys_bytes = u64::from(capacity) * 4;
-        // The counts of few keys are larger than the keys.
-        let histogram_bytes = u64::from(PASSES) * 4 * counts(max_blocks(capacity));
-        let needed = keys_bytes.max(histogram_bytes);
+    /// Fails with [`PlanError::Full`] if a buffer for so many keys would be larger than `limit`, or if there are more
+    /// than [`MAX_KEYS`].
+    pub(crate) fn fit(capacity: u32, limit: u64) -> Result<(), PlanError> {
+        let needed = sizes(capacity.max(1)).into_iter().fold(0, u64::max);
         let limit = limit.min(u64::from(MAX_KEYS) * 4);
-        if needed > limit {
-            return Err(PlanError::Full { what: "sorted keys", needed, limit });
-        }
-        Ok([keys_bytes, histogram_bytes])
+        if needed > limit { Err(PlanError::Full { what: "sorted keys", needed, limit }) } else { Ok(()) }
     }
 
     /// All buffers.
@@ -248,7 +242,7 @@ mod tests {
 
     #[test]
     fn setting_the_same_count_again_sends_nothing() {
-        let mut buffers = SortBuffers::new(&mut Ids::default(), &mut Vec::new(), 10, 1 << 20).expect("they fit");
+        let mut buffers = SortBuffers::new(10, &mut Draft::new(Default::default(), Default::default()));
         let mut commands = Commands::default();
         buffers.set_count(&mut commands, 10);
         assert_eq!(commands.len(), 1);
@@ -261,12 +255,7 @@ mod tests {
 
     #[test]
     fn more_keys_than_a_buffer_holds_are_refused() {
-        let refused = |keys, limit| {
-            let mut new = Vec::new();
-            let error = SortBuffers::new(&mut Ids::default(), &mut new, keys, limit).expect_err("too many");
-            assert!(new.is_empty());
-            error
-        };
+        let refused = |keys, limit| SortBuffers::fit(keys, limit).expect_err("too many");
         let limit = 128 << 20;
         let full = |needed, limit| PlanError::Full { what: "sorted keys", needed, limit };
         assert_eq!(refused((limit / 4) as u32 + 1, limit), full(limit + 4, limit));

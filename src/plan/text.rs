@@ -822,7 +822,7 @@ mod tests {
                  LightProfile LightProfile.first LightProfile.polar LightProfile.around LightRecord.profile \
                  LIGHT_KIND_PROFILE LIGHT_WHOLE_TURN",
             ),
-            (Effects::SECTORS, "light_from_home LightInstance.sector LIGHT_SECTOR_EDGE"),
+            (Effects::SECTORS, "light_from_home LightInstance.sector LIGHT_SECTOR_EDGE LIGHT_INSTANCE_SECTOR"),
             (
                 Effects::DIRECTIONAL,
                 "light_illuminance light_directional_lux light_directional_lux_of light_pick_directional LIGHT_KIND_DIRECTIONAL",
@@ -833,7 +833,7 @@ mod tests {
                  light_box_in_axes light_scaled_child LightMappedBox LightMappedBox.bounds \
                  LightMappedBox.size_sq light_cap_cosine LIGHT_LEAST_NORMAL_CODE LIGHT_ALL_SURFACES LIGHT_AXIS_ROUNDING LightInstance.to_local \
                  LightPackedChild.area_ratio LightLocalShadingPoint.scaled_instance \
-                 LIGHT_NON_RIGID LIGHT_MAX_FLUX",
+                 LIGHT_NON_RIGID LIGHT_MAX_FLUX LIGHT_INSTANCE_LOCAL",
             ),
         ];
         for (effect, names) in effects {

@@ -27,10 +27,12 @@ use partition::{PlanesRecord, SentPartition};
 use stage::LANES;
 pub(super) use stage::NODE_LANES;
 
-use super::buffers::{BufferId, Ids, NewBuffer};
+use super::buffers::BufferId;
 use super::commands::{CommandSizes, Commands};
+use super::draft::Draft;
 use super::error::PlanError;
 use super::kernel::{Binding, Kernel, UNIFORM_ALIGNMENT};
+use super::layout::ParamsRecord;
 use super::pool::Growth;
 use super::sort::SortBuffers;
 use crate::top::partition::Partition;
@@ -69,19 +71,14 @@ pub(super) const CELLS: Kernel = Kernel::new(stage::CELLS.entry, "cells", CELL_B
 pub(super) const BLOCKS: Kernel = Kernel::new(stage::BLOCKS.entry, "blocks", BLOCK_BINDINGS, || stage::BLOCKS.text());
 
 /// The buffers of the top level, and what the next build makes of them.
-///
-/// As with a pool, a frame reserves, and then adopts or undoes what it reserved.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct TopBuild {
     limit: u64,
-    /// The most parts that fit beside some masks and maps, once that was asked for.
-    most_parts: Option<((bool, MapQuads), u32)>,
+    /// The most parts that fit beside some maps, once that was asked for.
+    most_parts: Option<(MapQuads, u32)>,
     /// `None` before the first plan.
     buffers: Option<TopBuffers>,
     uniforms: Option<BufferId>,
-    /// The buffers after this frame, if they are others.
-    replacement: Option<TopBuffers>,
-    new_uniforms: Option<BufferId>,
     /// The passes as they were sent: of the first stages, then one for each stage of divided nodes.
     passes: Vec<TopPass>,
     partition: SentPartition,
@@ -99,8 +96,6 @@ impl TopBuild {
             most_parts: None,
             buffers: None,
             uniforms: None,
-            replacement: None,
-            new_uniforms: None,
             passes: Vec::new(),
             partition: SentPartition::default(),
             is_due: true,
@@ -108,95 +103,68 @@ impl TopBuild {
         }
     }
 
-    /// The greatest number of parts that there can be room for, beside masks and maps.
-    pub(crate) fn most_parts(&mut self, (has_masks, map_quads): (bool, MapQuads)) -> u32 {
-        let maps = (has_masks || self.masks() != 0, map_quads);
+    /// The greatest number of parts that there can be room for, beside maps.
+    pub(crate) fn most_parts(&mut self, maps: MapQuads) -> u32 {
+        let maps = self.with_masks(maps);
         match self.most_parts {
             Some((of, most)) if of == maps => most,
             _ => self.most_parts.insert((maps, most_parts(maps, self.limit))).1,
         }
     }
 
-    /// The partition as far as there can be room for its nodes beside `parts` parts, masks and maps.
-    pub(crate) fn fitting<'a>(
-        &self,
-        partition: &'a Partition,
-        parts: u32,
-        (has_masks, map_quads): (bool, MapQuads),
-    ) -> Cow<'a, Partition> {
-        let most = most_nodes(parts, (has_masks || self.masks() != 0, map_quads), self.limit) as usize;
+    /// The partition as far as there can be room for its nodes beside `parts` parts and maps.
+    pub(crate) fn fitting<'a>(&self, partition: &'a Partition, parts: u32, maps: MapQuads) -> Cow<'a, Partition> {
+        let most = most_nodes(parts, self.with_masks(maps), self.limit) as usize;
         if partition.len() <= most { Cow::Borrowed(partition) } else { Cow::Owned(partition.coarse(most)) }
     }
 
-    /// Makes room for `parts` parts and a partition of `nodes` nodes, for masks if `has_masks` or if there is room for them
-    /// already, and for profiles and the sky's map. Adds new buffers to `new`.
+    /// Room for masks is never given back.
+    fn with_masks(&self, maps: MapQuads) -> MapQuads {
+        MapQuads { has_masks: maps.has_masks || self.masks() != 0, ..maps }
+    }
+
+    /// Makes room for `parts` parts, a partition of `nodes` nodes and maps, in new buffers if need be. In these all
+    /// nodes are zero, so that sampling finds no light before the first build.
     ///
-    /// Fails with [`PlanError::Full`] and changes nothing if a buffer would be too large.
+    /// Fails with [`PlanError::Full`] if a buffer would be too large.
     pub(crate) fn reserve(
         &mut self,
-        [parts, nodes]: [u32; 2],
-        (has_masks, map_quads): (bool, MapQuads),
-        growth: Growth,
-        (ids, new): (&mut Ids, &mut Vec<NewBuffer>),
+        parts: u32,
+        nodes: u32,
+        maps: MapQuads,
+        draft: &mut Draft,
     ) -> Result<(), PlanError> {
-        let (capacity, had_masks, had_quads) =
-            self.buffers.as_ref().map_or_else(Default::default, |b| (b.capacity, b.places.masks != 0, b.map_quads));
-        let is_full = parts > capacity.parts || nodes > capacity.nodes;
-        if self.buffers.is_none() || is_full || has_masks && !had_masks || !had_quads.hold(map_quads) {
-            let grown = |needed: u32, present: u32, first: u32| match needed > present {
-                true if growth == Growth::Double => needed.max(present.saturating_mul(2)).max(first),
-                true => needed,
-                false => present,
-            };
-            let wanted = Capacity {
-                parts: grown(parts, capacity.parts, FIRST_CAPACITY.parts),
-                nodes: grown(nodes, capacity.nodes, FIRST_CAPACITY.nodes),
-            };
-            let has_masks = has_masks || had_masks;
-            let mut make = |capacity: Capacity| {
-                let mut buffers = Vec::new();
-                let present = self.buffers.as_ref().filter(|present| present.capacity.nodes == capacity.nodes);
-                let partition = present.map(|present| present.partition);
-                let made =
-                    TopBuffers::new(ids, &mut buffers, (capacity, partition), (has_masks, map_quads), self.limit)?;
-                Ok((made, buffers))
-            };
-            let (made, buffers) = make(wanted).or_else(|_| make(Capacity { parts, nodes }))?;
-            self.replacement = Some(made);
-            new.extend(buffers);
+        let maps = self.with_masks(maps);
+        self.uniforms
+            .get_or_insert_with(|| draft.uniform("top level passes", u64::from(MAX_PASSES * UNIFORM_ALIGNMENT)));
+        let (capacity, present) =
+            self.buffers.as_ref().map_or_else(Default::default, |buffers| (buffers.capacity, buffers.map_quads));
+        if self.buffers.is_some() && parts <= capacity.parts && nodes <= capacity.nodes && present.hold(maps) {
+            return Ok(());
         }
-        if self.uniforms.is_none() {
-            let uniforms = ids.uniform("top level passes", u64::from(MAX_PASSES * UNIFORM_ALIGNMENT));
-            self.new_uniforms = Some(uniforms.id);
-            new.push(uniforms);
-        }
-        Ok(())
-    }
-
-    /// Whether the frame brings another buffer of nodes.
-    pub(crate) fn is_replaced(&self) -> bool {
-        self.replacement.is_some()
-    }
-
-    /// Takes new buffers into use. Adds former ones, which no later command uses, to `freed`. In
-    /// new buffers all nodes are zero, so that sampling finds no light before the first build.
-    pub(crate) fn adopt(&mut self, commands: &mut Commands, freed: &mut Vec<BufferId>) {
-        self.uniforms = self.new_uniforms.take().or(self.uniforms);
-        let Some(new) = self.replacement.take() else { return };
-        commands.zero(new.nodes, 0..new.nodes_bytes);
+        let grown = |needed: u32, present: u32, first: u32| match needed > present {
+            true if draft.growth == Growth::Double => needed.max(present.saturating_mul(2)).max(first),
+            true => needed,
+            false => present,
+        };
+        let wanted = Capacity {
+            parts: grown(parts, capacity.parts, FIRST_CAPACITY.parts),
+            nodes: grown(nodes, capacity.nodes, FIRST_CAPACITY.nodes),
+        };
+        let least = Capacity { parts, nodes };
+        let capacity = if TopBuffers::fit(wanted, maps, self.limit).is_ok() { wanted } else { least };
+        TopBuffers::fit(capacity, maps, self.limit)?;
+        let partition = self.buffers.as_ref().filter(|present| present.capacity.nodes == capacity.nodes);
+        let new = TopBuffers::new(capacity, partition.map(|present| present.partition), maps, draft);
+        draft.plan.upload.zero(new.nodes, 0..new.nodes_bytes);
         self.passes.clear();
         let partition = new.partition;
-        let old = self.buffers.replace(new);
-        if old.as_ref().is_none_or(|old| old.partition != partition) {
+        let former = self.buffers.replace(new);
+        if former.as_ref().is_none_or(|former| former.partition != partition) {
             self.partition.lose();
         }
-        freed.extend(old.iter().flat_map(TopBuffers::ids).filter(|id| *id != partition));
-    }
-
-    /// Drops what was reserved.
-    pub(crate) fn undo(&mut self) {
-        self.replacement = None;
-        self.new_uniforms = None;
+        draft.plan.freed.extend(former.iter().flat_map(TopBuffers::ids).filter(|id| *id != partition));
+        Ok(())
     }
 
     /// The device may lack what was written, so the next [`TopBuild::prepare`] sends all of it.
@@ -208,18 +176,18 @@ impl TopBuild {
         }
     }
 
-    /// Sets what the next builds read and store: `parts` parts, masks at
-    /// this place of the nodes, 0 for none, places relative to the centre of the sector `home`, and the nodes of a
-    /// partition. Sends what changed: 80 bytes for each pass, 112 for each divided node, and the roots of blocks.
+    /// Sets what the next builds read and store: `parts` parts, the nodes of a partition, and masks and home as the
+    /// parameters of shaders say. Sends what changed: 80 bytes for each pass, 112 for each divided node, and the roots of blocks.
     pub(crate) fn prepare(
         &mut self,
         commands: &mut Commands,
-        (parts, partition): (u32, &Partition),
-        (masks, home): (u32, [i32; 3]),
+        parts: u32,
+        partition: &Partition,
+        ParamsRecord { masks, home, .. }: ParamsRecord,
     ) {
         let (Some(buffers), Some(uniforms)) = (&mut self.buffers, self.uniforms) else { return };
         buffers.sort.set_count(commands, parts);
-        self.partition.send(commands, (buffers.partition, buffers.capacity.nodes), partition);
+        self.partition.send(commands, buffers.partition, buffers.capacity.nodes, partition);
         let SentPartition { stages, nodes, is_divided, .. } = &self.partition;
         let first = TopPass {
             count: parts,

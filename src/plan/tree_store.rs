@@ -1,6 +1,5 @@
 //! What the GPU holds of trees.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::PlanLimits;
@@ -8,8 +7,7 @@ use super::layout::{LightRecord, TreeRecord};
 use super::node_record::NodeRecord;
 use super::opened::Opened;
 use super::pool::Pool;
-use super::residency::{Incoming, Residency, TreeState};
-use super::room::RestartedTrees;
+use super::residency::{Incoming, Residency};
 use crate::world::LightWorld;
 
 /// Records that the first buffer of each pool has room for.
@@ -25,6 +23,7 @@ const LEAST_SHARE: u64 = 8;
 const SAMPLED_TREES: u32 = 256;
 
 /// The pools of trees, and where each tree is in them.
+#[derive(Clone)]
 pub(super) struct TreeStore {
     pub limits: PlanLimits,
     pub nodes: Pool<NodeRecord>,
@@ -88,61 +87,21 @@ impl TreeStore {
     }
 
     /// Forgets where trees are, so that all of them are placed anew.
-    pub fn restart(&mut self, world: &LightWorld) -> Box<RestartedTrees> {
-        let restarted = RestartedTrees {
-            nodes: self.nodes.restart(),
-            lights: self.lights.restart(),
-            records: self.records.restart(),
-            residency: self.residency.restart(),
-            directionals: std::mem::take(&mut self.directionals),
-        };
+    pub fn restart(&mut self, world: &LightWorld) {
+        self.nodes.restart();
+        self.lights.restart();
+        self.records.restart();
+        self.residency.restart();
+        self.directionals = 0..0;
         self.shares = None;
         self.divide_memory(world);
-        Box::new(restarted)
     }
 
-    /// Takes a restart back, after the pools were undone.
-    pub fn restore(&mut self, former: RestartedTrees) {
-        self.nodes.restore(former.nodes);
-        self.lights.restore(former.lights);
-        self.records.restore(former.records);
-        self.residency = former.residency;
-        self.directionals = former.directionals;
-    }
-
-    /// The state of a tree once those in `placed` replace the present ones.
-    pub fn state_after<'a>(&'a self, slot: u32, placed: &'a BTreeMap<u32, TreeState>) -> &'a TreeState {
-        placed.get(&slot).unwrap_or_else(|| self.residency.get(slot))
-    }
-
-    /// Frees the ranges of one state of a tree that another state of it does not have, and that are
-    /// not those of a tree that is sent in pieces.
-    pub fn release_others(&mut self, state: &TreeState, kept: &TreeState) {
-        let incoming = self.residency.incoming.clone();
-        let is_incoming = |nodes: &Range<u32>, of: fn(&Incoming) -> &Range<u32>| {
-            incoming.as_ref().is_some_and(|incoming| of(incoming) == nodes)
-        };
-        if state.nodes != kept.nodes && !is_incoming(&state.nodes, |incoming| &incoming.nodes) {
-            self.nodes.free(state.nodes.clone());
-        }
-        if state.lights != kept.lights && !is_incoming(&state.lights, |incoming| &incoming.lights) {
-            self.lights.free(state.lights.clone());
-        }
-        if state.records != kept.records {
-            self.records.free(state.records.clone());
-        }
-    }
-
-    /// Frees the ranges of a tree that is sent in pieces, but for those of another one and those that
-    /// shaders see.
-    pub fn release_incoming(&mut self, incoming: Option<Incoming>, kept: Option<&Incoming>, seen: Option<&TreeState>) {
-        let Some(incoming) = incoming else { return };
-        let is_kept = |range: &Range<u32>, of: [Option<&Range<u32>>; 2]| of.contains(&Some(range));
-        if !is_kept(&incoming.nodes, [kept.map(|kept| &kept.nodes), seen.map(|seen| &seen.nodes)]) {
-            self.nodes.free(incoming.nodes);
-        }
-        if !is_kept(&incoming.lights, [kept.map(|kept| &kept.lights), seen.map(|seen| &seen.lights)]) {
-            self.lights.free(incoming.lights);
+    /// Stops sending a tree in pieces.
+    pub fn drop_incoming(&mut self) {
+        if let Some(Incoming { nodes, lights, .. }) = self.residency.incoming.take() {
+            self.nodes.free(nodes);
+            self.lights.free(lights);
         }
     }
 }

@@ -1,9 +1,12 @@
 //! The small buffers of a planner: uniforms, and what records are staged in.
 
 use super::buffers::BufferId;
+use super::draft::Draft;
 use super::layout::ParamsRecord;
+use super::scatter;
 
 /// The uniforms of shaders and kernels, and the buffer of staged records.
+#[derive(Clone, Default)]
 pub(super) struct Uniforms {
     /// What the uniform of shaders holds.
     pub params: ParamsRecord,
@@ -14,17 +17,15 @@ pub(super) struct Uniforms {
     pub staging: Option<(BufferId, u64)>,
 }
 
-/// New buffers of a frame in place of these.
-#[derive(Debug, Default)]
-pub(super) struct NewUniforms {
-    pub params: Option<BufferId>,
-    pub scatter: Option<BufferId>,
-    pub staging: Option<(BufferId, u64)>,
-}
-
 impl Uniforms {
-    /// No buffers yet.
-    pub fn new() -> Self {
-        Self { params: ParamsRecord::default(), params_buffer: None, scatter: None, staging: None }
+    /// Makes room for `bytes` of staged records, in a buffer of at most `most`.
+    pub fn stage(&mut self, bytes: u64, most: u64, draft: &mut Draft) {
+        self.scatter.get_or_insert_with(|| draft.uniform("scatter", scatter::UNIFORM_BYTES));
+        let present = self.staging.map_or(0, |(_, bytes)| bytes);
+        if bytes > present {
+            let bytes = bytes.max(2 * present).min(most & !3);
+            let former = self.staging.replace((draft.storage("staged records", bytes), bytes));
+            draft.plan.freed.extend(former.map(|(id, _)| id));
+        }
     }
 }

@@ -7,6 +7,8 @@ use super::super::recorder::Recorder;
 use crate::math::dice::hash;
 use crate::plan::Commands;
 use crate::plan::buffers::Ids;
+use crate::plan::draft::Draft;
+use crate::plan::pool::Growth;
 use crate::plan::sort::SortBuffers;
 
 /// Sorts random 32-bit keys with their values, as the top-level build sorts its instances. The
@@ -27,9 +29,10 @@ impl KeySort {
     /// [`GpuError::Full`] if the device cannot bind `count` keys as one buffer;
     /// [`GpuError::OutOfMemory`].
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, count: u32) -> Result<Self, GpuError> {
-        let (mut player, mut ids, mut new) = (Player::new(device, queue), Ids::default(), Vec::new());
-        let mut buffers = SortBuffers::new(&mut ids, &mut new, count, largest_storage_buffer(device))?;
-        player.create(&new)?;
+        SortBuffers::fit(count, largest_storage_buffer(device))?;
+        let (mut player, mut draft) = (Player::new(device, queue), Draft::new(Ids::default(), Growth::Exact));
+        let mut buffers = SortBuffers::new(count, &mut draft);
+        player.create(&draft.plan.new_buffers)?;
         let (mut upload, mut sort) = (Commands::default(), Commands::default());
         buffers.set_count(&mut upload, count);
         buffers.sort(&mut sort);

@@ -16,6 +16,8 @@ mod upload;
 use super::player::Player;
 use super::testing::{gpu, read};
 use crate::plan::buffers::Ids;
+use crate::plan::draft::Draft;
+use crate::plan::pool::Growth;
 use crate::plan::{BufferId, Commands, NewBuffer};
 
 /// Plays commands of single parts of the planner on the shared device.
@@ -30,6 +32,16 @@ impl Rig {
         let mut player = Player::new(&device, &queue);
         player.is_shared = true;
         Self { player, ids: Ids::default() }
+    }
+
+    /// Makes the buffers and plays the upload of a draft.
+    pub fn draft<R>(&mut self, growth: Growth, make: impl FnOnce(&mut Draft) -> R) -> R {
+        let mut draft = Draft::new(self.ids, growth);
+        let result = make(&mut draft);
+        self.ids = draft.ids;
+        self.player.create(&draft.plan.new_buffers).expect("room enough");
+        self.player.play(&draft.plan.upload);
+        result
     }
 
     /// Makes buffers and plays what `plan` adds.

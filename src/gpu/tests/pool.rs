@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::Rig;
+use crate::plan::draft::Draft;
 use crate::plan::pool::{Growth, Pool};
 use crate::plan::scatter::Scattered;
 use crate::plan::{BufferId, PlanError};
@@ -28,18 +29,11 @@ impl<T: bytemuck::NoUninit> TestPool<T> {
         rig: &mut Rig,
         change: impl FnOnce(&mut Pool<T>) -> Result<R, PlanError>,
     ) -> Result<R, PlanError> {
-        self.pool.begin()?;
-        let result = match change(&mut self.pool) {
-            Ok(result) => result,
-            Err(error) => {
-                self.pool.undo();
-                return Err(error);
-            }
-        };
-        let new = self.pool.end(&mut rig.ids);
-        let (pool, former) = (&mut self.pool, &mut self.former);
-        let new: Vec<_> = new.into_iter().collect();
-        rig.play(&new, |commands| former.extend(pool.adopt(commands)));
+        let result = change(&mut self.pool)?;
+        rig.draft(Growth::Double, |draft| {
+            self.pool.settle(draft);
+            self.former.extend(&draft.plan.freed);
+        });
         Ok(result)
     }
 
@@ -105,20 +99,18 @@ fn writes_before_and_after_a_growth_in_one_list_arrive_in_order() {
     let mut rig = Rig::new();
     let mut pool = pool(&mut rig, 2, LIMIT);
     pool.alloc(&mut rig, 2).unwrap();
-    let mut commands = crate::plan::Commands::default();
+    let mut draft = Draft::new(rig.ids, Growth::Exact);
     let write = |pool: &Pool<Record>, commands: &mut _, record: Record| {
         pool.write(commands, &mut Scattered::default(), 1..2, std::iter::once(record));
     };
-    write(&pool.pool, &mut commands, [1; 4]);
-    pool.pool.begin().unwrap();
+    write(&pool.pool, &mut draft.plan.upload, [1; 4]);
     pool.pool.alloc(1, Growth::Exact).unwrap();
-    let new = pool.pool.end(&mut rig.ids).expect("it grows");
-    let old = pool.pool.adopt(&mut commands).expect("it had a buffer");
-    write(&pool.pool, &mut commands, [2; 4]);
-    rig.player.create(&[new]).expect("room enough");
-    rig.player.play(&commands);
-    assert_eq!(rig.read::<Record>(old)[1], [1; 4]);
-    assert_eq!(rig.read::<Record>(new.id)[1], [2; 4]);
+    pool.pool.settle(&mut draft);
+    write(&pool.pool, &mut draft.plan.upload, [2; 4]);
+    rig.player.create(&draft.plan.new_buffers).expect("room enough");
+    rig.player.play(&draft.plan.upload);
+    assert_eq!(rig.read::<Record>(draft.plan.freed[0])[1], [1; 4]);
+    assert_eq!(rig.read::<Record>(pool.pool.buffer())[1], [2; 4]);
 }
 
 #[test]
@@ -169,21 +161,4 @@ fn a_pool_can_be_filled_to_its_limit_and_refuses_one_record_more_without_a_chang
     pool.pool.free(3..5);
     assert!(pool.alloc(&mut rig, 3).is_err());
     assert_eq!(pool.alloc(&mut rig, 2).unwrap(), 3..5);
-}
-
-#[test]
-fn a_frame_that_is_undone_leaves_ranges_and_room_as_they_were() {
-    let mut rig = Rig::new();
-    let mut pool = pool(&mut rig, 4, LIMIT);
-    let used = pool.alloc(&mut rig, 3).unwrap();
-    pool.pool.begin().unwrap();
-    let range = pool.pool.alloc(9, Growth::Double).unwrap();
-    assert!(pool.pool.end(&mut rig.ids).is_some());
-    pool.pool.free(range);
-    pool.pool.undo();
-    assert_eq!((pool.state(), pool.pool.used()), ((0, 4), u64::from(used.end)));
-    pool.pool.begin().unwrap();
-    assert!(pool.pool.end(&mut rig.ids).is_none(), "nothing has changed");
-    assert_eq!(pool.alloc(&mut rig, 1).unwrap(), 3..4);
-    assert_eq!(pool.state(), (0, 4));
 }

@@ -3,6 +3,7 @@
 use super::Rig;
 use super::pool::TestPool;
 use crate::math::dice::hash;
+use crate::plan::pool::Growth;
 use crate::plan::scatter::{MAX_TARGETS, RunCount, UNIFORM_BYTES, scatter};
 
 /// Two pools of records of different sizes, and two targets without any records.
@@ -16,8 +17,10 @@ fn scattered_records_arrive_in_their_places_and_no_others_change() {
     let (mut expected_small, mut expected_large) = (vec![[7; 4]; 5000], vec![[9; 20]; 5000]);
     small.write(&mut rig, 0, &expected_small);
     large.write(&mut rig, 0, &expected_large);
-    let new = [rig.ids.storage("staged records", 1 << 20), rig.ids.uniform("scatter", UNIFORM_BYTES)];
-    rig.play(&new, |commands| {
+    let new = rig.draft(Growth::Exact, |draft| {
+        [draft.storage("staged records", 1 << 20), draft.uniform("scatter", UNIFORM_BYTES)]
+    });
+    rig.play(&[], |commands| {
         let mut targets = [(); MAX_TARGETS].map(|()| RunCount::default().list(0, true));
         // Odd counts, so that places do not fill whole units of 16 bytes; each run apart from the
         // others.
@@ -39,7 +42,7 @@ fn scattered_records_arrive_in_their_places_and_no_others_change() {
         assert_eq!(commands.len(), 0, "short runs are collected");
         let [a, b, c, d] = targets;
         let ids = [small.pool.buffer(), large.pool.buffer()];
-        scatter(commands, [(ids[0], 16, a), (ids[0], 16, b), (ids[1], 80, c), (ids[1], 80, d)], (new[0].id, new[1].id));
+        scatter(commands, [(ids[0], 16, a), (ids[0], 16, b), (ids[1], 80, c), (ids[1], 80, d)], (new[0], new[1]));
         assert_eq!(commands.len(), 5, "one write of records, and a uniform and a dispatch for each pool");
     });
     assert_eq!(rig.read::<[u32; 4]>(small.pool.buffer()), expected_small);

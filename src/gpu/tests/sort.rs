@@ -3,6 +3,7 @@
 use super::Rig;
 use crate::gpu::testing::gpu;
 use crate::math::dice::hash;
+use crate::plan::pool::Growth;
 use crate::plan::sort::SortBuffers;
 
 /// The same keys every time, with only the bits of `mask`.
@@ -11,10 +12,7 @@ fn random_keys(count: u32, mask: u32) -> Vec<u32> {
 }
 
 fn buffers(rig: &mut Rig, capacity: u32) -> SortBuffers {
-    let mut new = Vec::new();
-    let buffers = SortBuffers::new(&mut rig.ids, &mut new, capacity, 128 << 20).expect("they fit");
-    rig.player.create(&new).expect("room enough");
-    buffers
+    rig.draft(Growth::Exact, |draft| SortBuffers::new(capacity, draft))
 }
 
 /// Sorts keys whose values are their places, so one comparison checks order, pairing and

@@ -477,10 +477,9 @@ fn a_particle_that_is_born_where_another_died_is_another_light() {
     lights.upload(&world).expect("room");
     let (device, queue) = gpu();
     let births = |lights: &GpuLights| -> Vec<u32> {
-        // Points are stored without the second half.
         let (_, [_, range, _]) = lights.planner.tree_ranges(slot_of(tree));
         let ShaderBuffers([.., buffer]) = lights.planner.bindings().expect("sent");
-        let words: Vec<[u32; 8]> = read(&device, &queue, lights.player.buffer(buffer));
+        let words: Vec<[u32; 16]> = read(&device, &queue, lights.player.buffer(buffer));
         words[range.start as usize..range.end as usize].iter().map(|record| record[3]).collect()
     };
     let before = births(&lights);

@@ -16,7 +16,7 @@ use crate::effects::Effects;
 use crate::gpu::testing::{random, random_vec};
 use crate::instance::part::{PART, PART_BITS, Part};
 use crate::keys::slot_of;
-use crate::plan::layout::{Bases, ClusterRecord, InstanceRecord, LeafRecord, PartRecord, TreeRecord};
+use crate::plan::layout::{Bases, ClusterRecord, InstanceRecord, LeafRecord, ParamsRecord, PartRecord, TreeRecord};
 use crate::plan::node_record::NodeRecord;
 use crate::plan::pool::Growth;
 use crate::plan::top::{MapQuads, TopBuild};
@@ -178,17 +178,16 @@ fn build(top: &mut TopRig, world: &LightWorld) -> Built {
     let pools = [part_records.pool.buffer(), instances.pool.buffer(), trees.pool.buffer()];
     let count = parts.len() as u32;
     let has_masks = world.effects().contains(Effects::MASKS);
-    let mut new = Vec::new();
     let nodes = world.partition().len() as u32;
-    top.top
-        .reserve([count, nodes], (has_masks, MapQuads::default()), Growth::Double, (&mut top.rig.ids, &mut new))
-        .unwrap();
     let build = &mut top.top;
-    top.rig.play(&new, |commands| {
-        build.adopt(commands, &mut Vec::new());
+    top.rig.draft(Growth::Double, |draft| {
+        let maps = MapQuads { has_masks, ..MapQuads::default() };
+        build.reserve(count, nodes, maps, draft).unwrap();
         let masks = if has_masks { build.masks() } else { 0 };
-        build.prepare(commands, (count, world.partition()), (masks, crate::instance::sector::number(world.home())));
-        build.build(commands, pools);
+        let home = crate::instance::sector::number(world.home());
+        let params = ParamsRecord { masks, home, ..ParamsRecord::default() };
+        build.prepare(&mut draft.plan.upload, count, world.partition(), params);
+        build.build(&mut draft.plan.upload, pools);
     });
     let (top, rig) = (&top.top, &top.rig);
     let mut leaves: Vec<ClusterRecord> = rig.read(top.clusters());

@@ -34,6 +34,7 @@ pub fn visibility_kernels() -> [Kernel; 3] {
 }
 
 /// The learning of a table of cells.
+#[derive(Clone)]
 pub(super) struct Learning {
     options: VisibilityOptions,
     /// What only the fold knows: for each row and group, visible and all records.

@@ -11,4 +11,4 @@ mod store;
 
 pub use kernels::cut_kernels;
 pub use learning::visibility_kernels;
-pub(super) use store::{CutStore, Table};
+pub(super) use store::CutStore;

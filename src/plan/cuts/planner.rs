@@ -5,7 +5,9 @@ use glam::DVec3;
 use super::super::LightPlanner;
 use super::super::buffers::BufferId;
 use super::super::commands::Commands;
-use super::super::tables::TableReservation;
+use super::super::draft::Draft;
+use super::super::pool::Growth;
+use super::super::reserve::Reservation;
 use crate::sampling::cuts::{CutOptions, camera};
 use crate::visibility::VisibilityOptions;
 
@@ -17,11 +19,11 @@ impl LightPlanner {
     /// Takes 1.7 kB of GPU memory for each cell that may have a cut, and 320 to 640 bytes for its places
     /// for marked cells; 7.5 kB for each cell that learns. Where a buffer would outgrow
     /// [`PlanLimits`](super::super::PlanLimits), the table has half as many cells, or a quarter and so on.
-    pub fn reserve_cells(&mut self, cuts: CutOptions, learning: Option<VisibilityOptions>) -> TableReservation<'_> {
-        let mut new_buffers = Vec::new();
-        let limit = self.trees.limits.largest_buffer;
-        let table = self.cuts.reserve((cuts, learning), limit, (&mut self.buffers.ids, &mut new_buffers));
-        TableReservation::new(self, table, new_buffers)
+    pub fn reserve_cells(&mut self, cuts: CutOptions, learning: Option<VisibilityOptions>) -> Reservation<'_> {
+        let (mut next, mut draft) = (self.held.clone(), Draft::new(self.held.ids, Growth::Exact));
+        next.cuts.replace(cuts, learning, next.trees.limits.largest_buffer, &mut draft);
+        draft.plan.report = next.report_of(&draft.plan.upload);
+        Reservation::new(self, next, draft)
     }
 
     /// Makes cells follow the pixels of a camera, as [`CutTable::set_view`](crate::CutTable::set_view) does.
@@ -29,14 +31,14 @@ impl LightPlanner {
     #[must_use]
     pub fn set_cut_view(&mut self, eye: DVec3, pixel: f32) -> Commands {
         let mut commands = Commands::default();
-        self.cuts.set_camera(&mut commands, camera(eye, pixel));
+        self.held.cuts.set_camera(&mut commands, camera(eye, pixel));
         commands
     }
 
     /// The table of cells: what shaders bind at 5, which they read, and at 6, where they mark and record. `None` without
     /// a table.
     pub fn cells(&self) -> Option<[BufferId; 2]> {
-        self.cuts.table().map(|table| [table.cuts, table.marks])
+        self.held.cuts.table().map(|table| [table.cuts, table.marks])
     }
 
     /// Forgets what was learnt, as after a cut to another scene. Returns what to play between two frames: nothing
@@ -44,7 +46,7 @@ impl LightPlanner {
     #[must_use]
     pub fn forget_visibility(&self) -> Commands {
         let mut commands = Commands::default();
-        self.cuts.forget(&mut commands);
+        self.held.cuts.forget(&mut commands);
         commands
     }
 
@@ -53,7 +55,7 @@ impl LightPlanner {
     /// Words 4 to 9 are the fields of [`CutReport`](crate::CutReport) in their order; the others belong to the
     /// library.
     pub fn cut_report(&self) -> Option<BufferId> {
-        self.cuts.table().map(|table| table.report)
+        self.held.cuts.table().map(|table| table.report)
     }
 
     /// What makes the records of shaders part of what cells have learnt, and builds the cuts of all cells that were
@@ -76,7 +78,7 @@ impl LightPlanner {
     pub fn build_cuts(&mut self) -> Commands {
         let mut commands = Commands::default();
         if let Some(lights) = self.bindings() {
-            self.cuts.build(&mut commands, lights, self.effects);
+            self.held.cuts.build(&mut commands, lights, self.held.effects);
         }
         commands
     }

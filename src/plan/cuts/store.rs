@@ -2,8 +2,9 @@
 
 use glam::DVec3;
 
-use super::super::buffers::{BufferId, Ids, NewBuffer, ShaderBuffers};
+use super::super::buffers::{BufferId, ShaderBuffers};
 use super::super::commands::Commands;
+use super::super::draft::Draft;
 use super::kernels::{DISPATCH, KEEP, LANES, LIST, LOOKS, build, build_by_visibility};
 use super::layout::{CutPlaces, GridRecord, STATE_AT};
 use super::learning::{Learning, known_bytes};
@@ -15,7 +16,7 @@ use crate::visibility::VisibilityOptions;
 const REPORT_BYTES: u64 = 64;
 
 /// A table of cuts, if there is one, and the grid that its cells are in.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(in crate::plan) struct CutStore {
     table: Option<Table>,
     /// The camera of the marks to come.
@@ -27,6 +28,7 @@ pub(in crate::plan) struct CutStore {
 }
 
 /// A table.
+#[derive(Clone)]
 pub(in crate::plan) struct Table {
     options: CutOptions,
     places: CutPlaces,
@@ -45,13 +47,14 @@ impl CutStore {
         self.table.as_ref()
     }
 
-    /// A new table, and its buffers, with fewer cells where these would outgrow the limit.
-    pub fn reserve(
-        &self,
-        (mut options, mut learning): (CutOptions, Option<VisibilityOptions>),
+    /// Replaces the table by one with fewer cells where its buffers would outgrow the limit.
+    pub fn replace(
+        &mut self,
+        mut options: CutOptions,
+        mut learning: Option<VisibilityOptions>,
         limit: u64,
-        (ids, new): (&mut Ids, &mut Vec<NewBuffer>),
-    ) -> Table {
+        draft: &mut Draft,
+    ) {
         let mut places = CutPlaces::new(options, learning);
         while places.bytes().iter().any(|bytes| *bytes > limit) {
             (options, learning) = (options.halved(), learning.map(VisibilityOptions::halved));
@@ -62,28 +65,20 @@ impl CutStore {
             places = fewer;
         }
         let [cuts, marks] = places.bytes();
-        let mut add = |buffer: NewBuffer| {
-            new.push(buffer);
-            buffer.id
-        };
-        let cuts = add(ids.storage("shared cuts", cuts));
-        let marks = add(ids.storage("marks of cells", marks));
-        let report = add(ids.indirect("report of shared cuts", REPORT_BYTES));
+        let cuts = draft.storage("shared cuts", cuts);
+        let marks = draft.storage("marks of cells", marks);
+        let report = draft.indirect("report of shared cuts", REPORT_BYTES);
         let learning = learning.map(|options| {
-            let known = add(ids.storage("known visibility", known_bytes(options)));
+            let known = draft.storage("known visibility", known_bytes(options));
             Learning::new(options, known, self.origin)
         });
         let sent = GridRecord::new(options, &options.grid(self.camera, self.origin), &places);
-        Table { options, places, cuts, marks, report, learning, sent }
-    }
-
-    /// Replaces the table.
-    pub fn adopt(&mut self, table: Table, commands: &mut Commands, freed: &mut Vec<BufferId>) {
-        table.empty(commands);
+        let table = Table { options, places, cuts, marks, report, learning, sent };
+        table.empty(&mut draft.plan.upload);
         self.is_built = false;
         if let Some(former) = self.table.replace(table) {
-            freed.extend([former.cuts, former.marks, former.report]);
-            freed.extend(former.learning.map(|learning| learning.known));
+            draft.plan.freed.extend([former.cuts, former.marks, former.report]);
+            draft.plan.freed.extend(former.learning.map(|learning| learning.known));
         }
     }
 
@@ -95,7 +90,7 @@ impl CutStore {
 
     /// Follows the origin, and makes cuts void until they are built again if the lights have changed. `is_lost` is
     /// whether the device may lack what the buffers should hold.
-    pub fn follow(&mut self, commands: &mut Commands, origin: DVec3, (has_changed, is_lost): (bool, bool)) {
+    pub fn follow(&mut self, commands: &mut Commands, origin: DVec3, has_changed: bool, is_lost: bool) {
         self.origin = origin;
         self.send_grid(commands);
         let Some(Table { places, cuts, learning, .. }) = &mut self.table else { return };

@@ -18,26 +18,29 @@ use stage::PART_LANES;
 pub use stage::wgsl_of_sources;
 pub(super) use stage::{PARTS, REFIT};
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::buffers::{BufferId, Ids, NewBuffer};
-use super::changes::FrameChanges;
+use rpds::VectorSync;
+
+use super::buffers::BufferId;
 use super::commands::Commands;
+use super::draft::Draft;
 use super::error::PlanError;
 use super::kernel::{UNIFORM_ALIGNMENT, pass_bytes};
 use super::layout::TreeRecord;
-use super::pool::{Growth, Pool};
-use super::residency::{Form, TreeState};
+use super::pool::Pool;
+use super::reserve::Frame;
+use super::residency::{Form, Residency};
 use super::scatter::Scattered;
 use crate::effects::Effects;
 use crate::keys::{TreeKey, slot_of};
-use crate::world::{LightWorld, TreeSource, TreeVersion};
+use crate::world::{TreeSource, TreeVersion};
 
 /// Records that the first buffers have room for.
 const FIRST_RECORDS: u32 = 16;
 
 /// All sources of a world. Empty, and without buffers, until the world has one.
+#[derive(Clone)]
 pub(super) struct SourceStore {
     table: Pool<SourceRecord>,
     measures: Pool<MeasureRecord>,
@@ -46,18 +49,17 @@ pub(super) struct SourceStore {
     lists: Pool<u32>,
     /// The uniform of the passes, and how many it has room for.
     uniform: Option<(BufferId, u32)>,
-    new_uniform: Option<(BufferId, u32)>,
     /// By the number of the source.
-    states: Vec<SourceState>,
+    states: VectorSync<SourceState>,
+    /// What is to be written: the records of these sources, with their pieces if these are others, and the uniform.
+    changed: Vec<(u32, Option<Pieces>)>,
+    has_new_uniform: bool,
     list: Range<u32>,
     /// The source and the part that are read back next.
     next_part: (u32, u32),
     /// The passes of the last plan.
     passes: Vec<RefitPass>,
 }
-
-/// The state of the tree in a slot after the frame.
-type Trees<'a> = &'a dyn Fn(u32) -> &'a TreeState;
 
 /// A source as the GPU knows it.
 #[derive(Clone, Debug, Default)]
@@ -74,21 +76,6 @@ struct SourceState {
     passes: Vec<Vec<u32>>,
 }
 
-/// What a frame changes about sources.
-#[derive(Debug, Default)]
-pub(super) struct NewSources {
-    /// The pools were begun.
-    is_begun: bool,
-    /// The states that change, with the pieces that are written.
-    changed: BTreeMap<u32, (SourceState, Option<Pieces>)>,
-    /// Continuations of both tables.
-    table: Range<u32>,
-    measures: Range<u32>,
-    list: Range<u32>,
-    /// How many passes there will be; 0 if nothing changes.
-    passes: u32,
-}
-
 impl SourceStore {
     /// No sources. No buffer will be larger than `limit` bytes.
     pub fn new(limit: u64) -> Self {
@@ -99,8 +86,9 @@ impl SourceStore {
             pieces: Pool::new("pieces of sources", FIRST_RECORDS, limit),
             lists: Pool::new("lists of pieces", FIRST_RECORDS, limit),
             uniform: None,
-            new_uniform: None,
-            states: Vec::new(),
+            states: VectorSync::default(),
+            changed: Vec::new(),
+            has_new_uniform: false,
             list: 0..0,
             next_part: (0, 0),
             passes: Vec::new(),
@@ -108,12 +96,13 @@ impl SourceStore {
     }
 
     /// The numbers of the sources whose states depend on what has changed. O(1) if nothing has.
-    fn affected(&self, (world, changes): (&LightWorld, &FrameChanges), placed: &BTreeMap<u32, TreeState>) -> Vec<u32> {
-        let is_none = changes.trees.as_slice().is_empty() && placed.is_empty();
+    fn affected(&self, frame: &Frame<'_>) -> Vec<u32> {
+        let (world, changes, placed) = (frame.world, frame.changes.trees.as_slice(), &frame.trees.placed);
+        let is_none = changes.is_empty() && placed.is_empty();
         let count = if is_none { 0 } else { world.source_numbers().max(self.states.len() as u32) };
         let is_settled = |key: TreeKey| {
             let slot = slot_of(key);
-            changes.trees.as_slice().binary_search(&slot).is_err() && !placed.contains_key(&slot)
+            changes.binary_search(&slot).is_err() && !placed.contains_key(&slot)
         };
         let is_affected = |index: &u32| {
             let of = self.states.get(*index as usize).and_then(|state| state.key);
@@ -123,24 +112,20 @@ impl SourceStore {
     }
 
     /// The state that a source should have after the frame, and whether its pieces have to be made anew.
-    fn due(
-        &self,
-        index: u32,
-        world: &LightWorld,
-        changes: &FrameChanges,
-        (trees, placed): (Trees<'_>, &BTreeMap<u32, TreeState>),
-    ) -> (SourceState, bool) {
+    fn due(&self, index: u32, frame: &Frame<'_>, trees: &Residency) -> (SourceState, bool) {
+        let (world, changes) = (frame.world, &frame.changes);
         let present = self.states.get(index as usize).cloned().unwrap_or_default();
         let Some((key, source)) = world.source_at(index) else { return (SourceState::default(), false) };
         let Some(entry) = world.tree_entry(key) else { return (SourceState::default(), false) };
         let slot = slot_of(key);
-        let state = trees(slot);
+        let state = trees.get(slot);
         let is_same = present.key == Some(key);
         let has_profiles = entry.tree.effects().has(Effects::PROFILES);
         if state.form != Form::Whole || entry.tree.nodes().is_empty() || has_profiles {
             return (SourceState { key: Some(key), ..SourceState::default() }, false);
         }
-        let is_changed = changes.trees.as_slice().binary_search(&slot).is_ok() || placed.contains_key(&slot);
+        let is_changed =
+            changes.trees.as_slice().binary_search(&slot).is_ok() || frame.trees.placed.contains_key(&slot);
         if is_same && state.waits && present.record.light_count > 0 {
             // Shaders see an older version.
             return (present, false);
@@ -165,63 +150,67 @@ impl SourceStore {
         (SourceState { record, ..present }, false)
     }
 
-    /// Reserves what the sources of a world need: the first three steps of each pool. To be undone if it
-    /// fails.
-    pub fn reserve(
-        &mut self,
-        (world, changes): (&LightWorld, &FrameChanges),
-        (trees, placed): (Trees<'_>, &BTreeMap<u32, TreeState>),
-        growth: Growth,
-        new: &mut NewSources,
-    ) -> Result<(), PlanError> {
-        let count = (world.source_numbers()).max(self.states.len() as u32);
-        if count == 0 {
+    /// Finds room for what the sources of a world need, and remembers what is to be written.
+    pub fn place(&mut self, frame: &Frame<'_>, trees: &Residency, draft: &mut Draft) -> Result<(), PlanError> {
+        let (world, growth) = (frame.world, draft.growth);
+        let present = self.states.len() as u32;
+        let more = world.source_numbers().saturating_sub(present);
+        if present + more == 0 {
             return Ok(());
         }
-        new.is_begun = true;
-        self.table.begin()?;
-        self.measures.begin()?;
-        self.clusters.begin()?;
-        self.pieces.begin()?;
-        self.lists.begin()?;
-        let more = count - self.states.len() as u32;
-        new.table = self.table.alloc(more, growth)?;
-        new.measures = self.measures.alloc(more, growth)?;
-        for index in self.affected((world, changes), placed) {
-            let (mut state, has_new_pieces) = self.due(index, world, changes, (trees, placed));
-            let present = self.states.get(index as usize);
-            let is_same =
-                present.is_some_and(|p| (p.key, p.version, &p.record) == (state.key, state.version, &state.record));
-            if is_same && !has_new_pieces && present.is_some_and(|present| present.pieces == state.pieces) {
+        self.table.alloc(more, growth)?;
+        self.measures.alloc(more, growth)?;
+        for index in self.affected(frame) {
+            let (mut state, has_new_pieces) = self.due(index, frame, trees);
+            let present = self.states.get(index as usize).cloned();
+            let is_same = present.as_ref().is_some_and(|p| {
+                (p.key, p.version, &p.record, &p.pieces) == (state.key, state.version, &state.record, &state.pieces)
+            });
+            if is_same && !has_new_pieces {
                 continue;
             }
             let mut written = None;
+            if let Some(former) = present.filter(|present| present.pieces != state.pieces || has_new_pieces) {
+                self.pieces.free(former.pieces);
+                self.clusters.free(former.clusters);
+            }
             if has_new_pieces && let Some(tree) = state.key.and_then(|key| world.tree(key)) {
                 let pieces = Pieces::of(tree, index);
                 state.pieces = self.pieces.alloc(pieces.pairs.len() as u32, growth)?;
-                let clusters = self.clusters.alloc(pieces.count, growth);
-                if clusters.is_err() {
-                    self.pieces.free(state.pieces.clone());
-                }
-                state.clusters = clusters?;
+                state.clusters = self.clusters.alloc(pieces.count, growth)?;
                 state.record.root = state.clusters.start;
                 state.passes = pieces.passes.clone();
                 written = Some(pieces);
             }
-            new.changed.insert(index, (state, written));
+            while self.states.len() <= index as usize {
+                self.states.push_back_mut(SourceState::default());
+            }
+            self.states.set_mut(index as usize, state);
+            self.changed.push((index, written));
         }
-        if !new.changed.is_empty() {
-            let (words, passes) = self.sizes(new);
-            new.list = self.lists.alloc(words, growth)?;
-            new.passes = passes;
+        let (words, passes) = self.sizes();
+        if !self.changed.is_empty() {
+            self.lists.free(std::mem::take(&mut self.list));
+            self.list = self.lists.alloc(words, growth)?;
+        }
+        self.table.settle(draft);
+        self.measures.settle(draft);
+        self.clusters.settle(draft);
+        self.pieces.settle(draft);
+        self.lists.settle(draft);
+        if self.uniform.is_none_or(|(_, room)| room < passes) {
+            let room = passes.next_power_of_two().max(8);
+            let uniform = draft.uniform("refit passes", u64::from(room * UNIFORM_ALIGNMENT));
+            draft.plan.freed.extend(self.uniform.replace((uniform, room)).map(|(id, _)| id));
+            self.has_new_uniform = true;
         }
         Ok(())
     }
 
-    /// The words of the lists and the number of passes after a frame.
-    fn sizes(&self, new: &NewSources) -> (u32, u32) {
+    /// The words of the lists and the number of passes.
+    fn sizes(&self) -> (u32, u32) {
         let (mut words, mut passes) = (0, 0);
-        for (_, state) in self.states_after(new) {
+        for state in &self.states {
             words += state.passes.iter().map(|pass| pass.len() as u32).sum::<u32>();
             words += 2 * state.record.record_count.div_ceil(PART_LANES);
             passes = passes.max(state.passes.len() as u32);
@@ -229,99 +218,25 @@ impl SourceStore {
         (words, passes + 1)
     }
 
-    /// The states after a frame, with their numbers.
-    fn states_after<'a>(&'a self, new: &'a NewSources) -> impl Iterator<Item = (u32, &'a SourceState)> {
-        let more = new.changed.range(self.states.len() as u32..);
-        let present = (0..).zip(&self.states);
-        let after = present.map(|(index, state)| (index, new.changed.get(&index).map_or(state, |(state, _)| state)));
-        after.chain(more.map(|(index, (state, _))| (*index, state)))
-    }
-
-    /// Names the new buffers.
-    pub fn end(&mut self, new: &NewSources, ids: &mut Ids, buffers: &mut Vec<NewBuffer>) {
-        if !new.is_begun {
+    /// Writes what has changed.
+    pub fn write(&mut self, commands: &mut Commands) {
+        let changed = std::mem::take(&mut self.changed);
+        let has_new_uniform = std::mem::take(&mut self.has_new_uniform);
+        if changed.is_empty() && !has_new_uniform {
             return;
         }
-        let pools = [
-            self.table.end(ids),
-            self.measures.end(ids),
-            self.clusters.end(ids),
-            self.pieces.end(ids),
-            self.lists.end(ids),
-        ];
-        buffers.extend(pools.into_iter().flatten());
-        if self.uniform.is_none_or(|(_, room)| room < new.passes) {
-            let room = new.passes.next_power_of_two().max(8);
-            let uniform = ids.uniform("refit passes", u64::from(room * UNIFORM_ALIGNMENT));
-            self.new_uniform = Some((uniform.id, room));
-            buffers.push(uniform);
-        }
-    }
-
-    /// Takes back what was reserved.
-    pub fn undo(&mut self, new: NewSources) {
-        if !new.is_begun {
-            return;
-        }
-        for (_, (state, written)) in new.changed {
-            if written.is_some() {
-                self.pieces.free(state.pieces);
-                self.clusters.free(state.clusters);
-            }
-        }
-        self.table.free(new.table);
-        self.measures.free(new.measures);
-        self.lists.free(new.list);
-        self.table.undo();
-        self.measures.undo();
-        self.clusters.undo();
-        self.pieces.undo();
-        self.lists.undo();
-        self.new_uniform = None;
-    }
-
-    /// Takes what was reserved into use, and writes what has changed.
-    pub fn adopt(&mut self, mut new: NewSources, commands: &mut Commands, freed: &mut Vec<BufferId>) {
-        if !new.is_begun {
-            return;
-        }
-        freed.extend(self.table.adopt(commands));
-        freed.extend(self.measures.adopt(commands));
-        freed.extend(self.clusters.adopt(commands));
-        freed.extend(self.pieces.adopt(commands));
-        freed.extend(self.lists.adopt(commands));
-        let has_new_uniform = self.new_uniform.is_some();
-        if let Some(uniform) = self.new_uniform.take() {
-            freed.extend(self.uniform.replace(uniform).map(|(id, _)| id));
-        }
-        let is_changed = !new.changed.is_empty();
-        for (index, (state, written)) in std::mem::take(&mut new.changed) {
-            if self.states.len() <= index as usize {
-                self.states.resize(index as usize + 1, SourceState::default());
-            }
-            let none = &mut Scattered::default();
-            self.table.write(commands, none, index..index + 1, [state.record].into_iter());
-            if let Some(pieces) = written {
+        let none = &mut Scattered::default();
+        for (index, pieces) in &changed {
+            let state = &self.states[*index as usize];
+            self.table.write(commands, none, *index..index + 1, [state.record].into_iter());
+            if let Some(pieces) = pieces {
                 let pairs = pieces.pairs_from(state.clusters.start);
                 self.pieces.write(commands, none, state.pieces.clone(), pairs);
             }
-            let former = std::mem::replace(&mut self.states[index as usize], state);
-            let kept = &self.states[index as usize];
-            if former.pieces != kept.pieces {
-                self.pieces.free(former.pieces);
-                self.clusters.free(former.clusters);
-            }
-        }
-        if is_changed {
-            let former = std::mem::replace(&mut self.list, new.list);
-            self.lists.free(former);
-        }
-        if !is_changed && !has_new_uniform {
-            return;
         }
         let (list, passes) = self.list_of_passes();
-        if is_changed {
-            self.lists.write(commands, &mut Scattered::default(), self.list.clone(), list.into_iter());
+        if !changed.is_empty() {
+            self.lists.write(commands, none, self.list.clone(), list.into_iter());
         }
         if (has_new_uniform || passes != self.passes)
             && let Some((uniform, _)) = self.uniform
@@ -364,7 +279,7 @@ impl SourceStore {
     /// The device may lack what was written.
     pub fn lose(&mut self) {
         self.passes.clear();
-        self.states.iter_mut().for_each(|state| state.key = None);
+        self.states = self.states.iter().map(|state| SourceState { key: None, ..state.clone() }).collect();
     }
 
     /// Adds the refit of all trees with a source: a dispatch for each pass, and one for the records.
@@ -397,7 +312,7 @@ impl SourceStore {
     /// [`MeasureReadback`].
     pub fn measures(&self, first: u32, most: u32) -> Option<MeasureReadback> {
         let end = first.saturating_add(most).min(self.states.len() as u32);
-        let versions: Vec<_> = self.states.get(first as usize..end as usize)?.iter().map(|s| s.version).collect();
+        let versions: Vec<_> = (first..end).map(|index| self.states[index as usize].version).collect();
         let stride = Pool::<MeasureRecord>::STRIDE;
         let (offset, bytes) = (u64::from(first) * stride, versions.len() as u64 * stride);
         self.uniform.filter(|_| bytes > 0 && self.is_active())?;

@@ -21,7 +21,7 @@ pub(super) const ROUND: usize = 16;
 /// - for each round its first entry, and how many it has;
 /// - for each entry, the deepest first, a node, and its children that are nodes: the first of their entries
 ///   in 24 bits and a bit for each slot; or a cluster with the bit [`STORED`], and 0.
-#[derive(Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Pieces {
     pub pairs: Vec<[u32; 2]>,
     /// Where the pieces of each pass begin.

@@ -1,6 +1,7 @@
 //! The buffers of the top level whose sizes follow the number of parts.
 
-use super::super::buffers::{BufferId, Ids, NewBuffer};
+use super::super::buffers::BufferId;
+use super::super::draft::Draft;
 use super::super::error::PlanError;
 use super::super::layout::{ClusterRecord, LeafRecord};
 use super::super::node_record::NodeRecord;
@@ -33,7 +34,7 @@ pub(super) struct TopPass {
     pub block_count: u32,
     pub masks: u32,
     pub sort_block: u32,
-    pub padding: u32,
+    pub padding: [u32; 2],
     /// The sector whose centre the origin is.
     pub home: [i32; 3],
     pub padding_after: u32,
@@ -70,6 +71,8 @@ impl Capacity {
 /// How many quads of maps there are beside the top level in its buffer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct MapQuads {
+    /// Whether each node has masks.
+    pub has_masks: bool,
     /// Of the portals.
     pub portals: u32,
     /// Of the tables of profiles.
@@ -81,7 +84,10 @@ pub(crate) struct MapQuads {
 impl MapQuads {
     /// Whether there is room in these for others.
     pub(super) fn hold(self, other: Self) -> bool {
-        self.portals >= other.portals && self.profiles >= other.profiles && self.sky >= other.sky
+        self.has_masks >= other.has_masks
+            && self.portals >= other.portals
+            && self.profiles >= other.profiles
+            && self.sky >= other.sky
     }
 }
 
@@ -104,40 +110,32 @@ pub(super) struct TopBuffers {
 }
 
 impl TopBuffers {
-    /// Room for parts and nodes, for masks if `has_masks`, and for portals, profiles and the sky's map. Adds new buffers to
-    /// `new`; `partition` is the present one if it is large enough. Fails with [`PlanError::Full`] if a buffer would be larger than `limit`.
-    pub(super) fn new(
-        ids: &mut Ids,
-        new: &mut Vec<NewBuffer>,
-        (capacity, partition): (Capacity, Option<BufferId>),
-        (has_masks, map_quads): (bool, MapQuads),
-        limit: u64,
-    ) -> Result<Self, PlanError> {
-        let sizes = Sizes::of(capacity, (has_masks, map_quads));
-        sizes.check(limit)?;
-        let sort = SortBuffers::new(ids, new, capacity.parts, limit)?;
-        let mut add = |what, bytes| {
-            let buffer = ids.storage(what, bytes);
-            new.push(buffer);
-            buffer.id
-        };
-        Ok(Self {
+    /// Fails with [`PlanError::Full`] if a buffer of so much room would be larger than `limit`.
+    pub(super) fn fit(capacity: Capacity, maps: MapQuads, limit: u64) -> Result<(), PlanError> {
+        Sizes::of(capacity, maps).check(limit)?;
+        SortBuffers::fit(capacity.parts, limit)
+    }
+
+    /// Room for parts, nodes and maps; `partition` is the present one if it is large enough.
+    pub(super) fn new(capacity: Capacity, partition: Option<BufferId>, maps: MapQuads, draft: &mut Draft) -> Self {
+        let sizes = Sizes::of(capacity, maps);
+        Self {
             capacity,
             // Within the limit of the buffer.
             places: Places {
                 parts: (sizes.parts / 16) as u32,
-                masks: if has_masks { (sizes.masks / 16) as u32 } else { 0 },
+                masks: if maps.has_masks { (sizes.masks / 16) as u32 } else { 0 },
                 sky_map: (sizes.sky_map / 16) as u32,
             },
-            map_quads,
-            sort,
-            nodes: add("top level nodes", sizes.nodes),
+            map_quads: maps,
+            sort: SortBuffers::new(capacity.parts, draft),
+            nodes: draft.storage("top level nodes", sizes.nodes),
             nodes_bytes: sizes.nodes,
-            clusters: add("top level clusters", sizes.clusters),
+            clusters: draft.storage("top level clusters", sizes.clusters),
             partition: partition
-                .unwrap_or_else(|| add("top level partition", u64::from(capacity.nodes) * PARTITION_BYTES)),
-            units: add("top level units", 4 * u64::from(capacity.nodes)),
-        })
+                .unwrap_or_else(|| draft.storage("top level partition", u64::from(capacity.nodes) * PARTITION_BYTES)),
+            units: draft.storage("top level units", 4 * u64::from(capacity.nodes)),
+        }
     }
 
     /// All buffers.
@@ -156,18 +154,18 @@ struct Sizes {
 }
 
 impl Sizes {
-    fn of(capacity: Capacity, (has_masks, map_quads): (bool, MapQuads)) -> Self {
+    fn of(capacity: Capacity, maps: MapQuads) -> Self {
         let count = capacity.all_nodes();
         let nodes = count * size_of::<NodeRecord>() as u64;
-        let parts = nodes + 16 * u64::from(map_quads.portals);
+        let parts = nodes + 16 * u64::from(maps.portals);
         let masks = parts + u64::from(capacity.parts) * size_of::<LeafRecord>() as u64;
-        let profiles = masks + if has_masks { count * MASK_BYTES } else { 0 };
-        let sky_map = profiles + 16 * u64::from(map_quads.profiles);
+        let profiles = masks + if maps.has_masks { count * MASK_BYTES } else { 0 };
+        let sky_map = profiles + 16 * u64::from(maps.profiles);
         Self {
             parts,
             masks,
             sky_map,
-            nodes: sky_map + 16 * u64::from(map_quads.sky),
+            nodes: sky_map + 16 * u64::from(maps.sky),
             clusters: (u64::from(capacity.parts) + count) * size_of::<ClusterRecord>() as u64,
         }
     }
@@ -185,7 +183,7 @@ impl Sizes {
 
 /// The greatest number of nodes of a partition for which all buffers stay within `limit` beside `parts` parts, at
 /// least 1.
-pub(super) fn most_nodes(parts: u32, maps: (bool, MapQuads), limit: u64) -> u32 {
+pub(super) fn most_nodes(parts: u32, maps: MapQuads, limit: u64) -> u32 {
     let fits = |nodes| Sizes::of(Capacity { parts, nodes }, maps).check(limit).is_ok();
     let (mut most, mut too_many) = (1, u32::MAX);
     while too_many - most > 1 {
@@ -196,10 +194,8 @@ pub(super) fn most_nodes(parts: u32, maps: (bool, MapQuads), limit: u64) -> u32 
 }
 
 /// The greatest number of parts for which all buffers of most worlds stay within `limit`; 0 if none do.
-pub(super) fn most_parts(maps: (bool, MapQuads), limit: u64) -> u32 {
-    let fits = |parts| {
-        Sizes::of(Capacity::of_parts(parts), maps).check(limit).is_ok() && SortBuffers::fit(parts, limit).is_ok()
-    };
+pub(super) fn most_parts(maps: MapQuads, limit: u64) -> u32 {
+    let fits = |parts| TopBuffers::fit(Capacity::of_parts(parts), maps, limit).is_ok();
     let (mut most, mut too_many) = (0, u32::MAX);
     while too_many - most > 1 {
         let middle = most.midpoint(too_many);

@@ -45,7 +45,7 @@ pub(super) struct StageBlocks {
 }
 
 /// What the GPU has of a partition.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct SentPartition {
     /// The partition and the number of its last change that was sent; 0 for none.
     id: u64,
@@ -64,7 +64,7 @@ impl SentPartition {
     }
 
     /// Sends what changed to a buffer of so many records, after which come the roots. O(nodes) if anything changed.
-    pub fn send(&mut self, commands: &mut Commands, (buffer, capacity): (BufferId, u32), partition: &Partition) {
+    pub fn send(&mut self, commands: &mut Commands, buffer: BufferId, capacity: u32, partition: &Partition) {
         if self.id != partition.id() {
             (self.id, self.number) = (partition.id(), 0);
         }

@@ -10,16 +10,29 @@ use super::*;
 use crate::plan::kernel::MAX_WORKGROUPS;
 use crate::plan::layout::{ClusterRecord, LeafRecord};
 use crate::plan::node_record::NodeRecord;
-use crate::plan::{Command, MAX_LARGEST_BUFFER};
+use crate::plan::{Command, MAX_LARGEST_BUFFER, NewBuffer};
 use crate::top::PARTS_PER_RUN;
 use crate::top::partition::Place;
 
-/// Reserves and takes into use. Returns the bytes of the new buffers by what they hold.
+fn maps(has_masks: bool) -> MapQuads {
+    MapQuads { has_masks, ..MapQuads::default() }
+}
+
+/// Returns the bytes of the new buffers by what they hold.
 fn reserve(top: &mut TopBuild, sizes: [u32; 2], has_masks: bool, growth: Growth) -> Result<Vec<NewBuffer>, PlanError> {
-    let mut new = Vec::new();
-    top.reserve(sizes, (has_masks, MapQuads::default()), growth, (&mut Ids::default(), &mut new))?;
-    top.adopt(&mut Commands::default(), &mut Vec::new());
-    Ok(new)
+    let mut draft = Draft::new(Default::default(), growth);
+    top.reserve(sizes[0], sizes[1], maps(has_masks), &mut draft)?;
+    Ok(draft.plan.new_buffers)
+}
+
+/// Names of buffers.
+fn ids() -> [BufferId; 3] {
+    let mut draft = Draft::new(Default::default(), Growth::Exact);
+    [(); 3].map(|()| draft.storage("read only", 4))
+}
+
+fn params(masks: u32, home: [i32; 3]) -> ParamsRecord {
+    ParamsRecord { masks, home, ..ParamsRecord::default() }
 }
 
 #[test]
@@ -46,7 +59,7 @@ fn more_parts_or_nodes_than_the_device_can_bind_are_refused_and_change_nothing()
         }
         assert!(fits > 400_000 && (fits >= 1 << 20 || share == 1), "{fits} parts fit");
         if share == 4 {
-            assert_eq!(top.most_parts((false, MapQuads::default())), fits);
+            assert_eq!(top.most_parts(maps(false)), fits);
         }
         let before = (top.nodes(), top.capacity());
         for parts in [fails, 10 * fails, u32::MAX] {
@@ -71,9 +84,9 @@ fn forty_million_parts_are_covered_by_dispatches_of_two_dimensions_and_words_of_
     assert!(new.iter().all(|buffer| buffer.bytes / 4 <= 1 << 32), "{new:?}");
     let mut commands = Commands::default();
     let masks = top.masks();
-    top.prepare(&mut commands, (PARTS, &Partition::default()), (masks, [0; 3]));
+    top.prepare(&mut commands, PARTS, &Partition::default(), params(masks, [0; 3]));
     top.passes[0].nodes = NODES;
-    top.build(&mut commands, [0; 3].map(|_| Ids::default().storage("read only", 4).id));
+    top.build(&mut commands, ids());
     let mut groups = Vec::new();
     for command in commands.iter() {
         if let Command::Dispatch { kernel, workgroups: [x, y, z], .. } = command {
@@ -103,9 +116,9 @@ fn a_build_takes_ten_dispatches_or_fewer_and_each_block_is_packed_once_after_tho
         let mut top = TopBuild::new(MAX_LARGEST_BUFFER);
         reserve(&mut top, [parts, partition.len() as u32], false, Growth::Double).unwrap();
         let mut commands = Commands::default();
-        top.prepare(&mut commands, (parts, &partition), (0, [0; 3]));
+        top.prepare(&mut commands, parts, &partition, params(0, [0; 3]));
         let mut build = Commands::default();
-        top.build(&mut build, [0; 3].map(|_| Ids::default().storage("read only", 4).id));
+        top.build(&mut build, ids());
         let dispatches = build.iter().filter(|command| matches!(command, Command::Dispatch { .. })).count();
         assert!(dispatches <= most, "{parts}: {dispatches}");
         let divided = partition.all_divided().count();
@@ -117,9 +130,9 @@ fn a_build_takes_ten_dispatches_or_fewer_and_each_block_is_packed_once_after_tho
         assert_eq!(blocks as usize + in_blocks, divided, "{parts}");
         // Nothing is sent twice.
         let sent = commands.bytes_written();
-        top.prepare(&mut commands, (parts, &partition), (0, [0; 3]));
+        top.prepare(&mut commands, parts, &partition, params(0, [0; 3]));
         assert_eq!(commands.bytes_written(), sent);
-        top.prepare(&mut commands, (parts, &partition), (0, [1; 3]));
+        top.prepare(&mut commands, parts, &partition, params(0, [1; 3]));
         assert_eq!(commands.bytes_written(), sent + size_of::<TopPass>() as u64);
     }
 }
@@ -139,13 +152,6 @@ fn buffers_double_or_grow_to_what_is_needed_and_make_room_for_masks_once() {
     assert_eq!(top.capacity(), 202);
     assert_eq!(reserve(&mut top, [102, 16], true, Growth::Double), Ok(Vec::new()));
     assert!(nodes(&reserve(&mut top, [102, 17], true, Growth::Double).unwrap()) > masked);
-    // An undone frame leaves the buffers in use.
-    let before = (top.nodes(), top.capacity());
-    let maps = (true, MapQuads::default());
-    top.reserve([1000, 1], maps, Growth::Double, (&mut Ids::default(), &mut Vec::new())).unwrap();
-    top.undo();
-    assert!(!top.is_replaced());
-    assert_eq!((top.nodes(), top.capacity()), before);
 }
 
 #[test]

@@ -125,9 +125,8 @@ pub const EFFECTS: Figure = table(
     PAGE,
     &[View {
         from: &["effects/stdout.md"],
-        keys: &[("code for", "code for"), ("stored for", "stored for")],
+        keys: &[("code for", "code for")],
         cells: &[
-            cell("bytes per node, light, instance", "bytes per node, light, instance", Text),
             cell("ns per sample", "ns per sample", Text),
             cell("relative to no effect", "relative to no effect", Text),
             cell("fastest", "fastest", Digits(3)),
