@@ -26,7 +26,7 @@ const fn limit(kernel: &'static str, effects: &'static str, most: [u64; 3]) -> L
 /// Registers, bytes of scratch memory for each lane, and instructions. Registers and scratch memory
 /// are those that were measured; instructions are rounded up. Mesa
 /// 22.3.6, 2026-11-30, by `cargo run --release -p shader_stats -- --out FILE.csv`.
-pub const LIMITS: [Limit; 50] = [
+pub const LIMITS: [Limit; 49] = [
     limit("scatter", "", [8, 0, 100]),
     limit("top_leaves", "", [48, 0, 700]),
     limit("top_keys", "", [16, 0, 200]),
