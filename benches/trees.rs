@@ -13,7 +13,7 @@ use criterion::{
 };
 use girandole::glam::Vec3;
 use girandole::tree::{Node, WIDTH};
-use girandole::{Light, LightTree, ShadingPoint, Shape, SplitCount};
+use girandole::{Light, LightTree, ShadingPoint, Shape};
 
 use testbed::measuring::baselines::{BinaryTree, Pbrt};
 use testbed::testing::support::Rng;
@@ -169,7 +169,7 @@ fn picks(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
     let shading_points: Vec<ShadingPoint> = (0..1024).map(|_| rng.shading_point(500.0)).collect();
     let numbers = |i: usize| [0.618_034, 0.754_878].map(|s: f64| (i as f64 * s).fract() as f32);
     let mut turns = (0..).map(|i| (shading_points[i % shading_points.len()], numbers(i)));
-    for splits in [SplitCount::NONE, SplitCount::DEFAULT] {
+    for splits in [0, 6] {
         for (shading_point, u) in turns.by_ref().take(100) {
             if let Some((light, pmf)) = tree.pick(&shading_point, u, splits) {
                 let expected = tree.pmf(&shading_point, light, splits);

@@ -9,11 +9,6 @@ pub(crate) fn assert_says(source: &str, sentence: &str) {
     assert!(text.contains(sentence), "the documentation does not say: {sentence}");
 }
 
-/// A number up to twelve as a word.
-pub(crate) fn word(number: usize) -> &'static str {
-    ["no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"][number]
-}
-
 /// A number with commas.
 pub(crate) fn grouped(number: usize) -> String {
     match number {

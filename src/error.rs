@@ -13,7 +13,6 @@
 //! | 200 to 299 | [`WorldError`] |
 //! | 300 to 399 | [`PlacementError`] |
 //! | 400 | [`BudgetError`] |
-//! | 500 | [`CountError`] |
 //! | 600 to 699 | `gpu::GpuError`, `plan::PlanError` |
 //! | 700 to 799 | `AssetError` of the package `girandole-assets` |
 //! | 800 | `tree::CheckError` |
@@ -360,28 +359,6 @@ impl BudgetError {
     }
 }
 
-/// Why a count was refused. Code 500.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-#[error("{given} {what}; the least is {min} and the most is {max}")]
-pub struct CountError {
-    /// What is counted, in the plural.
-    pub what: &'static str,
-    /// The given number.
-    pub given: usize,
-    /// The least number allowed.
-    pub min: usize,
-    /// The greatest number allowed.
-    pub max: usize,
-}
-
-impl CountError {
-    /// The stable code, see [`error`](self).
-    pub fn code(&self) -> u32 {
-        500
-    }
-}
-
 /// Why the options of a [`VisibilityTable`](crate::VisibilityTable) were refused. Codes 1000 and
 /// 1001.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -596,7 +573,7 @@ mod tests {
             .into_iter()
             .chain(world_errors().map(|error| error.code()))
             .chain(placement_errors().map(|error| error.code()))
-            .chain([BudgetError { millis: -1.0 }.code(), CountError { what: WHAT, given: 0, min: 1, max: 2 }.code()])
+            .chain([BudgetError { millis: -1.0 }.code()])
             .chain([
                 VisibilityError::Edge { edge: 0.0, min: 1.0, max: 2.0 }.code(),
                 VisibilityError::Cells { cells: 3, min: 4, max: 8 }.code(),
@@ -606,7 +583,7 @@ mod tests {
             .collect();
         assert_eq!(codes.iter().collect::<BTreeSet<_>>().len(), codes.len());
         let expected: Vec<u32> =
-            (100..105).chain(200..216).chain(300..304).chain([400, 500, 1000, 1001, 1200, 1201]).collect();
+            (100..105).chain(200..216).chain(300..304).chain([400, 1000, 1001, 1200, 1201]).collect();
         assert_eq!(codes, expected);
     }
 

@@ -163,7 +163,7 @@ mod f64_reference;
 
 pub use effects::{EffectCounts, Effects};
 pub use error::{
-    BudgetError, CountError, CutError, LightError, PlacementError, ProfileError, SkyError, VisibilityError, WorldError,
+    BudgetError, CutError, LightError, PlacementError, ProfileError, SkyError, VisibilityError, WorldError,
 };
 
 pub use glam;
@@ -176,12 +176,11 @@ pub use light::{DirectionalLight, Light, Shape};
 pub use policy::Policy;
 pub use profile::Profile;
 pub use sampling::along::SegmentPoint;
-pub use sampling::counts::{CandidateCount, MAX_CANDIDATES, MAX_SPLITS, SplitCount};
+pub use sampling::cut::MAX_SPLITS;
 pub use sampling::cuts::builds::CutBuild;
 pub use sampling::cuts::options::CutOptions;
 pub use sampling::cuts::table::{CutReport, CutTable};
 pub use sampling::emit::Incident;
-pub use sampling::quality::Quality;
 pub use sampling::reservoir::Reservoir;
 pub use sampling::sample::{LightPick, LightSample, LightSampler};
 pub use sampling::snapshot::LightSnapshot;

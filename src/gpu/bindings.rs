@@ -28,7 +28,7 @@ pub(super) fn label_of(what: &str) -> String {
 }
 
 /// A uniform buffer for any stage.
-pub(super) fn uniform_entry(binding: u32) -> wgpu::BindGroupLayoutEntry {
+fn uniform_entry(binding: u32) -> wgpu::BindGroupLayoutEntry {
     entry(binding, VISIBILITY, wgpu::BufferBindingType::Uniform)
 }
 

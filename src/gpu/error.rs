@@ -84,8 +84,8 @@ const BIND_GROUPS: u32 = 2;
 const STORAGE_BUFFERS: u32 = 8;
 /// Bindings in the largest bind group: the storage buffers and one uniform.
 const BINDINGS: u32 = STORAGE_BUFFERS + 1;
-/// Uniform buffers of the kernel that draws several candidates: the most in one stage.
-const UNIFORM_BUFFERS: u32 = 2;
+/// Uniform buffers in one of our stages.
+const UNIFORM_BUFFERS: u32 = 1;
 /// Invocations in our largest workgroup: WebGPU's default.
 const INVOCATIONS: u32 = 256;
 /// Bytes of workgroup memory in the stage that uses most: WebGPU's default.
@@ -137,7 +137,6 @@ mod tests {
     use crate::instance::placement::Placement;
     use crate::light::Light;
     use crate::policy::Policy;
-    use crate::sampling::counts::CandidateCount;
     use crate::tree::LightTree;
     use crate::world::LightWorld;
 
@@ -214,7 +213,6 @@ mod tests {
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         lights.build_top(&mut encoder);
         lights.sample(&mut encoder, &buffer(), &buffer(), 1);
-        lights.resample(&mut encoder, &buffer(), &buffer(), 1, CandidateCount::ONE);
         queue.submit([encoder.finish()]);
         let error = pollster::block_on(scope.pop());
         assert!(error.is_none(), "{error:?}");

@@ -3,19 +3,13 @@
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 
-use super::bindings::{bind, label_of, storage_entry, uniform_entry};
+use super::bindings::{bind, label_of, storage_entry};
 use super::player::dispatch;
 use crate::effects::Effects;
 use crate::plan::text;
 
 /// The stage of [`GpuLights::sample`](super::GpuLights::sample), with the record that it reads.
 const BATCH: &str = concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch.wgsl"));
-/// The stage of [`GpuLights::resample`](super::GpuLights::resample).
-const BATCH_RESAMPLE: &str =
-    concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch_resample.wgsl"));
-/// The stage of [`NodeCounter`](super::measure::NodeCounter).
-pub(super) const BATCH_COUNT: &str =
-    concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch_count.wgsl"));
 
 /// Invocations of a workgroup.
 pub(super) const LANES: u32 = 64;
@@ -37,12 +31,6 @@ impl RequestKernel {
     /// Chooses one light for each request. Compiles nothing yet. `lights` is the layout of group 0.
     pub fn sampling(device: &wgpu::Device, lights: &wgpu::BindGroupLayout) -> Self {
         Self::new(device, lights, "batch", BATCH, &[storage_entry(0, true), storage_entry(1, false)])
-    }
-
-    /// Keeps one of several candidates for each request. Compiles nothing yet.
-    pub fn resampling(device: &wgpu::Device, lights: &wgpu::BindGroupLayout) -> Self {
-        let entries = [storage_entry(0, true), storage_entry(1, false), uniform_entry(2)];
-        Self::new(device, lights, "batch_resample", BATCH_RESAMPLE, &entries)
     }
 
     /// `text` has one entry point, which names it in graphics debuggers.
@@ -114,16 +102,10 @@ mod tests {
 
     #[test]
     fn the_stages_have_one_entry_point_with_as_many_invocations_as_the_host_assumes() {
-        let all = Effects::all();
-        for (entry, text) in [
-            ("batch", text::wgsl(0, all) + BATCH),
-            ("batch_resample", text::wgsl(0, all) + BATCH_RESAMPLE),
-            ("batch_count", text::wgsl_counting(0, all) + BATCH_COUNT),
-        ] {
-            let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");
-            let points: Vec<_> = module.entry_points.iter().map(|p| (p.name.as_str(), p.workgroup_size)).collect();
-            assert_eq!(points, [(entry, [LANES, 1, 1])]);
-        }
+        let text = text::wgsl(0, Effects::all()) + BATCH;
+        let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");
+        let points: Vec<_> = module.entry_points.iter().map(|p| (p.name.as_str(), p.workgroup_size)).collect();
+        assert_eq!(points, [("batch", [LANES, 1, 1])]);
     }
 
     #[test]

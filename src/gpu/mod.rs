@@ -13,8 +13,7 @@
 //!    ([`GpuLights::build_top`]) and of the cuts of cells that were marked ([`GpuLights::build_cuts`]). An engine may
 //!    make these calls by itself.
 //! 2. The engine's shaders bind [`GpuLights::bind_group`], mark the cells of their shading points by `light_mark`, and
-//!    call the functions of [`LightShader`]. An engine without such a shader calls [`GpuLights::sample`] or
-//!    [`GpuLights::resample`] instead.
+//!    call the functions of [`LightShader`]. An engine without such a shader calls [`GpuLights::sample`] instead.
 //!
 //! # Browsers
 //!
@@ -28,7 +27,6 @@
 //!   for them: the pipeline for all effects takes longest.
 
 mod bindings;
-mod candidates;
 mod cuts;
 mod error;
 mod kernel;
@@ -43,7 +41,6 @@ mod poison;
 mod probe;
 mod records;
 mod recorder;
-mod resampling;
 mod sampling;
 mod shader;
 mod source_link;
@@ -61,7 +58,6 @@ mod variants;
 use std::fmt;
 
 use bindings::{ALL, bind_lights, light_layout};
-use candidates::CandidateTable;
 pub use error::GpuError;
 use error::{check_limits, largest_storage_buffer};
 use kernel::RequestKernel;
@@ -122,8 +118,6 @@ pub struct GpuLights {
     /// The layout of group 0 in these kernels, which know no last frame.
     kernel_layout: wgpu::BindGroupLayout,
     sampling: RequestKernel,
-    resampling: RequestKernel,
-    candidates: CandidateTable,
     /// The engine has built cuts since the last [`GpuLights::sync`].
     has_built_cuts: bool,
     learns: bool,
@@ -207,7 +201,6 @@ impl GpuLights {
     }
 
     fn make(device: &wgpu::Device, queue: &wgpu::Queue, options: &GpuOptions) -> Result<Self, GpuError> {
-        let candidates = CandidateTable::new(device, queue)?;
         let dark = DarkBuffers::new(device)?;
         let count = if options.previous { ALL } else { ALL - 1 };
         let group = LightGroup::new(device, count, options.fragments_write, &dark.buffers());
@@ -222,9 +215,7 @@ impl GpuLights {
             top: Commands::default(),
             top_status: TopStatus::new(),
             sampling: RequestKernel::sampling(device, &kernel_layout),
-            resampling: RequestKernel::resampling(device, &kernel_layout),
             kernel_layout,
-            candidates,
             has_built_cuts: false,
             learns: options.learning.is_some(),
             is_dark: true,

@@ -2,28 +2,22 @@
 
 use bytemuck::{Pod, Zeroable};
 
-/// A shading point and its random numbers: the input of [`GpuLights::sample`] and
-/// [`GpuLights::resample`].
+/// A shading point and its random numbers: the input of [`GpuLights::sample`].
 ///
 /// 48 bytes; `Request` in `shaders/request.wgsl`.
 ///
 /// [`GpuLights::sample`]: super::GpuLights::sample
-/// [`GpuLights::resample`]: super::GpuLights::resample
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct SampleRequest {
     /// Metres, relative to [`LightWorld::origin`](crate::LightWorld::origin).
     pub position: [f32; 3],
-    /// A random number in [0, 1), which chooses among the candidates of [`GpuLights::resample`].
-    /// [`GpuLights::sample`] does not read it.
-    ///
-    /// [`GpuLights::sample`]: super::GpuLights::sample
-    /// [`GpuLights::resample`]: super::GpuLights::resample
-    pub choice: f32,
+    /// Not read.
+    pub padding: u32,
     /// The unit normal of a surface, or zero for a point in a volume.
     pub normal: [f32; 3],
     /// Not read.
-    pub padding: u32,
+    pub padding_after_normal: u32,
     /// Random numbers in [0, 1). The first two choose the light, the last two the point on it.
     pub u: [f32; 4],
 }

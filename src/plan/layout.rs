@@ -490,7 +490,7 @@ mod tests {
         );
         record!(structs, TreeRecord, "LightTree", [cluster, punctual_flux, area_flux, child_bits, place]);
         record!(structs, LeafRecord, "LightPart", [slot, child_bits, place, mask]);
-        record!(structs, SampleRequest, "Request", [position, choice, normal, padding, u]);
+        record!(structs, SampleRequest, "Request", [position, padding, normal, padding_after_normal, u]);
         record!(structs, SampleRecord, "LightSample", [direction, dist, radiance, pdf, pmf, instance, light, is_delta]);
         assert_eq!(structs["LightReservoir"].0, 28);
         record!(

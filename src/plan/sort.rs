@@ -53,7 +53,7 @@ pub(super) fn constants() -> String {
     values.map(|(name, value)| format!("const SORT_{name}: u32 = {value}u;\n")).concat()
 }
 
-#[cfg(any(feature = "gpu", test))]
+#[cfg(test)]
 fn count_text() -> String {
     text(&[include_str!("../../shaders/sort_count.wgsl")])
 }
@@ -84,7 +84,7 @@ const BINDINGS: &[Binding] = &[
 ];
 
 /// No plan dispatches it: the stage that makes the keys counts them.
-#[cfg(any(feature = "gpu", test))]
+#[cfg(test)]
 pub(super) const COUNT: Kernel = Kernel::new("sort_count", "sort", BINDINGS, count_text);
 pub(super) const SCATTER_KEYS: Kernel = Kernel::new("sort_scatter", "sort", BINDINGS, scatter_text);
 
@@ -180,7 +180,7 @@ impl SortBuffers {
 
     /// Adds the sort, in place, of the first keys and their values; [`SortBuffers::set_count`] sets
     /// how many. Takes five dispatches for any count from 2 on, and none below.
-    #[cfg(any(feature = "gpu", test))]
+    #[cfg(test)]
     pub(crate) fn sort(&self, commands: &mut Commands) {
         if self.count < 2 {
             return;

@@ -16,7 +16,6 @@ use crate::light;
 use crate::math::dice;
 use crate::math::solid_angle;
 use crate::profile;
-use crate::sampling::counts;
 use crate::sampling::cut;
 use crate::sampling::cuts;
 use crate::sampling::emit;
@@ -154,7 +153,7 @@ impl Extras {
 
 /// The same as [`wgsl`] with the variable `light_nodes_read`, which counts the nodes that an
 /// invocation reads.
-#[cfg(feature = "gpu")]
+#[cfg(all(test, feature = "gpu"))]
 pub(crate) fn wgsl_counting(group: u32, effects: Effects) -> String {
     wgsl_of_shader(group, effects, Extras { counts: true, ..Extras::default() })
 }
@@ -312,7 +311,7 @@ pub(crate) fn constants() -> String {
         ("HEAT_CUTS", HeatMap::Cuts.number()),
         ("HEAT_MISSES", HeatMap::Misses.number()),
         ("HEAT_LIGHTS", HeatMap::Lights.number()),
-        ("MAX_CANDIDATES", counts::MAX_CANDIDATES),
+        ("MAX_CANDIDATES", resample::MAX_CANDIDATES),
         ("LATTICE_Y", resample::LATTICE[0]),
         ("LATTICE_Z", resample::LATTICE[1]),
         ("LATTICE_W", resample::LATTICE[2]),

@@ -13,13 +13,19 @@
 
 use crate::instance::part::SINGLE;
 use crate::math::dice::{Dice, choice_pmf};
-use crate::sampling::counts::{MAX_SPLITS, SplitCount};
 use crate::shading::importance::{
     ChildImportances, LocalShadingPoint, UNRESOLVED_DOUBT, child_importances, resolved_sum, running_sums,
     scale_unresolved, unresolved_scale, unresolved_sum,
 };
 use crate::shading::shading_point::ShadingPoint;
 use crate::tree::{ChildRef, Lanes, Node, WIDTH};
+
+/// The most splits of a sampler: see [`LightSampler::with_splits`](crate::LightSampler::with_splits).
+pub const MAX_SPLITS: usize = 7;
+
+/// The splits of a sampler that is told no number. A sample then takes about as long as one by pbrt-v4's formula
+/// (docs/decisions.md, 13).
+pub(crate) const DEFAULT_SPLITS: usize = 6;
 
 /// A candidate is split only while its doubt is more than this share of the importance of all
 /// candidates.
@@ -137,7 +143,7 @@ pub(crate) trait CutSource<'a> {
 /// Splits the trees for one shading point.
 pub(crate) struct OwnCut<'a> {
     pub root: TreeView<'a>,
-    pub splits: SplitCount,
+    pub splits: usize,
     /// The illuminance by directional lights, which are chosen beside the candidates.
     pub directional_lux: f32,
 }
@@ -215,7 +221,7 @@ impl<'a> Cut<'a> {
             total: 0.0,
         };
         let mut next = (cut.add_tree(root), 0);
-        let mut most = splits.get();
+        let mut most = splits.min(MAX_SPLITS);
         let mut sky = instance_trees.sky();
         loop {
             let (tree, node) = next;

@@ -5,7 +5,6 @@
 
 use crate::math::dice::{choice_pmf, joint_pmf};
 use crate::math::simd::{VectorJob, with_vectors};
-use crate::sampling::counts::SplitCount;
 use crate::sampling::cut::{Candidates, CutSource, InstanceTrees, NO_INSTANCE, NoInstances, OwnCut, TreeView};
 use crate::shading::importance::running_sums;
 use crate::shading::shading_point::ShadingPoint;
@@ -17,7 +16,7 @@ impl LightTree {
     ///
     /// The shading point is in the tree's space. Replaces the content of `pmfs`. `splits` is as for
     /// [`LightSampler::with_splits`](crate::LightSampler::with_splits). O(lights).
-    pub fn distribution(&self, shading_point: &ShadingPoint, splits: SplitCount, pmfs: &mut Vec<f32>) {
+    pub fn distribution(&self, shading_point: &ShadingPoint, splits: usize, pmfs: &mut Vec<f32>) {
         pmfs.clear();
         pmfs.resize(self.lights().len(), 0.0);
         let source = OwnCut { root: TreeView::of_tree(self.nodes(), shading_point), splits, directional_lux: 0.0 };

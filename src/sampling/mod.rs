@@ -1,7 +1,6 @@
 //! How a light is chosen for a shading point, with its probability, and then a point on the light.
 
 pub(crate) mod along;
-pub(crate) mod counts;
 pub(crate) mod cut;
 pub(crate) mod cuts;
 mod distribution;
@@ -10,7 +9,6 @@ pub(crate) mod equiangular;
 pub(crate) mod hit;
 mod learn;
 mod pdf;
-pub(crate) mod quality;
 pub(crate) mod resample;
 pub(crate) mod reservoir;
 mod roots;

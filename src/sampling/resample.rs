@@ -13,7 +13,6 @@ use crate::keys::LightId;
 use crate::light::luminance;
 use crate::math::dice::{Dice, U_STEP, clamp_unit};
 use crate::math::simd::{VectorJob, with_vectors};
-use crate::sampling::counts::{CandidateCount, MAX_CANDIDATES};
 use crate::sampling::cut::{CutSource, InstanceTrees};
 use crate::sampling::reservoir::{MAX_RESERVOIR_WEIGHT, Reservoir, stored};
 use crate::sampling::sample::{LightSample, LightSampler, with_cut};
@@ -29,6 +28,10 @@ use crate::visibility::LearntCell;
 /// Quasirandom Sequences, 2018).
 pub(crate) const LATTICE: [u32; 3] = [3_518_319_155, 2_882_110_345, 2_360_945_575];
 
+/// The most candidates of a shader.
+#[cfg(feature = "gpu-plan")]
+pub(crate) const MAX_CANDIDATES: u32 = 32;
+
 /// Weights of candidates are clamped to [`MIN_WEIGHT`, `MAX_WEIGHT`] before they are multiplied by a learnt
 /// share, so that their sum stays inside f32. Which weights are used changes the noise only, never the mean.
 pub(crate) const MIN_WEIGHT: f32 = 1.0e-30;
@@ -43,44 +46,35 @@ impl LightSampler<'_> {
     /// The first four numbers of `u` are as for [`LightSampler::sample`], whose light a single candidate
     /// has. The fifth chooses among the candidates: it is uniform in [0, 1) too. Numbers that
     /// are evenly distributed over the samples of a pixel give less noise than a hash. The reservoir has no
-    /// light if no candidate sends anything to the shading point: count that as black.
+    /// light if no candidate sends anything to the shading point, or if there are none: count that as black.
     ///
     /// With [learnt visibility](Self::with_visibility), the light of a candidate is multiplied by the
     /// [share of its place](Self::visible_share). Clusters are split once for all candidates. Each candidate costs a
     /// walk down the trees and, if there are several, a point on a light. No memory is allocated.
-    pub fn resample(
-        &self,
-        shading_point: &ShadingPoint,
-        [a, b, x, y, choice]: [f32; 5],
-        candidates: CandidateCount,
-    ) -> Reservoir {
-        let u = [a, b, x, y];
-        let count = candidates.get();
-        let outcomes = with_cut!(self, shading_point, |source, directional_lux, instance_trees| {
-            with_vectors(DrawManyJob { source, directional_lux, u, count, instance_trees })
-        });
+    pub fn resample(&self, shading_point: &ShadingPoint, [a, b, x, y, choice]: [f32; 5], candidates: u32) -> Reservoir {
         // A single candidate needs no weight.
-        let learnt = if count > 1 { self.learnt(shading_point) } else { None };
+        let learnt = if candidates > 1 { self.learnt(shading_point) } else { None };
         let learnt = learnt.map(|learnt| (learnt, LocalSegment::of(shading_point)));
         // Without the learnt share, a candidate that is bright and hidden would be kept after all.
         let weight = |sample: &LightSample| share(learnt.as_ref(), sample) * illuminance_weight(shading_point, sample);
         let mut choice = StreamedChoice::new(choice, a);
-        let mut kept = None;
-        let mut kept_weight = 1.0;
-        for (i, outcome) in (0..count).zip(outcomes) {
-            let [.., x, y] = candidate_numbers(u, i, count);
+        let (mut kept, mut kept_weight) = (None, 1.0);
+        let mut visit = |outcome: Outcome, [.., x, y]: [f32; 4]| {
             let numbers = [x, y].map(stored);
-            let Some(pick) = self.picked(shading_point, outcome) else { continue };
-            let weight = match count {
+            let Some(pick) = self.picked(shading_point, outcome) else { return };
+            let weight = match candidates {
                 1 => 1.0,
                 _ => self.sample_picked(shading_point, pick, numbers).as_ref().map_or(0.0, weight),
             };
             if choice.keeps(weight) {
-                kept = Some((pick, numbers));
-                kept_weight = weight;
+                (kept, kept_weight) = (Some((pick, numbers)), weight);
             }
-        }
-        let weight = kept.map_or(0.0, |(pick, _)| choice.total / (count as f32 * kept_weight) / pick.pmf);
+        };
+        with_cut!(self, shading_point, |source, directional_lux, instance_trees| {
+            let (u, visit) = ([a, b, x, y], &mut visit);
+            with_vectors(DrawManyJob { source, directional_lux, u, candidates, instance_trees, visit })
+        });
+        let weight = kept.map_or(0.0, |(pick, _)| choice.total / (candidates as f32 * kept_weight) / pick.pmf);
         self.reservoir_of_pick(kept, weight.min(MAX_RESERVOIR_WEIGHT))
     }
 
@@ -93,14 +87,13 @@ impl LightSampler<'_> {
     }
 }
 
-impl CandidateCount {
-    /// Returns the random numbers of candidate `i`, from those of a sample: they are spread evenly. An index beyond the
-    /// candidates counts as the last one.
+impl Reservoir {
+    /// Returns the random numbers of candidate `i` of `candidates`, from those of a sample: they are spread evenly.
     ///
     /// For programs that draw candidates one by one and [merge](Reservoir::merge) them by a target of their own.
     /// [`LightSampler::resample`] takes the same numbers. Twin of `light_candidate_numbers`.
-    pub fn numbers(self, u: [f32; 4], i: u32) -> [f32; 4] {
-        candidate_numbers(u, i.min(self.get() - 1), self.get())
+    pub fn candidate_numbers(u: [f32; 4], i: u32, candidates: u32) -> [f32; 4] {
+        candidate_numbers(u, i, candidates)
     }
 }
 
@@ -163,12 +156,12 @@ fn illuminance_weight(shading_point: &ShadingPoint, sample: &LightSample) -> f32
 ///
 /// It uses integers and sums only, so that GPUs compute the same bits: the numbers that choose a
 /// light are hashed later.
-pub(crate) fn candidate_numbers(u: [f32; 4], i: u32, count: u32) -> [f32; 4] {
-    if count == 1 {
+fn candidate_numbers(u: [f32; 4], i: u32, candidates: u32) -> [f32; 4] {
+    if candidates <= 1 {
         return u;
     }
-    let fixed_point = (clamp_unit(u[0]) / U_STEP) as u32;
-    let first = ((i << 24) + fixed_point) / count;
+    let fixed_point = (clamp_unit(u[0]) / U_STEP) as u64;
+    let first = ((u64::from(i.min(candidates - 1)) << 24) + fixed_point) / u64::from(candidates);
     let shifted = |which: usize| {
         let sum = clamp_unit(u[which + 1]) + (i.wrapping_mul(LATTICE[which]) >> 8) as f32 * U_STEP;
         if sum >= 1.0 { sum - 1.0 } else { sum }
@@ -176,29 +169,34 @@ pub(crate) fn candidate_numbers(u: [f32; 4], i: u32, count: u32) -> [f32; 4] {
     [first as f32 * U_STEP, shifted(0), shifted(1), shifted(2)]
 }
 
-/// Draws several lights from one cut; the first `count` entries of the output are filled in.
-struct DrawManyJob<'t, C, T> {
+/// Draws several lights from one cut.
+struct DrawManyJob<'t, C, T, F> {
     source: C,
     /// The illuminance by all directional lights.
     directional_lux: f32,
     u: [f32; 4],
-    count: u32,
+    candidates: u32,
     instance_trees: &'t T,
+    /// Gets what is drawn, with the numbers of the candidate.
+    visit: &'t mut F,
 }
 
-impl<'a, C: CutSource<'a>, T: InstanceTrees<'a>> VectorJob for DrawManyJob<'_, C, T> {
-    type Output = [Outcome; MAX_CANDIDATES as usize];
+impl<'a, C, T, F> VectorJob for DrawManyJob<'_, C, T, F>
+where
+    C: CutSource<'a>,
+    T: InstanceTrees<'a>,
+    F: FnMut(Outcome, [f32; 4]),
+{
+    type Output = ();
 
     #[inline(always)]
-    fn run(self) -> Self::Output {
-        let Self { source, directional_lux, u, count, instance_trees } = self;
+    fn run(self) {
+        let Self { source, directional_lux, u, candidates, instance_trees, visit } = self;
         let cut = source.cut(instance_trees);
-        let mut outcomes = [Outcome::Nothing; MAX_CANDIDATES as usize];
-        for (i, outcome) in (0..count).zip(&mut outcomes) {
-            let [a, b, ..] = candidate_numbers(u, i, count);
-            *outcome = draw(&cut, directional_lux, [a, b], instance_trees);
+        for i in 0..candidates {
+            let numbers = candidate_numbers(u, i, candidates);
+            visit(draw(&cut, directional_lux, [numbers[0], numbers[1]], instance_trees), numbers);
         }
-        outcomes
     }
 }
 
@@ -208,7 +206,7 @@ mod tests {
 
     #[test]
     fn first_numbers_lie_in_their_strata_and_the_others_spread_over_the_unit_cube() {
-        for count in [2, 3, 7, MAX_CANDIDATES] {
+        for count in [2, 3, 7, 32, 1000] {
             for u in [[0.0; 4], [0.999_999_94; 4], [0.5, 0.1, 0.7, 0.3]] {
                 let mut seen = Vec::new();
                 for i in 0..count {

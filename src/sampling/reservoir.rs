@@ -26,7 +26,7 @@ pub(crate) const MAX_RESERVOIR_WEIGHT: f32 = 1.0e37;
 /// ```
 /// use girandole::glam::Vec3;
 /// use girandole::light::luminance;
-/// use girandole::{CandidateCount, Light, LightSample, LightTree, LightWorld, Placement, Policy, Reservoir, ShadingPoint};
+/// use girandole::{Light, LightSample, LightTree, LightWorld, Placement, Policy, Reservoir, ShadingPoint};
 ///
 /// let mut world = LightWorld::new();
 /// let lamps = (0..9).map(|i| Light::point(Vec3::new(i as f32, 3.0, 0.0), Vec3::splat(100.0)));
@@ -35,7 +35,7 @@ pub(crate) const MAX_RESERVOIR_WEIGHT: f32 = 1.0e37;
 /// let sampler = world.sampler();
 ///
 /// let [here, beside] = [0.0, 0.5].map(|x| ShadingPoint::surface(Vec3::X * x, Vec3::Y));
-/// let draw = |at, u| sampler.resample(at, u, CandidateCount::ONE);
+/// let draw = |at, u| sampler.resample(at, u, 1);
 /// let [mut own, mut other] = [draw(&here, [0.1, 0.2, 0.3, 0.4, 0.5]), draw(&beside, [0.6, 0.7, 0.8, 0.9, 0.5])];
 ///
 /// // A renderer multiplies by its BRDF, and by the result of a shadow ray.

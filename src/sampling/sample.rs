@@ -13,8 +13,7 @@ use crate::keys::{InstanceKey, LightId, slot_of};
 use crate::light::{DirectionalLight, luminance};
 use crate::math::dice::{choice_pmf, clamp_unit, hashed_unit};
 use crate::math::simd::with_vectors;
-use crate::sampling::counts::SplitCount;
-use crate::sampling::cut::{InstanceTrees, NO_INSTANCE, NoInstances, OwnCut, TreeView};
+use crate::sampling::cut::{DEFAULT_SPLITS, InstanceTrees, NO_INSTANCE, NoInstances, OwnCut, TreeView};
 use crate::sampling::cuts::table::CutsInUse;
 use crate::sampling::distribution::DistributionJob;
 use crate::sampling::emit::{Incident, MIN_INVERSE_PDF, MIN_PDF, sample_light};
@@ -111,7 +110,7 @@ pub struct LightSample {
 pub struct LightSampler<'a> {
     pub(crate) world: &'a LightWorld,
     pub(crate) top: &'a TopLevel,
-    pub(crate) splits: SplitCount,
+    pub(crate) splits: usize,
     /// What is learnt, and its cells relative to the world's origin.
     pub(crate) visibility: Option<(&'a VisibilityTable, CellGrid)>,
     /// Cuts that neighbours share.
@@ -311,7 +310,7 @@ impl LightWorld {
         LightSampler {
             world: self,
             top: self.top_level(),
-            splits: SplitCount::DEFAULT,
+            splits: DEFAULT_SPLITS,
             visibility: None,
             cuts: None,
             is_from_roots: false,
@@ -350,14 +349,15 @@ impl<'a> LightSampler<'a> {
         Some(LightSample { light, pmf, incident, user_data })
     }
 
-    /// Returns the same sampler with another number of splits; [`LightWorld::sampler`] has
-    /// [`SplitCount::DEFAULT`].
+    /// Returns the same sampler with another number of splits, from 0 to [`MAX_SPLITS`](crate::MAX_SPLITS), as which
+    /// larger numbers count. [`LightWorld::sampler`] has six.
     ///
     /// A split replaces a cluster of lights near the shading point by its children before a light
     /// is chosen. More splits lower the noise near lights, and each of them takes the time of one
-    /// node. The probabilities of lights depend on the number: call all methods with the same one
-    /// for one estimate.
-    pub fn with_splits(self, splits: SplitCount) -> Self {
+    /// node; `docs/benchmarks.md` has the curve. Fewer clusters are split where no split would lower the noise. Between
+    /// the extremes, one more is split where the root has only one child that is worth it. The probabilities of lights
+    /// depend on the number: call all methods with the same one for one estimate.
+    pub fn with_splits(self, splits: usize) -> Self {
         Self { splits, ..self }
     }
 
@@ -705,7 +705,7 @@ impl LightTree {
     ///
     /// The shading point is in the tree's space. `u` and the result are as for
     /// [`LightSampler::pick`], `splits` as for [`LightSampler::with_splits`].
-    pub fn pick(&self, shading_point: &ShadingPoint, u: [f32; 2], splits: SplitCount) -> Option<(u32, f32)> {
+    pub fn pick(&self, shading_point: &ShadingPoint, u: [f32; 2], splits: usize) -> Option<(u32, f32)> {
         let source = OwnCut { root: TreeView::of_tree(self.nodes(), shading_point), splits, directional_lux: 0.0 };
         match with_vectors(DrawJob { source, directional_lux: 0.0, u, instance_trees: &NoInstances }) {
             Outcome::Light(TreeLight { light, pmf, .. }) => Some((light, pmf)),
@@ -715,7 +715,7 @@ impl LightTree {
 
     /// Returns the probability with which [`LightTree::pick`] chooses a light; 0 for an index that
     /// the tree does not have and for that of a removed light.
-    pub fn pmf(&self, shading_point: &ShadingPoint, light: u32, splits: SplitCount) -> f32 {
+    pub fn pmf(&self, shading_point: &ShadingPoint, light: u32, splits: usize) -> f32 {
         let Some(place) = self.leaves().get(light as usize).filter(|place| **place != NO_LEAF) else { return 0.0 };
         let root = TreeView::of_tree(self.nodes(), shading_point);
         let query = PmfQuery::Light(LeafPath { tree: root, place: *place, top: None });

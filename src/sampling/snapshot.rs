@@ -1,6 +1,6 @@
 //! The lights of a world as they are at one moment.
 
-use crate::sampling::counts::SplitCount;
+use crate::sampling::cut::DEFAULT_SPLITS;
 use crate::sampling::reservoir::Reservoir;
 use crate::sampling::sample::{LightSample, LightSampler};
 use crate::shading::shading_point::ShadingPoint;
@@ -31,7 +31,7 @@ impl LightSnapshot {
         let sampler = LightSampler {
             world: &self.world,
             top: &self.top,
-            splits: SplitCount::DEFAULT,
+            splits: DEFAULT_SPLITS,
             visibility: None,
             cuts: None,
             is_from_roots: false,

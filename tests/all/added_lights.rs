@@ -11,7 +11,7 @@ use girandole::scheduler::VirtualClock;
 use girandole::tree::{NO_LEAF, NO_PARENT, WIDTH};
 use girandole::{
     Effects, FrameBudget, FrameReport, InstanceKey, Light, LightError, LightId, LightTree, LightWorld, Placement,
-    Policy, ShadingPoint, SplitCount, TreeKey, WorldError,
+    Policy, ShadingPoint, TreeKey, WorldError,
 };
 use proptest::prelude::*;
 
@@ -644,7 +644,7 @@ fn mean_sigma(tree: &LightTree) -> f64 {
     let noises: Vec<_> = (0..200)
         .map(|_| {
             let at = rng.position(50.0);
-            tree.distribution(&ShadingPoint::volume(at), SplitCount::DEFAULT, &mut pmfs);
+            tree.distribution(&ShadingPoint::volume(at), 6, &mut pmfs);
             let arriving = |light: &Light| light.emission.x / light.cluster().mean.distance_squared(at);
             let contributions: Vec<f32> = tree.lights().iter().map(arriving).collect();
             Noise::of(&contributions, &pmfs).expect("some light contributes")

@@ -6,8 +6,8 @@ use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Vec3};
 use girandole::plan::{LightPlanner, PlanLimits, UploadReport};
 use girandole::{
-    CandidateCount, Effects, FrameBudget, InstanceKey, Light, LightTree, LightWorld, OriginMode, Placement, Policy,
-    Region, RegionInstance, Reservoir, TreeKey,
+    Effects, FrameBudget, InstanceKey, Light, LightTree, LightWorld, OriginMode, Placement, Policy, Region,
+    RegionInstance, Reservoir, TreeKey,
 };
 
 use testbed::testing::counting::{Counting, held_bytes, live_bytes, requested_bytes, requests};
@@ -435,7 +435,7 @@ fn sampling_asks_for_no_memory() {
         for shading_point in &shading_points {
             let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
             let five = [u[0], u[1], u[2], u[3], rng.unit()];
-            let kept = sampler.resample(shading_point, five, CandidateCount::MAX);
+            let kept = sampler.resample(shading_point, five, 32);
             if let Some(sample) = sampler
                 .reservoir_sample(shading_point, &Reservoir { reflected: 1.0, ..kept }.merge(2.0, &kept, 1.0, u[0]))
             {

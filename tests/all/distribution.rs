@@ -3,7 +3,6 @@
 use girandole::glam::Vec3;
 use girandole::{
     DirectionalLight, Light, LightSampler, LightTree, LightWorld, MAX_SPLITS, Placement, Policy, ShadingPoint,
-    SplitCount,
 };
 
 use testbed::testing::support::{Rng, all_pmfs};
@@ -53,7 +52,7 @@ fn the_distribution_of_a_world_is_the_pmf_of_each_light() {
         let dark = Light::point(Vec3::ONE, Vec3::ZERO);
         world.set_lights(tree, &[(0, dark), (3, dark)]).expect("lights of that tree");
         world.update(girandole::FrameBudget::UNLIMITED);
-        for splits in (0..=MAX_SPLITS).filter_map(|count| SplitCount::new(count).ok()) {
+        for splits in 0..=MAX_SPLITS {
             for _ in 0..6 {
                 let shading_point = rng.masked_point(60.0);
                 let sum = compare(&world.sampler().with_splits(splits), &shading_point, &mut pmfs);
@@ -74,7 +73,7 @@ fn the_distribution_of_a_tree_is_the_pmf_of_each_light_and_sums_to_one() {
         // Point lights reach everything: no draw ends without a light.
         let lights = (0..count).map(|_| Light::point(rng.position(20.0), Vec3::splat(rng.unit() + 0.01))).collect();
         let tree = LightTree::new(lights).expect("valid lights");
-        for splits in (0..=MAX_SPLITS).filter_map(|count| SplitCount::new(count).ok()) {
+        for splits in 0..=MAX_SPLITS {
             let shading_point = ShadingPoint::volume(rng.position(30.0));
             tree.distribution(&shading_point, splits, &mut pmfs);
             assert_eq!(pmfs.len(), count);

@@ -5,8 +5,8 @@ use girandole::glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
 use girandole::gpu::{GpuLights, wgsl};
 use girandole::light::luminance;
 use girandole::{
-    CandidateCount, DirectionalLight, Effects, Gloss, Light, LightId, LightSampler, LightTree, LightWorld, Placement,
-    Policy, ShadingPoint,
+    DirectionalLight, Effects, Gloss, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy,
+    ShadingPoint,
 };
 
 use crate::gpu::{ask, gpu};
@@ -202,7 +202,7 @@ fn candidates_are_kept_in_proportion_to_what_is_reflected_of_them() {
         .filter_map(|light| sampler.sample_light(&at, light, [0.5; 2]))
         .map(|i| reflected(&i))
         .sum();
-    let [one, eight] = [CandidateCount::of::<1>(), CandidateCount::of::<8>()].map(|candidates| {
+    let [one, eight] = [1, 8].map(|candidates| {
         let (mut sum, mut squares) = (0.0, 0.0);
         for _ in 0..4000 {
             let u = std::array::from_fn(|_| rng.unit());

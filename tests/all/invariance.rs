@@ -2,7 +2,7 @@
 //! measured and how bright it is as a whole.
 
 use girandole::glam::{Mat3, Quat, Vec3};
-use girandole::{DirectionalLight, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint, Shape, SplitCount};
+use girandole::{DirectionalLight, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint, Shape};
 
 use testbed::testing::support::{Rng, SPLITS, all_pmfs};
 
@@ -71,7 +71,7 @@ fn dimmed(light: &Light, factor: f32) -> Light {
 }
 
 /// The bits of the probabilities of all lights.
-fn bits(world: &LightWorld, at: &ShadingPoint, splits: SplitCount) -> Vec<u32> {
+fn bits(world: &LightWorld, at: &ShadingPoint, splits: usize) -> Vec<u32> {
     all_pmfs(&world.sampler().with_splits(splits), at).into_iter().map(|(_, pmf)| pmf.to_bits()).collect()
 }
 
@@ -121,7 +121,7 @@ fn difference(a: &[f32], b: &[f32]) -> f64 {
 }
 
 /// Probabilities of the lights of a world.
-fn pmfs(world: &LightWorld, at: &ShadingPoint, splits: SplitCount) -> Vec<f32> {
+fn pmfs(world: &LightWorld, at: &ShadingPoint, splits: usize) -> Vec<f32> {
     all_pmfs(&world.sampler().with_splits(splits), at).into_iter().map(|(_, pmf)| pmf).collect()
 }
 

@@ -4,27 +4,15 @@ use girandole::glam::Vec3;
 use girandole::gpu::{GpuLights, SampleRecord, SampleRequest};
 use girandole::light::luminance;
 use girandole::{
-    CandidateCount, Incident, Light, LightId, LightSample, LightSampler, LightTree, LightWorld, MAX_CANDIDATES,
-    Placement, Policy, Reservoir, ShadingPoint, Shape,
+    Incident, Light, LightId, LightSample, LightSampler, LightTree, LightWorld, Placement, Policy, Reservoir,
+    ShadingPoint, Shape,
 };
 
-use crate::gpu::{OTHER_PICKS, buffer, close, gpu, read, shading_point};
+use crate::gpu::{OTHER_PICKS, ask, close, gpu, requests, shading_point};
 use testbed::testing::support::Rng;
 
 fn random_numbers(rng: &mut Rng) -> [f32; 5] {
     [rng.unit(), rng.unit(), rng.unit(), rng.unit(), rng.unit()]
-}
-
-/// The numbers of a request.
-fn numbers(request: &SampleRequest) -> [f32; 5] {
-    let [a, b, x, y] = request.u;
-    [a, b, x, y, request.choice]
-}
-
-fn requests(rng: &mut Rng, count: usize, size: f32) -> Vec<SampleRequest> {
-    let mut requests = crate::gpu::requests(rng, count, size);
-    requests.iter_mut().for_each(|request| request.choice = rng.unit());
-    requests
 }
 
 fn cosine(shading_point: &ShadingPoint, direction: Vec3) -> f32 {
@@ -39,7 +27,7 @@ fn one_candidate_is_a_plain_sample() {
     let mut lit = 0;
     for _ in 0..3000 {
         let (shading_point, u) = (rng.shading_point(20.0), random_numbers(&mut rng));
-        let one = sampler.resample(&shading_point, u, CandidateCount::ONE);
+        let one = sampler.resample(&shading_point, u, 1);
         let pick = sampler.pick(&shading_point, [u[0], u[1]]);
         assert_eq!((one.light, one.weight, one.count), (pick.map(|p| p.light), pick.map_or(0.0, |p| 1.0 / p.pmf), 1.0));
         assert!(one.light.is_none() || (0..2).all(|i| (one.numbers[i] - u[2 + i]).abs() <= 0.5 / 65_536.0));
@@ -49,12 +37,8 @@ fn one_candidate_is_a_plain_sample() {
 }
 
 /// The light of what is kept of several candidates.
-fn kept(sampler: &LightSampler<'_>, at: &ShadingPoint, u: [f32; 5], candidates: CandidateCount) -> Option<LightSample> {
+fn kept(sampler: &LightSampler<'_>, at: &ShadingPoint, u: [f32; 5], candidates: u32) -> Option<LightSample> {
     sampler.reservoir_sample(at, &sampler.resample(at, u, candidates))
-}
-
-fn candidate_count(count: u32) -> CandidateCount {
-    CandidateCount::new(count).expect("within the limits")
 }
 
 /// A measure that differs from the weights of candidates, as shadows do: the red light of every
@@ -96,7 +80,7 @@ fn the_mean_is_the_sum_over_all_lights() {
         };
         let of = |light| Some(part(light, sampler.sample_light(&at, light, [0.5, 0.5])?));
         let exact: f64 = sampler.all_lights().filter_map(of).sum();
-        for candidates in [1, 2, 3, 8, MAX_CANDIDATES].map(candidate_count) {
+        for candidates in [1, 2, 3, 8, 100] {
             let draws = 6000;
             let (mut sum, mut squares) = (0.0, 0.0);
             for _ in 0..draws {
@@ -118,12 +102,7 @@ fn the_mean_is_the_sum_over_all_lights() {
 
 /// The relative variance of the light that one sample estimates, surfaces included, without
 /// shadows.
-fn variance(
-    sampler: &LightSampler<'_>,
-    shading_point: &ShadingPoint,
-    candidates: CandidateCount,
-    rng: &mut Rng,
-) -> f64 {
+fn variance(sampler: &LightSampler<'_>, shading_point: &ShadingPoint, candidates: u32, rng: &mut Rng) -> f64 {
     let draws = 3000;
     let (mut sum, mut squares) = (0.0, 0.0);
     for _ in 0..draws {
@@ -145,8 +124,8 @@ fn stratified_candidates_have_less_noise_than_independent_ones() {
     let (mut one, mut eight) = (0.0, 0.0);
     for _ in 0..60 {
         let shading_point = rng.shading_point(20.0);
-        one += variance(&sampler, &shading_point, CandidateCount::ONE, &mut rng).sqrt();
-        eight += variance(&sampler, &shading_point, CandidateCount::of::<8>(), &mut rng).sqrt();
+        one += variance(&sampler, &shading_point, 1, &mut rng).sqrt();
+        eight += variance(&sampler, &shading_point, 8, &mut rng).sqrt();
     }
     // Independent candidates would have the deviation of one over the root of eight.
     assert!(eight < 0.9 * one / 8.0_f64.sqrt(), "{one} {eight}");
@@ -158,7 +137,7 @@ fn extreme_lights_and_empty_worlds_give_finite_weights_or_none() {
     let mut world = LightWorld::new();
     let ground = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
     let nothing = Reservoir { count: 1.0, ..Reservoir::default() };
-    assert_eq!(world.sampler().resample(&ground, [0.5; 5], CandidateCount::of::<8>()), nothing);
+    assert_eq!(world.sampler().resample(&ground, [0.5; 5], 8), nothing);
     let mut add = |height: f32, candela: f32| {
         let tree =
             world.add_tree(LightTree::new(vec![Light::point(Vec3::Y * height, Vec3::splat(candela))]).expect("valid"));
@@ -167,30 +146,51 @@ fn extreme_lights_and_empty_worlds_give_finite_weights_or_none() {
     add(-3.0, 1.0);
     let dim = add(2.0, 1.0e-15);
     let bright = add(1.0e-10, 1.0e15);
-    for candidates in [1, 2, 8, 32].map(candidate_count) {
+    for candidates in [1, 2, 8, 32] {
         for _ in 0..200 {
             let kept = world.sampler().resample(&ground, random_numbers(&mut rng), candidates);
             assert!(kept.light.is_some() && kept.weight.is_finite() && kept.weight > 0.0, "{kept:?}");
         }
     }
     world.remove_instance(bright).expect("a live instance");
-    assert!(world.sampler().resample(&ground, [0.5; 5], CandidateCount::of::<8>()).weight > 0.0);
+    assert!(world.sampler().resample(&ground, [0.5; 5], 8).weight > 0.0);
     world.remove_instance(dim).expect("a live instance");
     // Only what lies below the ground is left.
-    assert_eq!(world.sampler().resample(&ground, [0.5; 5], CandidateCount::of::<8>()), nothing);
+    assert_eq!(world.sampler().resample(&ground, [0.5; 5], 8), nothing);
 }
 
+/// A shading point and the numbers of its candidates.
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct Question {
+    request: SampleRequest,
+    choice: f32,
+    candidates: u32,
+    padding: [u32; 2],
+}
+
+const ENGINE: &str = "
+    struct Question {
+        position: vec3<f32>, padding: u32, normal: vec3<f32>, padding_after_normal: u32,
+        u: vec4<f32>, choice: f32, candidates: u32,
+    }
+    @group(0) @binding(0) var<storage, read> questions: array<Question>;
+    @group(0) @binding(1) var<storage, read_write> answers: array<LightSample>;
+    @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
+        if id.x >= arrayLength(&questions) { return; }
+        let q = questions[id.x];
+        let at = light_surface_point(q.position, q.normal);
+        answers[id.x] = light_reservoir_sample(at, light_resample(at, q.u, q.choice, q.candidates));
+    }";
+
 /// Counts the records with another light or another weight than the CPU's.
-fn others(
-    world: &LightWorld,
-    requests: &[SampleRequest],
-    records: &[SampleRecord],
-    candidates: CandidateCount,
-) -> usize {
+fn others(world: &LightWorld, questions: &[Question], records: &[SampleRecord]) -> usize {
     let sampler = world.sampler().from_roots();
     let directionals: Vec<_> = world.directionals().collect();
-    let differs = |(request, record): (&SampleRequest, &SampleRecord)| {
-        let twin = kept(&sampler, &shading_point(request), numbers(request), candidates);
+    let differs = |(question, record): (&Question, &SampleRecord)| {
+        let [a, b, x, y] = question.request.u;
+        let at = shading_point(&question.request);
+        let twin = kept(&sampler, &at, [a, b, x, y, question.choice], question.candidates);
         let (Some(twin), true) = (twin, record.pmf > 0.0) else { return twin.is_some() != (record.pmf > 0.0) };
         let light = match record.instance {
             u32::MAX => LightId::Directional(directionals[record.light as usize]),
@@ -199,7 +199,7 @@ fn others(
         let turn = (Vec3::from(record.direction) - twin.incident.direction).length();
         light != twin.light || turn > 2.0e-3 || !close(record.pmf, twin.pmf) || !close(record.pdf, twin.incident.pdf)
     };
-    requests.iter().zip(records).filter(|pair| differs(*pair)).count()
+    questions.iter().zip(records).filter(|pair| differs(*pair)).count()
 }
 
 #[test]
@@ -217,18 +217,20 @@ fn the_gpu_keeps_the_same_candidates_with_the_same_weights() {
         }
         let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
         lights.upload(&world).expect("room enough");
-        let input = buffer(&device, &queue, bytemuck::cast_slice(&requests));
-        for candidates in [1, 2, 5, 8, MAX_CANDIDATES].map(candidate_count) {
-            let output = buffer(&device, &queue, &vec![0; count * size_of::<SampleRecord>()]);
-            let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            lights.build_top(&mut encoder);
-            lights.resample(&mut encoder, &input, &output, requests.len() as u32, candidates);
-            queue.submit([encoder.finish()]);
-            let records: Vec<SampleRecord> = read(&device, &queue, &output);
-            let others = others(&world, &requests, &records, candidates);
+        for candidates in [1, 2, 5, 8, 32] {
+            let question = |request: &SampleRequest| Question {
+                request: *request,
+                choice: rng.unit(),
+                candidates,
+                padding: [0; 2],
+            };
+            let questions: Vec<_> = requests.iter().map(question).collect();
+            let text = lights.shader(1, world.effects()).join(ENGINE);
+            let records: Vec<SampleRecord> = ask(&mut lights, text, &questions, count);
+            let others = others(&world, &questions, &records);
             // Each candidate may fall on the other side of a border between two lights, which
             // changes the weight.
-            let allowed = OTHER_PICKS * f64::from(candidates.get()) * count as f64;
+            let allowed = OTHER_PICKS * f64::from(candidates) * count as f64;
             assert!(others as f64 <= allowed, "{candidates}: {others} of {count} differ");
             lit += records.iter().filter(|r| r.pmf > 0.0).count();
         }

@@ -5,8 +5,8 @@ use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
 use girandole::light::luminance;
 use girandole::{
-    CandidateCount, DirectionalLight, Effects, FrameBudget, Light, LightId, LightSampler, LightTree, LightWorld,
-    Placement, Policy, Reservoir, ShadingPoint,
+    DirectionalLight, Effects, FrameBudget, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy,
+    Reservoir, ShadingPoint,
 };
 
 use crate::gpu::{ask, close, gpu};
@@ -71,7 +71,7 @@ fn deviations(rng: &mut Rng, world: &LightWorld, merge: Merge) -> Vec<f64> {
             .map(|incident| f64::from(lit(&at, incident)))
             .sum();
         let draw = |rng: &mut Rng, at: &ShadingPoint, count: f32| {
-            let own = sampler.resample(at, std::array::from_fn(|_| rng.unit()), CandidateCount::ONE);
+            let own = sampler.resample(at, std::array::from_fn(|_| rng.unit()), 1);
             Reservoir { reflected: reflected(&sampler, at, &own), count, ..own }
         };
         let (draws, mut sum, mut squares) = (6000, 0.0, 0.0);
@@ -201,7 +201,7 @@ fn a_kept_light_is_evaluated_as_it_is_now_and_not_in_the_name_of_another() {
     let tree = world.add_tree(LightTree::new(vec![lamp(8.0)]).expect("valid"));
     let instance = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
     let ground = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
-    let kept = world.sampler().resample(&ground, [0.3; 5], CandidateCount::of::<8>());
+    let kept = world.sampler().resample(&ground, [0.3; 5], 8);
     let light = LightId::Local { instance, light: 0 };
     assert_eq!((kept.light, kept.weight, kept.count), (Some(light), 1.0, 1.0));
     let lux = |world: &LightWorld| world.sampler().reservoir_sample(&ground, &kept).map(|s| s.incident.radiance.x);
@@ -314,7 +314,7 @@ fn light_beside_a_lamp_that_drives(rays: RaysThen) -> f64 {
         };
         let here = |kept: &Reservoir| lit(sampler.reservoir_sample(&ground, kept), frame);
         for reservoir in &mut kept {
-            let mut own = sampler.resample(&ground, std::array::from_fn(|_| rng.unit()), CandidateCount::ONE);
+            let mut own = sampler.resample(&ground, std::array::from_fn(|_| rng.unit()), 1);
             own.reflected = here(&own);
             if frame > 0 {
                 let former = then.reservoir_sample(&ground, &own);

@@ -6,7 +6,6 @@ use std::collections::HashMap;
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::{
     DirectionalLight, FrameBudget, Light, LightId, LightTree, LightWorld, MAX_SPLITS, Placement, Policy, ShadingPoint,
-    SplitCount,
 };
 
 use testbed::testing::support::{Rng, SPLITS, all_pmfs};
@@ -219,20 +218,19 @@ fn the_split_of_the_only_instance_is_not_counted_except_without_splits_and_at_th
     let key = world.add_tree(tree.clone());
     let instance = world.add_instance(key, Placement::at(DVec3::ZERO), Policy::Static).expect("valid");
     world.update(FrameBudget::UNLIMITED);
-    let of = |splits: usize| SplitCount::new(splits).expect("at most seven");
     let mut differences = 0;
     for _ in 0..20 {
         let at = ShadingPoint::volume(rng.position(20.0));
         for splits in 0..=MAX_SPLITS {
             // The split of the instance is one of seven, and then the tree has the other six.
             let in_tree = if splits == MAX_SPLITS { MAX_SPLITS - 1 } else { splits };
-            let sampler = world.sampler().with_splits(of(splits));
+            let sampler = world.sampler().with_splits(splits);
             for light in 0..300 {
                 let pmf = sampler.pmf(&at, LightId::Local { instance, light });
-                let alone = tree.pmf(&at, light, of(in_tree));
+                let alone = tree.pmf(&at, light, in_tree);
                 // Instances widen boxes by the error of a rotation, which changes doubts a little.
                 assert!((pmf - alone).abs() <= 1.0e-3 * alone, "{splits} splits: {pmf}, alone {alone}");
-                let counted = tree.pmf(&at, light, of(in_tree.saturating_sub(1)));
+                let counted = tree.pmf(&at, light, in_tree.saturating_sub(1));
                 differences += u32::from((1..MAX_SPLITS).contains(&splits) && (pmf - counted).abs() > 0.01 * pmf);
             }
         }

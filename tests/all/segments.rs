@@ -5,8 +5,7 @@ use girandole::glam::{DVec3, Vec3};
 use girandole::gpu::{GpuLights, wgsl};
 use girandole::light::luminance;
 use girandole::{
-    CandidateCount, DirectionalLight, Effects, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy,
-    ShadingPoint,
+    DirectionalLight, Effects, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy, ShadingPoint,
 };
 
 use crate::gpu::{ask, close, gpu};
@@ -198,7 +197,7 @@ fn samples_estimate_the_integral_over_the_segment_and_candidates_do_so_with_less
                 assert!((0.0..=length * 1.000_001).contains(&sample.incident.along));
                 value(sample.light, sample.incident.radiance, 1.0 / (sample.pmf * sample.incident.pdf))
             });
-            let eight = sampler.resample(&at, u, CandidateCount::of::<8>());
+            let eight = sampler.resample(&at, u, 8);
             let eight = sampler.reservoir_sample(&at, &eight).map_or(0.0, |sample| {
                 value(sample.light, sample.incident.radiance, 1.0 / (sample.pmf * sample.incident.pdf))
             });
@@ -391,7 +390,7 @@ fn the_shader_gives_the_answers_of_the_cpu_and_takes_the_middle_without_the_effe
                 1 => sample.map_or(0.0, |incident| incident.along),
                 2 => sampler.along_pdf(&at, light, 0.4 * length),
                 3 => sample.map_or(0.0, |incident| incident.radiance.x / incident.pdf.max(1.0e-30)),
-                4 => sampler.resample(&at, [u[0], u[1], u[0], u[1], 0.5], CandidateCount::of::<4>()).weight,
+                4 => sampler.resample(&at, [u[0], u[1], u[0], u[1], 0.5], 4).weight,
                 _ => sampler.pdf(&at, light, Vec3::ONE),
             });
             middles.push(sampler.pmf(&ShadingPoint::volume(at.position), light));

@@ -2,8 +2,8 @@
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::{
-    CandidateCount, CutError, CutOptions, CutReport, CutTable, DirectionalLight, FrameBudget, Gloss, Incident, Light,
-    LightSampler, LightTree, LightWorld, Placement, Policy, ShadingPoint, VisibilityTable,
+    CutError, CutOptions, CutReport, CutTable, DirectionalLight, FrameBudget, Gloss, Incident, Light, LightSampler,
+    LightTree, LightWorld, Placement, Policy, ShadingPoint, VisibilityTable,
 };
 use rayon::prelude::*;
 
@@ -429,11 +429,11 @@ fn means_equal_the_sum_over_all_lights() {
         };
         // A light counts with the same point both times, so the sum is exact.
         let exact: f64 = sampler.all_lights().filter_map(|light| lux(light, [0.4, 0.6])).sum();
-        for candidates in [CandidateCount::ONE, CandidateCount::of::<4>()] {
+        for candidates in [1, 4] {
             let (count, mut sum, mut squares) = (20_000, 0.0, 0.0);
             for _ in 0..count {
                 let value = match candidates {
-                    CandidateCount::ONE => sampler
+                    1 => sampler
                         .pick(&at, [rng.unit(), rng.unit()])
                         .map_or(0.0, |pick| lux(pick.light, [0.4, 0.6]).map_or(0.0, |lux| lux / f64::from(pick.pmf))),
                     _ => {

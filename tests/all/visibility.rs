@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::{
-    CandidateCount, Light, LightId, LightSample, LightSampler, LightTree, LightWorld, Placement, Policy, ShadingPoint,
+    Light, LightId, LightSample, LightSampler, LightTree, LightWorld, Placement, Policy, ShadingPoint,
     VisibilityOptions, VisibilityTable,
 };
 use rayon::prelude::*;
@@ -195,7 +195,7 @@ fn frequencies_agree_with_the_probabilities() {
 }
 
 /// The mean illuminance of many estimates and its standard error.
-fn estimate(sampler: &LightSampler, at: &ShadingPoint, candidates: CandidateCount, rng: &mut Rng) -> (f64, f64) {
+fn estimate(sampler: &LightSampler, at: &ShadingPoint, candidates: u32, rng: &mut Rng) -> (f64, f64) {
     let count = 10_000;
     let (mut sum, mut squares) = (0.0, 0.0);
     for _ in 0..count {
@@ -218,7 +218,7 @@ fn estimates_with_a_table_have_the_same_mean_also_for_resampled_lights() {
     let mut rng = Rng(74);
     let (world, table, at) = learnt(&mut rng, 10.0);
     for at in at.iter().take(6) {
-        for candidates in [CandidateCount::of::<1>(), CandidateCount::of::<4>()] {
+        for candidates in [1, 4] {
             let without = estimate(&world.sampler(), at, candidates, &mut rng);
             let with = estimate(&world.sampler().with_visibility(&table), at, candidates, &mut rng);
             // Five standard errors, at twelve comparisons: a false alarm in one of 100,000 seeds.

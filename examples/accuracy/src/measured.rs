@@ -9,9 +9,9 @@ use super::scene_view::{SceneView, matte};
 use super::settings::{self, Change, DEFAULT, DEFAULT_BUDGET, MOST_LIGHTS, Sampler, Setting};
 use super::simplified::without;
 use super::table::{Row, mark_front};
+use girandole::LightWorld;
 use girandole::glam::Vec3;
 use girandole::light::luminance;
-use girandole::{CandidateCount, LightWorld};
 use std::collections::{HashMap, HashSet};
 use testbed::common::progress::progress;
 use testbed::direct_light::converged;
@@ -29,7 +29,7 @@ const REFERENCE_SEED: u32 = 1_000_000;
 /// each sample.
 pub const REFERENCE_SAMPLES: f64 = 64.0;
 /// See [`REFERENCE_SAMPLES`].
-pub const REFERENCE_CANDIDATES: CandidateCount = CandidateCount::MAX;
+pub const REFERENCE_CANDIDATES: u32 = 32;
 /// The samples per pixel of the default that equal time stands for.
 pub const EQUAL_TIME_SAMPLES: f64 = 4.0;
 /// The samplers to compare with that are shown in equal time: those with the least error.

@@ -11,7 +11,7 @@ use super::options::Options;
 use super::reuse_scenes::{Change, Place, Playing};
 use super::settings::counted;
 use girandole::glam::{IVec2, Vec3};
-use girandole::{CandidateCount, Light, LightId, Reservoir};
+use girandole::{Light, LightId, Reservoir};
 use std::fs;
 use std::time::Instant;
 use testbed::common::progress::progress;
@@ -305,11 +305,7 @@ struct Lights {
 }
 
 fn cells(place: Place, learns: bool) -> Result<Cells, SceneError> {
-    let settings = CellSettings {
-        has_gloss: !place.is_matte(),
-        candidates: CandidateCount::ONE,
-        taught: learns.then_some(WARM_UP),
-    };
+    let settings = CellSettings { has_gloss: !place.is_matte(), candidates: 1, taught: learns.then_some(WARM_UP) };
     Cells::new(settings).map_err(|error| SceneError(error.to_string()))
 }
 

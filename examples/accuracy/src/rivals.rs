@@ -11,7 +11,6 @@ use super::contests::{Arena, Closeness, Contest, GOALS, contests};
 use super::options::Options;
 use super::samplers::Samplers;
 use super::settings::{self, Sampler, counted};
-use girandole::CandidateCount;
 use std::fs;
 use testbed::common::progress::progress;
 use testbed::common::table::{Table, markdown_head, short};
@@ -117,12 +116,8 @@ fn measure(contest: Contest, closeness: &Closeness) -> Result<Vec<Entry>, SceneE
         }
     };
     let one_tree = prepared.one_level().sampler();
-    let mut draws = vec![
-        own(one_tree, CandidateCount::ONE),
-        own(world.sampler(), CandidateCount::ONE),
-        own(world.sampler(), CandidateCount::of::<8>()),
-    ];
-    for candidates in [CandidateCount::ONE, CandidateCount::of::<8>()] {
+    let mut draws = vec![own(one_tree, 1), own(world.sampler(), 1), own(world.sampler(), 8)];
+    for candidates in [1, 8] {
         let settings = CellSettings { has_gloss: !contest.is_matte, candidates, taught: None };
         draws.push(Box::new(arena.cells(settings)?));
     }

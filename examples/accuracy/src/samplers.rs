@@ -3,10 +3,7 @@
 use super::scene_view::SceneView;
 use super::settings::{STREAMED, Sampler};
 use girandole::tree::Node;
-use girandole::{
-    CandidateCount, FrameBudget, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy, ShadingPoint,
-    SplitCount,
-};
+use girandole::{FrameBudget, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy, ShadingPoint};
 use testbed::direct_light::cells::{CellSettings, SharedCells, TAUGHT};
 use testbed::direct_light::draw::{
     Draw, Frame, Resampled, ResampledByBrdf, ResampledWithGloss, Single, SingleWithGloss, Streaming,
@@ -68,15 +65,15 @@ impl<'a> Samplers<'a> {
         Some(match sampler {
             Sampler::TwoLevels { splits, candidates } => resampled(self.world, splits, candidates)?,
             Sampler::ByBrdf { splits, candidates } => {
-                let lights = self.world.sampler().with_splits(SplitCount::new(splits).ok()?);
-                Box::new(ResampledByBrdf { lights, candidates: CandidateCount::new(candidates).ok()? })
+                let lights = self.world.sampler().with_splits(splits);
+                Box::new(ResampledByBrdf { lights, candidates: candidates })
             }
             Sampler::WithGloss { splits, candidates } => {
-                let lights = self.world.sampler().with_splits(SplitCount::new(splits).ok()?);
-                Box::new(ResampledWithGloss { lights, candidates: CandidateCount::new(candidates).ok()? })
+                let lights = self.world.sampler().with_splits(splits);
+                Box::new(ResampledWithGloss { lights, candidates: candidates })
             }
             Sampler::SharedCuts { candidates, has_gloss, learns } => {
-                let candidates = CandidateCount::new(candidates).ok()?;
+                let candidates = candidates;
                 let settings = CellSettings { has_gloss, candidates, taught: learns.then_some(TAUGHT) };
                 Box::new(SharedCells::new(self.world, (&self.view.view, &self.view.scene), settings).ok()?)
             }
@@ -100,7 +97,7 @@ impl<'a> Samplers<'a> {
     pub fn pmfs(&self, sampler: Sampler, shading_point: &ShadingPoint) -> Option<Vec<f32>> {
         let of_world = |world: &LightWorld, splits| {
             let mut pmfs = Vec::new();
-            let sampler = world.sampler().with_splits(SplitCount::new(splits).ok()?);
+            let sampler = world.sampler().with_splits(splits);
             sampler.distribution(shading_point, &mut pmfs);
             Some(pmfs)
         };
@@ -165,6 +162,6 @@ impl<'a> Samplers<'a> {
 
 /// A way to draw from a world; `None` for counts beyond their limits.
 pub fn resampled(world: &LightWorld, splits: usize, candidates: u32) -> Option<Box<dyn Draw + '_>> {
-    let lights = world.sampler().with_splits(SplitCount::new(splits).ok()?);
-    Some(Box::new(Resampled { lights, candidates: CandidateCount::new(candidates).ok()? }))
+    let lights = world.sampler().with_splits(splits);
+    Some(Box::new(Resampled { lights, candidates: candidates }))
 }

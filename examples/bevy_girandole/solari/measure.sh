@@ -24,7 +24,6 @@ measure() {
 }
 
 for scene in spheres interior; do
-    compare --scene "$scene" --frames 1 --work | grep nodes
     for renderer in path-tracer real-time; do
         options=(--scene "$scene")
         [ "$renderer" = real-time ] || options+=(--path-tracer)

@@ -13,7 +13,7 @@ use super::lights::contributions;
 use super::lit::Lit;
 use super::stage::Stage;
 use girandole::glam::DVec3;
-use girandole::{InstanceKey, Light, LightId, LightTree, LightWorld, Placement, Policy, ShadingPoint, SplitCount};
+use girandole::{InstanceKey, Light, LightId, LightTree, LightWorld, Placement, Policy, ShadingPoint};
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -24,7 +24,7 @@ const MIN_SHARE: f64 = 1.0e-3;
 
 /// The number of splits inside a tree, of all splits of a choice. With 0 or 4 the oracle recovered
 /// less.
-const SPLITS: SplitCount = SplitCount::of::<2>();
+const SPLITS: usize = 2;
 
 /// A shading point that an instance of a tree lights.
 #[derive(Clone, Copy, Debug)]

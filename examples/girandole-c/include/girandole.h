@@ -40,9 +40,6 @@
 // Shaders that are made for the world's effects choose lights for segments of rays.
 #define GIRANDOLE_SAMPLING_SEGMENTS 4
 
-// The number of splits to use by default. 0 to 7 are allowed; more splits lower the noise and take longer.
-#define GIRANDOLE_DEFAULT_SPLITS 6
-
 // No limit.
 #define GIRANDOLE_NO_LIMIT UINT64_MAX
 
@@ -296,7 +293,6 @@ typedef struct GirandoleShadingPoint {
 //   200 to 299  the world refuses a call, for example because of a stale key
 //   300 to 399  a placement is refused
 //   400         a time budget is negative or NaN
-//   500         a count is out of range
 //   600 to 699  plans for the GPU
 //   700         a file is not valid, or an image or its place on a surface; the message names the line of a profile
 //   800         a baked tree is not sound
@@ -1356,9 +1352,8 @@ void girandole_region_destroy(struct GirandoleRegion *region);
 //            give the same light. Numbers outside are clamped, and NaN counts as 0.
 //   samples  room for count samples
 //
-// splits: 0 to 7, see GIRANDOLE_DEFAULT_SPLITS. A sample takes one to two microseconds.
+// A sample takes one to two microseconds.
 GirandoleStatus girandole_world_sample(const struct GirandoleWorld *world,
-                                       uint32_t splits,
                                        const struct GirandoleShadingPoint *shading_points,
                                        const float *u,
                                        size_t count,
@@ -1368,20 +1363,18 @@ GirandoleStatus girandole_world_sample(const struct GirandoleWorld *world,
 // single shadow ray then gives about as little noise as several. The estimate is brdf * cosine * radiance *
 // weight.
 //
-// candidates: 1 to 32. u: 5 * count random numbers, of which the fifth of each sample chooses among the
-// candidates.
+// Of 0 candidates none is kept. u: 5 * count random numbers, of which the fifth of each sample chooses among
+// the candidates.
 GirandoleStatus girandole_world_resample(const struct GirandoleWorld *world,
-                                         uint32_t splits,
                                          uint32_t candidates,
                                          const struct GirandoleShadingPoint *shading_points,
                                          const float *u,
                                          size_t count,
                                          struct GirandoleSample *samples);
 
-// Stores the probability with which girandole_world_sample, with the same splits, chooses light_ids[i] for
+// Stores the probability with which girandole_world_sample chooses light_ids[i] for
 // shading_points[i]. 0 for a light that does not exist, is dark or cannot reach the point.
 GirandoleStatus girandole_world_pmf(const struct GirandoleWorld *world,
-                                    uint32_t splits,
                                     const struct GirandoleShadingPoint *shading_points,
                                     const struct GirandoleLightId *light_ids,
                                     size_t count,
@@ -1399,7 +1392,6 @@ GirandoleStatus girandole_world_generations(const struct GirandoleWorld *world,
 // point on that light in metres relative to the origin: pmf * pdf, per steradian. For multiple importance
 // sampling of rays that hit lights.
 GirandoleStatus girandole_world_pdf(const struct GirandoleWorld *world,
-                                    uint32_t splits,
                                     const struct GirandoleShadingPoint *shading_points,
                                     const struct GirandoleLightId *light_ids,
                                     const struct GirandoleVec3 *hits,

@@ -40,7 +40,7 @@ static State state_of(const GirandoleWorld *world)
     State state;
     memset(&state, 0, sizeof state);
     EXPECT(GIRANDOLE_OK, girandole_world_counts(world, &state.counts));
-    EXPECT(GIRANDOLE_OK, girandole_world_sample(world, 6, &ground, u, 1, &state.sample));
+    EXPECT(GIRANDOLE_OK, girandole_world_sample(world, &ground, u, 1, &state.sample));
     return state;
 }
 
@@ -195,31 +195,30 @@ static void sampling(const GirandoleWorld *world)
     size_t count = 0;
 
     memset(&sample, 0x55, sizeof sample);
-    EXPECT(500, girandole_world_sample(world, 8, &ground, u, 1, &sample));
-    EXPECT(500, girandole_world_resample(world, 6, 0, &ground, u, 1, &sample));
-    EXPECT(500, girandole_world_resample(world, 6, 33, &ground, u, 1, &sample));
-    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_sample(NULL, 6, &ground, u, 1, &sample));
-    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_sample(world, 6, NULL, u, 1, &sample));
-    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_sample(world, 6, &ground, NULL, 1, &sample));
-    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_sample(world, 6, &ground, u, 1, NULL));
-    EXPECT(GIRANDOLE_ERROR_BAD_LENGTH, girandole_world_sample(world, 6, &ground, u, SIZE_MAX / 8, &sample));
+    EXPECT(GIRANDOLE_OK, girandole_world_resample(world, 0, &ground, u, 1, &sample));
+    REQUIRE(sample.light.kind == GIRANDOLE_ID_NONE);
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_sample(NULL, &ground, u, 1, &sample));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_sample(world, NULL, u, 1, &sample));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_sample(world, &ground, NULL, 1, &sample));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_sample(world, &ground, u, 1, NULL));
+    EXPECT(GIRANDOLE_ERROR_BAD_LENGTH, girandole_world_sample(world, &ground, u, SIZE_MAX / 8, &sample));
     bad.is_glossy = 9;
-    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_sample(world, 6, &bad, u, 1, &sample));
-    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_pmf(world, 6, &ground, &id, 1, &pmf));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_sample(world, &bad, u, 1, &sample));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_pmf(world, &ground, &id, 1, &pmf));
     REQUIRE(pmf == 7.0f && sample.is_delta == 0x55555555u);
     /* No sample, no pointers. */
-    EXPECT(GIRANDOLE_OK, girandole_world_sample(world, 6, NULL, NULL, 0, NULL));
+    EXPECT(GIRANDOLE_OK, girandole_world_sample(world, NULL, NULL, 0, NULL));
     /* Stale names and numbers that are not finite are ordinary: nothing arrives. */
     id.kind = GIRANDOLE_ID_INSTANCE, id.key = 12345;
     EXPECT(GIRANDOLE_OK, girandole_world_generations(world, &id, 1, &generation));
     REQUIRE(generation == 0);
-    EXPECT(GIRANDOLE_OK, girandole_world_pmf(world, 6, &ground, &id, 1, &pmf));
+    EXPECT(GIRANDOLE_OK, girandole_world_pmf(world, &ground, &id, 1, &pmf));
     REQUIRE(pmf == 0.0f);
     EXPECT(GIRANDOLE_OK, girandole_world_sample_lights(world, &ground, &id, u, 1, &sample));
     REQUIRE(sample.light.kind == GIRANDOLE_ID_NONE && sample.weight == 0.0f);
     bad = girandole_surface_point(nan3, nan3);
-    EXPECT(GIRANDOLE_OK, girandole_world_sample(world, 6, &bad, wild, 1, &sample));
-    EXPECT(GIRANDOLE_OK, girandole_world_sample(world, 6, &ground, wild, 1, &sample));
+    EXPECT(GIRANDOLE_OK, girandole_world_sample(world, &bad, wild, 1, &sample));
+    EXPECT(GIRANDOLE_OK, girandole_world_sample(world, &ground, wild, 1, &sample));
     REQUIRE(sample.light.kind != GIRANDOLE_ID_NONE && isfinite(sample.weight));
     EXPECT(GIRANDOLE_ERROR_NO_SPACE, girandole_world_lights(world, ids, 1, &count));
     REQUIRE(count > 1);

@@ -66,7 +66,7 @@ void require_unbiased(const GirandoleWorld *world, const GirandoleShadingPoint &
     Random random;
     for (auto &x : u) x = random.next();
     std::vector<GirandoleSample> samples(count);
-    check(girandole_world_sample(world, GIRANDOLE_DEFAULT_SPLITS, points.data(), u.data(), count, samples.data()));
+    check(girandole_world_sample(world, points.data(), u.data(), count, samples.data()));
     double sum = 0.0, sum_sq = 0.0;
     std::vector<GirandoleLightId> ids;
     for (const auto &s : samples) {
@@ -77,7 +77,7 @@ void require_unbiased(const GirandoleWorld *world, const GirandoleShadingPoint &
         ids.push_back(s.light);
     }
     std::vector<float> pmf(count);
-    check(girandole_world_pmf(world, GIRANDOLE_DEFAULT_SPLITS, points.data(), ids.data(), count, pmf.data()));
+    check(girandole_world_pmf(world, points.data(), ids.data(), count, pmf.data()));
     for (size_t i = 0; i < count; i++) {
         if (samples[i].pmf > 0.0f) require_near(pmf[i], samples[i].pmf, what + ", pmf");
     }
@@ -101,7 +101,7 @@ void closed_forms() {
     for (int i = 0; i < steps * steps; i++) {
         const float u[] = {0.5f, 0.5f, (i % steps + 0.5f) / steps, (i / steps + 0.5f) / steps};
         GirandoleSample s;
-        check(girandole_world_sample(world.get(), 0, &up, u, 1, &s));
+        check(girandole_world_sample(world.get(), &up, u, 1, &s));
         require(s.is_delta == 0 && s.light.key == instance && s.light.light == 0, "the sphere was not chosen");
         lux += s.radiance.y * s.direction.y * s.weight / (steps * steps);
     }
@@ -111,7 +111,7 @@ void closed_forms() {
     const auto emission = [&] {
         GirandoleSample s;
         const float u[] = {0.5f, 0.5f, 0.5f, 0.5f};
-        check(girandole_world_sample(world.get(), 0, &up, u, 1, &s));
+        check(girandole_world_sample(world.get(), &up, u, 1, &s));
         return s.light.kind == GIRANDOLE_ID_NONE ? 0.0f : s.radiance.y;
     };
     check(girandole_world_set_factor(world.get(), instance, vec3(1, 0.25f, 0)));
@@ -125,16 +125,16 @@ void closed_forms() {
     masked.mask = 1;
     GirandoleSample s;
     const float u[] = {0.5f, 0.5f, 0.5f, 0.5f};
-    check(girandole_world_sample(world.get(), 0, &masked, u, 1, &s));
+    check(girandole_world_sample(world.get(), &masked, u, 1, &s));
     require(s.light.kind == GIRANDOLE_ID_NONE && s.weight == 0.0f, "a mask hides nothing");
     check(girandole_world_set_user_data(world.get(), instance, 77));
-    check(girandole_world_sample(world.get(), 0, &up, u, 1, &s));
+    check(girandole_world_sample(world.get(), &up, u, 1, &s));
     require(s.user_data == 77, "user data");
 
     // The density of a direction to a hit is that of the sample.
     const auto hit = vec3(s.direction.x * s.dist, s.direction.y * s.dist, s.direction.z * s.dist);
     float pdf = 0.0f;
-    check(girandole_world_pdf(world.get(), 0, &up, &s.light, &hit, 1, &pdf));
+    check(girandole_world_pdf(world.get(), &up, &s.light, &hit, 1, &pdf));
     require_near(pdf, s.pmf * s.pdf, "pdf");
 
     // A directional light of 10 lux, 60 degrees from the zenith.
@@ -158,7 +158,7 @@ void sky_and_profiles() {
         for (int i = 0; i < count; i++) {
             const float u[] = {random.next(), random.next(), random.next(), random.next()};
             GirandoleSample s;
-            check(girandole_world_sample(world.get(), 0, &up, u, 1, &s));
+            check(girandole_world_sample(world.get(), &up, u, 1, &s));
             lux += s.radiance.y * s.direction.y * s.weight / count;
         }
         return lux;
@@ -233,7 +233,7 @@ void windows() {
         for (int i = 0; i < count; i++) {
             const float u[] = {random.next(), random.next(), random.next(), random.next()};
             GirandoleSample s;
-            check(girandole_world_sample(world.get(), 6, &wall, u, 1, &s));
+            check(girandole_world_sample(world.get(), &wall, u, 1, &s));
             const auto d = s.direction;
             if (s.weight == 0.0f || std::fabs(d.y) > 0.3f * d.x || std::fabs(d.z) > 0.4f * d.x) continue;
             const double lux = s.radiance.y * d.x * s.weight;
@@ -382,7 +382,7 @@ void every_kind() {
     const auto ids = all_lights(world.get());
     const std::vector<GirandoleShadingPoint> points(ids.size(), ground);
     std::vector<float> pmf(ids.size());
-    check(girandole_world_pmf(world.get(), 6, points.data(), ids.data(), ids.size(), pmf.data()));
+    check(girandole_world_pmf(world.get(), points.data(), ids.data(), ids.size(), pmf.data()));
     double sum = 0.0;
     for (const float p : pmf) sum += p;
     require(sum <= 1.0 + ROUNDING, "the probabilities sum up to " + std::to_string(sum));
@@ -395,7 +395,7 @@ void every_kind() {
     for (auto &x : u) x = random.next();
     // A sample has no light also where the chosen light sends nothing, so the share of those with one may be smaller.
     std::vector<GirandoleSample> lit(count);
-    check(girandole_world_sample(world.get(), 6, many.data(), u.data(), count, lit.data()));
+    check(girandole_world_sample(world.get(), many.data(), u.data(), count, lit.data()));
     size_t with_light = 0;
     for (const auto &sample : lit) with_light += sample.light.kind != GIRANDOLE_ID_NONE;
     const double share = double(with_light) / count;
@@ -408,7 +408,7 @@ void every_kind() {
     std::vector<std::thread> threads;
     for (auto &result : results) {
         threads.emplace_back([&] {
-            check(girandole_world_resample(world.get(), 6, 8, many.data(), u.data(), count, result.data()));
+            check(girandole_world_resample(world.get(), 8, many.data(), u.data(), count, result.data()));
         });
     }
     for (auto &thread : threads) thread.join();

@@ -47,7 +47,7 @@ int main(void)
     for (i = 0; i < SAMPLES; i++) {
         float u[4] = {(i + 0.5f) / SAMPLES, 0.2f, 0.3f, 0.4f};
         GirandoleSample s;
-        if (failed(girandole_world_sample(world, GIRANDOLE_DEFAULT_SPLITS, &ground, u, 1, &s))) {
+        if (failed(girandole_world_sample(world, &ground, u, 1, &s))) {
             return 1;
         }
         /* The cosine at the ground is direction.y. Without a light the weight is 0. */

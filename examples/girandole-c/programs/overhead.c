@@ -61,8 +61,8 @@ int main(void)
         MEASURE(0, CALLS, girandole_world_origin(world, &origin));
         MEASURE(1, CALLS, girandole_world_set_user_data(world, instance, (uint32_t)i));
         MEASURE(2, CALLS / 10, girandole_world_set_user_data(world, 0, 0) == 203 ? 0 : 1);
-        MEASURE(3, SAMPLES, girandole_world_sample(world, 6, &points[i % BATCH], &u[4 * (i % BATCH)], 1, samples));
-        MEASURE(4, SAMPLES / BATCH, girandole_world_sample(world, 6, points, u, BATCH, samples));
+        MEASURE(3, SAMPLES, girandole_world_sample(world, &points[i % BATCH], &u[4 * (i % BATCH)], 1, samples));
+        MEASURE(4, SAMPLES / BATCH, girandole_world_sample(world, points, u, BATCH, samples));
     }
     printf("a call that reads: %.1f ns\n", 1e9 * best[0]);
     printf("a call that changes: %.1f ns\n", 1e9 * best[1]);

@@ -1,17 +1,12 @@
 //! Sampling on the CPU, in batches.
 
-use girandole::{
-    CandidateCount, DirectionalKey, Incident, InstanceKey, LightId, LightSample, LightSampler, ShadingPoint, SplitCount,
-};
+use girandole::{DirectionalKey, Incident, InstanceKey, LightId, LightSample, LightSampler, ShadingPoint};
 
 use crate::memory::{Output, array, list, object, output};
 use crate::shading_point::{GirandoleShadingPoint, shading_point};
 use crate::status::{Failure, GirandoleStatus, call};
 use crate::vectors::GirandoleVec3;
 use crate::world::GirandoleWorld;
-
-/// The number of splits to use by default. 0 to 7 are allowed; more splits lower the noise and take longer.
-pub const GIRANDOLE_DEFAULT_SPLITS: u32 = 6;
 
 /// What a GirandoleLightId names: one of GIRANDOLE_ID_*.
 pub type GirandoleIdKind = u32;
@@ -109,11 +104,10 @@ impl From<LightSample> for GirandoleSample {
     }
 }
 
-/// The sampler of a const world, with a number of splits.
-unsafe fn sampler<'a>(world: *const GirandoleWorld, splits: u32) -> Result<LightSampler<'a>, Failure> {
-    let splits = SplitCount::new(splits as usize)?;
+/// The sampler of a const world.
+unsafe fn sampler<'a>(world: *const GirandoleWorld) -> Result<LightSampler<'a>, Failure> {
     // SAFETY: see the crate's documentation. No call that changes the world runs before this one returns.
-    Ok(unsafe { object(world, "world")? }.read()?.sampler().with_splits(splits))
+    Ok(unsafe { object(world, "world")? }.read()?.sampler())
 }
 
 unsafe fn points(pointer: *const GirandoleShadingPoint, count: usize) -> Result<Vec<ShadingPoint>, Failure> {
@@ -142,11 +136,10 @@ unsafe fn ids(pointer: *const GirandoleLightId, count: usize) -> Result<Vec<Opti
 ///            give the same light. Numbers outside are clamped, and NaN counts as 0.
 ///   samples  room for count samples
 ///
-/// splits: 0 to 7, see GIRANDOLE_DEFAULT_SPLITS. A sample takes one to two microseconds.
+/// A sample takes one to two microseconds.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_sample(
     world: *const GirandoleWorld,
-    splits: u32,
     shading_points: *const GirandoleShadingPoint,
     u: *const f32,
     count: usize,
@@ -154,7 +147,7 @@ pub unsafe extern "C" fn girandole_world_sample(
 ) -> GirandoleStatus {
     call(|| {
         // SAFETY: see the crate's documentation.
-        let (sampler, points) = unsafe { (sampler(world, splits)?, points(shading_points, count)?) };
+        let (sampler, points) = unsafe { (sampler(world)?, points(shading_points, count)?) };
         // SAFETY: see the crate's documentation.
         let (u, samples) = unsafe { (numbers::<4>(u, count)?, output(samples, count, "samples")?) };
         let chosen = points.iter().zip(u).map(|(point, u)| sampler.sample(point, *u));
@@ -167,12 +160,11 @@ pub unsafe extern "C" fn girandole_world_sample(
 /// single shadow ray then gives about as little noise as several. The estimate is brdf * cosine * radiance *
 /// weight.
 ///
-/// candidates: 1 to 32. u: 5 * count random numbers, of which the fifth of each sample chooses among the
-/// candidates.
+/// Of 0 candidates none is kept. u: 5 * count random numbers, of which the fifth of each sample chooses among
+/// the candidates.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_resample(
     world: *const GirandoleWorld,
-    splits: u32,
     candidates: u32,
     shading_points: *const GirandoleShadingPoint,
     u: *const f32,
@@ -180,9 +172,8 @@ pub unsafe extern "C" fn girandole_world_resample(
     samples: *mut GirandoleSample,
 ) -> GirandoleStatus {
     call(|| {
-        let candidates = CandidateCount::new(candidates)?;
         // SAFETY: see the crate's documentation.
-        let (sampler, points) = unsafe { (sampler(world, splits)?, points(shading_points, count)?) };
+        let (sampler, points) = unsafe { (sampler(world)?, points(shading_points, count)?) };
         // SAFETY: see the crate's documentation.
         let (u, samples) = unsafe { (numbers::<5>(u, count)?, output(samples, count, "samples")?) };
         let kept = points
@@ -194,12 +185,11 @@ pub unsafe extern "C" fn girandole_world_resample(
     })
 }
 
-/// Stores the probability with which girandole_world_sample, with the same splits, chooses light_ids[i] for
+/// Stores the probability with which girandole_world_sample chooses light_ids[i] for
 /// shading_points[i]. 0 for a light that does not exist, is dark or cannot reach the point.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_pmf(
     world: *const GirandoleWorld,
-    splits: u32,
     shading_points: *const GirandoleShadingPoint,
     light_ids: *const GirandoleLightId,
     count: usize,
@@ -207,7 +197,7 @@ pub unsafe extern "C" fn girandole_world_pmf(
 ) -> GirandoleStatus {
     call(|| {
         // SAFETY: see the crate's documentation.
-        let (sampler, points) = unsafe { (sampler(world, splits)?, points(shading_points, count)?) };
+        let (sampler, points) = unsafe { (sampler(world)?, points(shading_points, count)?) };
         // SAFETY: see the crate's documentation.
         let (ids, pmf) = unsafe { (ids(light_ids, count)?, output(pmf, count, "pmf")?) };
         let pairs = points.iter().zip(ids);
@@ -242,7 +232,6 @@ pub unsafe extern "C" fn girandole_world_generations(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_pdf(
     world: *const GirandoleWorld,
-    splits: u32,
     shading_points: *const GirandoleShadingPoint,
     light_ids: *const GirandoleLightId,
     hits: *const GirandoleVec3,
@@ -251,7 +240,7 @@ pub unsafe extern "C" fn girandole_world_pdf(
 ) -> GirandoleStatus {
     call(|| {
         // SAFETY: see the crate's documentation.
-        let (sampler, points) = unsafe { (sampler(world, splits)?, points(shading_points, count)?) };
+        let (sampler, points) = unsafe { (sampler(world)?, points(shading_points, count)?) };
         // SAFETY: see the crate's documentation.
         let (ids, hits) = unsafe { (ids(light_ids, count)?, array(hits, count, "hits")?) };
         // SAFETY: see the crate's documentation.
@@ -276,7 +265,7 @@ pub unsafe extern "C" fn girandole_world_sample_lights(
 ) -> GirandoleStatus {
     call(|| {
         // SAFETY: see the crate's documentation.
-        let (sampler, points) = unsafe { (sampler(world, 0)?, points(shading_points, count)?) };
+        let (sampler, points) = unsafe { (sampler(world)?, points(shading_points, count)?) };
         // SAFETY: see the crate's documentation.
         let (ids, u) = unsafe { (ids(light_ids, count)?, numbers::<2>(u, count)?) };
         // SAFETY: see the crate's documentation.
@@ -303,7 +292,7 @@ pub unsafe extern "C" fn girandole_world_lights(
 ) -> GirandoleStatus {
     call(|| {
         // SAFETY: see the crate's documentation.
-        let ids: Vec<_> = unsafe { sampler(world, 0)? }.all_lights().map(GirandoleLightId::from).collect();
+        let ids: Vec<_> = unsafe { sampler(world)? }.all_lights().map(GirandoleLightId::from).collect();
         // SAFETY: see the crate's documentation.
         unsafe { list(ids.into_iter(), light_ids, capacity, count) }
     })

@@ -16,7 +16,6 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 ///   200 to 299  the world refuses a call, for example because of a stale key
 ///   300 to 399  a placement is refused
 ///   400         a time budget is negative or NaN
-///   500         a count is out of range
 ///   600 to 699  plans for the GPU
 ///   700         a file is not valid, or an image or its place on a surface; the message names the line of a profile
 ///   800         a baked tree is not sound
@@ -111,7 +110,6 @@ macro_rules! from_errors_of_the_library {
 
 from_errors_of_the_library!(
     girandole::BudgetError,
-    girandole::CountError,
     girandole::CutError,
     girandole::WorldError,
     girandole::LightError,

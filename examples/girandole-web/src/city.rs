@@ -1,7 +1,7 @@
 //! The city on the page: what JavaScript calls.
 
 use girandole::gpu::{GpuLights, GpuOptions};
-use girandole::{CandidateCount, CutOptions, FrameBudget, FrameReport, wgpu};
+use girandole::{CutOptions, FrameBudget, FrameReport, wgpu};
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::future_to_promise;
 use web_sys::HtmlCanvasElement;
@@ -23,7 +23,7 @@ use testbed::scene::procedural::{CityOptions, Size, stage};
 use testbed::scene::{Camera, Stage};
 
 /// Candidates of which each sample keeps one.
-const CANDIDATES: CandidateCount = CandidateCount::of::<4>();
+const CANDIDATES: u32 = 4;
 /// Seed of the city and of the noise.
 const SEED: u64 = 1;
 /// The longest step of the scene's time, in seconds: a page that was hidden does not leap ahead.

@@ -1,11 +1,9 @@
-//! What must hold before times mean anything: the GPU sorts, and chooses the lights that the CPU
-//! chooses, as often as their probabilities say.
+//! What must hold before times mean anything: the GPU chooses the lights that the CPU chooses, as often as their probabilities say.
 
 use super::machine::Machine;
 use super::timer::Timer;
 use super::top_level::world;
 use girandole::glam::Vec3;
-use girandole::gpu::measure::KeySort;
 use girandole::gpu::{GpuLights, SampleRecord, SampleRequest};
 use girandole::{LightId, LightWorld, ShadingPoint};
 use serde_json::{Value, json};
@@ -45,7 +43,7 @@ impl Check {
 
 /// Makes all comparisons, with a world of so many instances.
 pub fn run(machine: &Machine, timer: &Timer, instances: u32) -> Result<Vec<Check>, SceneError> {
-    let mut checks = vec![sorts(machine, timer, instances)?];
+    let mut checks = Vec::new();
     let refuse = |refusal| SceneError(format!("{instances} instances: {refusal}"));
     let (world, _) = world(instances)?;
     let mut lights = GpuLights::new(&machine.device, &machine.queue).map_err(refuse)?;
@@ -93,23 +91,6 @@ fn sample(
     lights.sample(&mut encoder, &input, &output, requests.len() as u32);
     machine.queue.submit([encoder.finish()]);
     timer.read(&output)
-}
-
-fn sorts(machine: &Machine, timer: &Timer, count: u32) -> Result<Check, SceneError> {
-    let mut sort = KeySort::new(&machine.device, &machine.queue, count)
-        .map_err(|refusal| SceneError(format!("{count} keys: {refusal}")))?;
-    let mut encoder = machine.device.create_command_encoder(&Default::default());
-    sort.record(&mut encoder, None);
-    machine.queue.submit([encoder.finish()]);
-    let mut keys: Vec<u32> = timer.read(sort.unsorted())?;
-    keys.sort_unstable();
-    let sorted: Vec<u32> = timer.read(sort.keys())?;
-    let wrong = keys.iter().zip(&sorted).filter(|(a, b)| a != b).count();
-    Ok(Check {
-        name: "the sort sorts",
-        has_passed: wrong == 0 && keys.len() == sorted.len(),
-        found: format!("{wrong} of {count} keys are not where a sort on the CPU puts them"),
-    })
 }
 
 fn chooses_as_the_cpu(world: &LightWorld, requests: &[SampleRequest], records: &[SampleRecord]) -> Check {

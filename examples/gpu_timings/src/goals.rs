@@ -9,7 +9,7 @@ use testbed::scene::procedural::Size;
 /// holds for any number of instances up to a million.
 const INSTANCES: u32 = 100_000;
 const MOST_DISPATCHES: u32 = 13;
-/// The most milliseconds of that top level, and the greatest ratio to a sort of as many keys.
+/// The most milliseconds of that top level, and the greatest ratio to the sort of its keys.
 const TOP_LEVEL_MS: f64 = 0.3;
 const PER_SORT: f64 = 2.5;
 /// The picture of one sample for each pixel for which there is a goal, and its milliseconds.
@@ -70,7 +70,7 @@ pub fn verdicts(tops: &[top_level::Row], samplings: &[sampling::Row]) -> Vec<Ver
     let largest = tops.iter().filter_map(|row| row.built.as_ref().ok()).map(|built| built.dispatches).max();
     let picture = samplings
         .iter()
-        .find(|row| row.city == format!("{:?}", Size::L) && row.candidates.get() == 1 && row.picture == PICTURE);
+        .find(|row| row.city == format!("{:?}", Size::L) && row.candidates == 1 && row.picture == PICTURE);
     let time = |goal: String, most, measured| Verdict { goal, most, measured, is_time: true };
     vec![
         time(
@@ -78,7 +78,11 @@ pub fn verdicts(tops: &[top_level::Row], samplings: &[sampling::Row]) -> Vec<Ver
             TOP_LEVEL_MS,
             top.map(|built| built.total.median * 1e3),
         ),
-        time(format!("top level of {INSTANCES} instances over a sort"), PER_SORT, top.map(top_level::Built::per_sort)),
+        time(
+            format!("top level of {INSTANCES} instances over its sort"),
+            PER_SORT,
+            top.and_then(top_level::Built::per_sort),
+        ),
         time(
             "one sample for each pixel of 1920 × 1080, city L, ms".to_owned(),
             PICTURE_MS,

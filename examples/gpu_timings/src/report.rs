@@ -60,7 +60,7 @@ pub fn top_levels(rows: &[top_level::Row]) {
     }
     testbed::say!("\nThe top-level build by stage, each in a pass of its own.\n");
     let columns = ["instances", "dispatches"].into_iter().chain(names.iter().copied());
-    let columns: Vec<_> = columns.chain(["total", "sort alone", "total / sort alone"]).map(String::from).collect();
+    let columns: Vec<_> = columns.chain(["total", "total / sort"]).map(String::from).collect();
     let count = columns.len();
     line(columns);
     line(vec!["---:".to_owned(); count]);
@@ -79,7 +79,8 @@ pub fn top_levels(rows: &[top_level::Row]) {
         };
         let mut fields = vec![instances, built.dispatches.to_string()];
         fields.extend(names.iter().map(time));
-        fields.extend([built.total.to_string(), built.sort.to_string(), format!("{:.2}", built.per_sort())]);
+        let per_sort = built.per_sort().map_or("–".into(), |ratio| format!("{ratio:.2}"));
+        fields.extend([built.total.to_string(), per_sort]);
         line(fields);
     }
 }
@@ -89,17 +90,7 @@ pub fn sampling_head() {
     testbed::say!(
         "\nOne sample per pixel of a picture of the city, without shadow rays; of several candidates one is chosen.\n"
     );
-    let columns = [
-        "city",
-        "lights",
-        "instances",
-        "picture",
-        "candidates",
-        "ms",
-        "million samples per second",
-        "nodes per sample",
-        "bytes per sample",
-    ];
+    let columns = ["city", "lights", "instances", "picture", "candidates", "ms", "million samples per second"];
     line(columns.map(String::from));
     line(columns.map(|column| if column == "city" { "---".into() } else { "---:".into() }));
 }
@@ -115,8 +106,6 @@ pub fn sampling(row: &sampling::Row) {
         row.candidates.to_string(),
         row.time.to_string(),
         format!("{:.3}", row.samples_per_second() * 1e-6),
-        format!("{:.2}", row.nodes),
-        grouped(row.bytes.round() as u64),
     ]);
 }
 

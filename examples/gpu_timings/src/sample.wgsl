@@ -15,7 +15,7 @@ fn sample(@builtin(global_invocation_id) id: vec3<u32>) {
     if CANDIDATES == 1u {
         chosen = light_sample(shading_point, requests[i].u);
     } else {
-        let kept = light_resample(shading_point, requests[i].u, requests[i].choice, CANDIDATES);
+        let kept = light_resample(shading_point, requests[i].u, requests[i].u.w, CANDIDATES);
         chosen = light_reservoir_sample(shading_point, kept);
     }
     let weight = 1.0 / (chosen.pmf * chosen.pdf);

@@ -4,9 +4,8 @@ use super::machine::Machine;
 use super::shading_points::requests;
 use super::spread::Spread;
 use super::timer::Timer;
-use girandole::gpu::measure::{INSTANCE_BYTES, LIGHT_BYTES, NODE_BYTES, NodeCounter};
 use girandole::gpu::{GpuLights, SampleRecord, SampleRequest};
-use girandole::{CandidateCount, FrameBudget, wgpu};
+use girandole::{FrameBudget, wgpu};
 use serde_json::{Value, json};
 use testbed::scene::procedural::{self, CityOptions, Size};
 use testbed::scene::{SceneError, Stage};
@@ -14,7 +13,7 @@ use testbed::scene::{SceneError, Stage};
 /// How long the city has moved, in seconds.
 const TIME: f64 = 1.0;
 /// The numbers of candidates that are measured.
-const CANDIDATES: [CandidateCount; 2] = [CandidateCount::ONE, CandidateCount::of::<8>()];
+const CANDIDATES: [u32; 2] = [1, 8];
 /// The bind group of the lights.
 const LIGHT_GROUP: u32 = 1;
 /// Invocations of a workgroup, as in `sample.wgsl`; a test compares both.
@@ -29,13 +28,9 @@ pub struct Row {
     pub instances: usize,
     /// Pixels, width and height.
     pub picture: (u32, u32),
-    pub candidates: CandidateCount,
+    pub candidates: u32,
     /// The time of the whole picture.
     pub time: Spread,
-    /// Nodes that a sample reads, in the mean.
-    pub nodes: f64,
-    /// Bytes of these nodes, and of an instance and a light for each candidate.
-    pub bytes: f64,
 }
 
 impl Row {
@@ -51,11 +46,9 @@ impl Row {
             "instances": self.instances,
             "width": self.picture.0,
             "height": self.picture.1,
-            "candidates": self.candidates.get(),
+            "candidates": self.candidates,
             "picture": self.time.to_json(),
             "samples_per_second": self.samples_per_second(),
-            "nodes_per_sample": self.nodes,
-            "bytes_per_sample": self.bytes,
         })
     }
 }
@@ -86,18 +79,10 @@ pub fn measure(machine: &Machine, timer: &Timer, size: Size, picture: (u32, u32)
     machine.queue.submit([encoder.finish()]);
     drop(samples);
     let pixels = machine.storage("pixels", u64::from(count) * PIXEL_BYTES);
-    let counts = machine.storage("node counts", u64::from(count) * 4);
-    let counter = NodeCounter::new(&lights);
     let mut rows = Vec::new();
     for candidates in CANDIDATES {
         let kernel = Kernel::new(machine, &lights, &world, [&input, &pixels], candidates);
         let time = timer.time(|encoder, queries| kernel.record(encoder, queries, &lights, count))?.total;
-        let mut encoder = machine.device.create_command_encoder(&Default::default());
-        counter.record(&lights, &mut encoder, (&input, &counts), count, candidates);
-        machine.queue.submit([encoder.finish()]);
-        let read: Vec<u32> = timer.read(&counts)?;
-        let nodes = read.iter().map(|count| f64::from(*count)).sum::<f64>() / f64::from(count);
-        let each = f64::from(candidates.get()) * f64::from(INSTANCE_BYTES + LIGHT_BYTES);
         rows.push(Row {
             city: format!("{size:?}"),
             lights: world.light_count(),
@@ -105,8 +90,6 @@ pub fn measure(machine: &Machine, timer: &Timer, size: Size, picture: (u32, u32)
             picture,
             candidates,
             time,
-            nodes,
-            bytes: nodes * f64::from(NODE_BYTES) + each,
         });
     }
     Ok(rows)
@@ -124,7 +107,7 @@ impl Kernel {
         lights: &GpuLights,
         world: &girandole::LightWorld,
         [requests, pixels]: [&wgpu::Buffer; 2],
-        candidates: CandidateCount,
+        candidates: u32,
     ) -> Self {
         let device = &machine.device;
         let shader = lights.shader(LIGHT_GROUP, world.effects());

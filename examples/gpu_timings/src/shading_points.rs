@@ -34,9 +34,8 @@ pub fn requests(scene: &Scene, (width, height): (u32, u32)) -> Result<Vec<Sample
             let surface = view.eye + direction * hit.distance;
             let position = surface + normal * shadow_offset(surface, hit.distance);
             let u = random(index, 0, SEED, Dimension::Light);
-            let [choice, ..] = random(index, 0, SEED, Dimension::Pixel);
             let (position, normal) = (position.into(), normal.into());
-            Some(SampleRequest { position, choice, normal, u, ..Default::default() })
+            Some(SampleRequest { position, normal, u, ..Default::default() })
         })
         .collect();
     let mut last = requests.iter().flatten().next().copied();

@@ -1,11 +1,10 @@
-//! The top-level build over more and more instances, stage by stage, beside a radix sort of as many
-//! keys.
+//! The top-level build over more and more instances, stage by stage.
 
 use super::machine::Machine;
 use super::spread::Spread;
 use super::timer::{Timer, Times};
 use girandole::glam::{DVec3, Vec3};
-use girandole::gpu::measure::{KeySort, build_top_timed};
+use girandole::gpu::measure::build_top_timed;
 use girandole::gpu::{GpuError, GpuLights};
 use girandole::{InstanceKey, Light, LightTree, LightWorld, Placement, Policy};
 use serde_json::{Value, json};
@@ -32,7 +31,6 @@ pub struct Built {
     /// In the order in which they first run.
     pub stages: Vec<Stage>,
     pub total: Spread,
-    pub sort: Spread,
 }
 
 /// All stages of one name together.
@@ -44,9 +42,10 @@ pub struct Stage {
 }
 
 impl Built {
-    /// The ratio of the medians of the build and of the sort alone.
-    pub fn per_sort(&self) -> f64 {
-        self.total.median / self.sort.median
+    /// The ratio of the medians of the build and of its radix sort.
+    pub fn per_sort(&self) -> Option<f64> {
+        let sort = self.stages.iter().find(|stage| stage.name == "sort")?;
+        Some(self.total.median / sort.time?.median)
     }
 }
 
@@ -63,8 +62,7 @@ impl Row {
                     "time": stage.time.map(Spread::to_json),
                 })).collect::<Vec<_>>(),
                 "total": built.total.to_json(),
-                "sort_alone": built.sort.to_json(),
-                "total_per_sort_alone": built.per_sort(),
+                "total_per_sort": built.per_sort(),
             }),
         }
     }
@@ -96,7 +94,7 @@ fn vec3(rng: &mut Rng, size: f32) -> Vec3 {
     Vec3::new(rng.range(-size, size), rng.range(-size, size), rng.range(-size, size))
 }
 
-/// Times the top-level build and the sort for one number of instances.
+/// Times the top-level build for one number of instances.
 pub fn measure(machine: &Machine, timer: &Timer, instances: u32) -> Result<Row, SceneError> {
     let refused = |refusal| Ok(Row { instances, built: Err(refusal) });
     let (world, _) = world(instances)?;
@@ -111,14 +109,6 @@ pub fn measure(machine: &Machine, timer: &Timer, instances: u32) -> Result<Row, 
     let build = timer.time(|encoder, queries| {
         stages = build_top_timed(&mut lights, encoder, queries);
         stages.len()
-    })?;
-    let mut keys = match KeySort::new(&machine.device, &machine.queue, instances) {
-        Ok(keys) => keys,
-        Err(refusal) => return refused(refusal),
-    };
-    let sort = timer.time(|encoder, queries| {
-        keys.record(encoder, queries);
-        1
     })?;
     let mut named: Vec<Stage> = Vec::new();
     for stage in &stages {
@@ -135,5 +125,5 @@ pub fn measure(machine: &Machine, timer: &Timer, instances: u32) -> Result<Row, 
     }
     let Times { total, .. } = build;
     let dispatches = stages.iter().map(|stage| stage.dispatches).sum();
-    Ok(Row { instances, built: Ok(Built { dispatches, stages: named, total, sort: sort.total }) })
+    Ok(Row { instances, built: Ok(Built { dispatches, stages: named, total }) })
 }

@@ -1,7 +1,6 @@
 //! The pictures of one frame, and their errors against the reference of the frame.
 
 use super::stages::Film;
-use girandole::CandidateCount;
 use girandole::glam::Vec3;
 use girandole::light::luminance;
 use std::f64::consts::FRAC_2_PI;
@@ -16,7 +15,7 @@ use testbed::render::geometry::Geometry;
 use testbed::scene::SceneError;
 
 /// Light candidates of each sample of a reference.
-const CANDIDATES: CandidateCount = CandidateCount::of::<8>();
+const CANDIDATES: u32 = 8;
 /// Samples per pixel of each pass of a reference.
 pub const PASS_SAMPLES: u32 = 16;
 /// The seed of the first pass of a reference, beyond those of all pictures.

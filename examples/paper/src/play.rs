@@ -10,7 +10,7 @@ use super::strategies::{BUDGETS, Strategy, TreeKind, rules};
 use super::survey::Survey;
 use super::trees::FromTree;
 use super::worlds::Contender;
-use girandole::{CandidateCount, LightId};
+use girandole::LightId;
 use rayon::ThreadPool;
 use std::path::Path;
 use testbed::direct_light::draw::Resampled;
@@ -106,7 +106,7 @@ impl Cast {
         for (world, errors) in worlds.iter().zip(&mut errors[*first..]) {
             *errors = match world.tree_of_all() {
                 Some(tree) => shot.errors(&mut FromTree { tree, ids: &ids, lights }),
-                None => shot.errors(&mut Resampled { lights: world.sampler(), candidates: CandidateCount::ONE }),
+                None => shot.errors(&mut Resampled { lights: world.sampler(), candidates: 1 }),
             };
         }
         for ((run, step), errors) in self.runs.iter_mut().zip(steps).zip(errors) {

@@ -1,7 +1,7 @@
 //! One tree over all lights of a scene, of either kind, behind one interface.
 
 use super::strategies::TreeKind;
-use girandole::{Attributes, Light, LightId, LightSampler, LightTree, ShadingPoint, SplitCount};
+use girandole::{Attributes, Light, LightId, LightSampler, LightTree, ShadingPoint};
 use testbed::direct_light::draw::{Draw, Drawn, Sample};
 use testbed::direct_light::view::Surface;
 use testbed::measuring::baselines::Pbrt;
@@ -33,7 +33,7 @@ impl OneTree for LightTree {
     }
 
     fn pick(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> Option<(u32, f32)> {
-        Self::pick(self, shading_point, u, SplitCount::DEFAULT)
+        Self::pick(self, shading_point, u, 6)
     }
 }
 

@@ -1,7 +1,7 @@
 //! The renderer of direct light that the programs which judge samplers share.
 
 use girandole::glam::Vec3;
-use girandole::{CandidateCount, LightId, LightWorld};
+use girandole::{LightId, LightWorld};
 use testbed::direct_light::converged;
 use testbed::direct_light::draw::{Draw, Resampled, Single, Streaming};
 use testbed::direct_light::numbers::numbers;
@@ -110,7 +110,7 @@ fn the_pictures_of_all_ways_to_draw_have_the_mean_of_the_sum_over_all_lights() {
         };
         let (difference, error) = compare(SEEDS_OF_DRAWS.map(all), &reference);
         assert!(difference.abs() <= T_LIMIT * error && error < 0.01, "all lights: {difference}, {error}");
-        check("resampled", &mut Resampled { lights, candidates: CandidateCount::of::<4>() }, 8.0);
+        check("resampled", &mut Resampled { lights, candidates: 4 }, 8.0);
         check("streaming", &mut Streaming { lights, ids: studio.ids, candidates: 32 }, 6.0);
     });
 }

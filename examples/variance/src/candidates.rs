@@ -3,7 +3,7 @@
 use super::effort::Effort;
 use super::stages::{self, Lit};
 use girandole::light::luminance;
-use girandole::{CandidateCount, LightSampler, ShadingPoint};
+use girandole::{LightSampler, ShadingPoint};
 use rayon::prelude::*;
 use std::hint::black_box;
 use std::path::Path;
@@ -14,14 +14,7 @@ use testbed::scene::procedural::Size;
 use testbed::scene::rng::Rng;
 
 /// The numbers of candidates that are measured.
-const CANDIDATES: [CandidateCount; 6] = [
-    CandidateCount::of::<1>(),
-    CandidateCount::of::<2>(),
-    CandidateCount::of::<4>(),
-    CandidateCount::of::<8>(),
-    CandidateCount::of::<16>(),
-    CandidateCount::of::<32>(),
-];
+const CANDIDATES: [u32; 6] = [1, 2, 4, 8, 16, 32];
 /// Estimates per shading point. They give a deviation to about 2 %, and the mean of 400 deviations
 /// far better.
 const ESTIMATES: u32 = 2_000;
@@ -37,7 +30,7 @@ fn numbers(rng: &mut Rng) -> [f32; 5] {
 }
 
 /// The unshadowed illuminance in lux, estimated by one chosen candidate.
-fn estimate(sampler: &LightSampler<'_>, shading_point: &ShadingPoint, u: [f32; 5], candidates: CandidateCount) -> f64 {
+fn estimate(sampler: &LightSampler<'_>, shading_point: &ShadingPoint, u: [f32; 5], candidates: u32) -> f64 {
     let kept = sampler.resample(shading_point, u, candidates);
     sampler.reservoir_sample(shading_point, &kept).map_or(0.0, |sample| {
         let incident = sample.incident;
@@ -61,7 +54,7 @@ fn errors(
     });
     // Estimates of more candidates have less noise: each mean is weighted by its number of
     // candidates.
-    let weights = CANDIDATES.map(|count| f64::from(count.get()));
+    let weights = CANDIDATES.map(|count| f64::from(count));
     let mean = moments.iter().zip(weights).map(|((mean, _), w)| mean * w).sum::<f64>() / weights.iter().sum::<f64>();
     (mean > 0.0).then(|| moments.map(|(sum, square)| (square - sum * sum).max(0.0).sqrt() / mean))
 }
@@ -93,9 +86,9 @@ fn measure(lit: &Lit, effort: Effort) -> Result<Vec<[String; 5]>, SceneError> {
     }
     let times = nanoseconds(&sampler, &lit.shading_points, effort);
     let mean = |i: usize| all.iter().map(|errors| errors[i]).sum::<f64>() / all.len() as f64;
-    let row = |(i, candidates): (usize, &CandidateCount)| {
+    let row = |(i, candidates): (usize, &u32)| {
         // The error of the mean of as many independent samples.
-        let independent = mean(0) / f64::from(candidates.get()).sqrt();
+        let independent = mean(0) / f64::from(*candidates).sqrt();
         let [rmse, independent] = [mean(i), independent].map(|rmse| format!("{rmse:.3}"));
         [lit.name.clone(), candidates.to_string(), rmse, independent, format!("{:.0}", times[i])]
     };

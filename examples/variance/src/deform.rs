@@ -7,7 +7,7 @@ use super::shading_points::shading_points;
 use super::stages::{CITY_BOUNDS, swarm_at};
 use girandole::cluster::Aabb;
 use girandole::glam::{Vec3, vec3};
-use girandole::{FrameBudget, Light, LightTree, ShadingPoint, SplitCount};
+use girandole::{FrameBudget, Light, LightTree, ShadingPoint};
 use rayon::prelude::*;
 use std::path::Path;
 use std::time::Instant;
@@ -98,7 +98,7 @@ fn swarm((count, frame_count): (usize, usize)) -> Result<Motion, SceneError> {
 fn noise(tree: &LightTree, lux: &[Vec<f32>], shading_points: &[ShadingPoint]) -> f64 {
     let one = |(at, lux): (&ShadingPoint, &Vec<f32>)| {
         let mut pmfs = Vec::new();
-        tree.distribution(at, SplitCount::DEFAULT, &mut pmfs);
+        tree.distribution(at, 6, &mut pmfs);
         Noise::of(lux, &pmfs)
     };
     let noises: Vec<Noise> = shading_points.par_iter().zip(lux).filter_map(one).collect();

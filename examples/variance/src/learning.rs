@@ -9,8 +9,8 @@ use super::shadow_oracle::receivers::{Receiver, receivers};
 use girandole::glam::{Vec3, vec3};
 use girandole::light::luminance;
 use girandole::{
-    CandidateCount, CutBuild, CutError, CutOptions, CutTable, Incident, LightId, LightSampler, ShadingPoint,
-    VisibilityOptions, VisibilityTable,
+    CutBuild, CutError, CutOptions, CutTable, Incident, LightId, LightSampler, ShadingPoint, VisibilityOptions,
+    VisibilityTable,
 };
 use rayon::prelude::*;
 use std::f32::consts::TAU;
@@ -169,7 +169,7 @@ impl Learner<'_> {
             let (mut sum, mut squares) = (0.0, 0.0);
             for _ in 0..count {
                 let u = std::array::from_fn(|_| rng.unit());
-                let kept = sampler.reservoir_sample(at, &sampler.resample(at, u, CandidateCount::of::<8>()));
+                let kept = sampler.reservoir_sample(at, &sampler.resample(at, u, 8));
                 let lux = kept.filter(|kept| self.is_all_visible || !shadows.is_shadowed(at, &kept.incident));
                 let lux = lux.map_or(0.0, |kept| {
                     let Incident { direction, radiance, pdf, .. } = kept.incident;

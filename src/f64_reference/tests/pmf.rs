@@ -10,7 +10,7 @@ use crate::light::luminance;
 use crate::shading::shading_point::ShadingPoint;
 use crate::tree::ChildRef;
 use crate::tree::testing::Rng;
-use crate::{DirectionalLight, LightTree, LightWorld, Placement, Policy, SplitCount};
+use crate::{DirectionalLight, LightTree, LightWorld, Placement, Policy};
 use testbed::measuring::reference::choice::{Distribution, Tree, distribution};
 use testbed::measuring::reference::place::Map;
 
@@ -76,8 +76,7 @@ fn compare_trees(seed: u64, shading_point: impl Fn(&mut Rng, f32) -> ShadingPoin
             let splits = SPLITS[round % 3];
             let root = Tree { nodes: bytemuck::cast_slice(tree.nodes()), view: view(&at), instance: Some(0) };
             let expected = distribution(&root, splits, 0.0, &|_| None);
-            let count = SplitCount::new(splits).expect("allowed");
-            all.add(&expected, |_, light| tree.pmf(&at, light, count));
+            all.add(&expected, |_, light| tree.pmf(&at, light, splits));
         }
     }
     all
@@ -131,7 +130,7 @@ fn compare_worlds(seed: u64, shading_point: impl Fn(&mut Rng, f32) -> ShadingPoi
         for round in 0..40 {
             let at = shading_point(&mut rng, 25.0);
             let splits = SPLITS[round % 3];
-            let sampler = world.sampler().with_splits(SplitCount::new(splits).expect("allowed"));
+            let sampler = world.sampler().with_splits(splits);
             let top = world.top_level();
             let here = view(&at);
             let below = |leaf: u32| {

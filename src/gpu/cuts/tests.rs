@@ -18,7 +18,6 @@ use crate::light::Light;
 use crate::plan::cuts::layout::{CutPlaces, HEAD, ROW_FROM, ROW_NODES, ROW_QUADS, ROW_SUMS, SLOT_WORDS, STATE_AT};
 use crate::plan::text;
 use crate::policy::Policy;
-use crate::sampling::counts::CandidateCount;
 use crate::sampling::cuts::shared::{Contested, NodeId};
 use crate::sampling::cuts::table::CutTable;
 use crate::sampling::cuts::{CutOptions, camera};
@@ -309,7 +308,7 @@ fn others(sampler: &LightSampler<'_>, inputs: &[Input], outputs: &[Output]) -> u
 fn other_reservoirs(sampler: &LightSampler<'_>, inputs: &[Input], outputs: &[Output]) -> usize {
     let is_other = |(input, output): &(&Input, &Output)| {
         let (at, [x, y, z, w]) = (point(input), input.u);
-        let kept = sampler.resample(&at, [x, y, z, w, x], CandidateCount::of::<8>());
+        let kept = sampler.resample(&at, [x, y, z, w, x], 8);
         let Some(light) = kept.light else { return output.pmf > 0.0 };
         let (instance, light) = match light {
             LightId::Local { instance, light } => (sampler.world.slot(instance).expect("it lives"), light),

@@ -1,14 +1,7 @@
-//! Measurements on the GPU: the stages of the top-level build one by one, its sort alone, and the
-//! number of nodes that a sample reads.
+//! Measurements on the GPU: the stages of the top-level build one by one, and the sizes of records.
 //!
 //! This module is no part of the API: it serves the tests, benches and measuring tools of this
 //! project, and may change with any version.
-
-mod count;
-mod key_sort;
-
-pub use count::NodeCounter;
-pub use key_sort::KeySort;
 
 use super::GpuLights;
 use super::recorder::Recorder;

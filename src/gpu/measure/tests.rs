@@ -1,14 +1,10 @@
 use glam::{DVec3, Vec3};
-use wgpu::util::DeviceExt;
 
 use super::*;
-use crate::gpu::SampleRequest;
 use crate::gpu::testing::{gpu, gpu_lights, limited_gpu, read};
 use crate::instance::placement::Placement;
 use crate::light::Light;
 use crate::policy::Policy;
-use crate::sampling::counts::CandidateCount;
-use crate::sampling::resample::candidate_numbers;
 use crate::tree::LightTree;
 use crate::world::LightWorld;
 
@@ -85,57 +81,4 @@ fn each_stage_writes_the_timestamps_of_its_start_and_end() {
     queue.submit([encoder.finish()]);
     let ticks = read::<u64>(&device, &queue, &ticks);
     assert!(ticks[0] > 0 && ticks.is_sorted(), "{ticks:?}");
-}
-
-#[test]
-fn a_key_sort_sorts_the_same_keys_each_time_that_it_is_recorded() {
-    let (device, queue) = gpu();
-    for count in [1, 1000] {
-        let mut sort = KeySort::new(&device, &queue, count).expect("room enough");
-        for _ in 0..2 {
-            let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            assert_eq!(sort.record(&mut encoder, None), if count > 1 { 5 } else { 0 });
-            queue.submit([encoder.finish()]);
-            let keys = read::<u32>(&device, &queue, sort.keys());
-            assert!(keys.is_sorted() && keys.len() == count as usize && keys[0] > 0, "{keys:?}");
-        }
-        assert!(!read::<u32>(&device, &queue, sort.unsorted()).is_sorted() || count == 1);
-    }
-}
-
-#[test]
-fn the_node_count_is_the_number_of_steps_down() {
-    let (device, queue) = gpu();
-    let request = SampleRequest { position: [5.0, 0.0, 3.0], u: [0.3, 0.6, 0.5, 0.5], ..SampleRequest::default() };
-    // A request, and for each of its eight candidates a request that makes the same sample.
-    let alone = (0..8).map(|i| SampleRequest { u: candidate_numbers(request.u, i, 8), ..request });
-    let requests: Vec<_> = std::iter::once(request).chain(alone).collect();
-    let counts = device.create_buffer(&wgpu::BufferDescriptor {
-        label: None,
-        size: 9 * 4,
-        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
-        mapped_at_creation: false,
-    });
-    let count = |lights: &mut GpuLights, candidates: u32| {
-        let requests = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: None,
-            contents: bytemuck::cast_slice(&requests),
-            usage: wgpu::BufferUsages::STORAGE,
-        });
-        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        lights.build_top(&mut encoder);
-        let candidates = CandidateCount::new(candidates).expect("few");
-        NodeCounter::new(lights).record(lights, &mut encoder, (&requests, &counts), 9, candidates);
-        queue.submit([encoder.finish()]);
-        read::<u32>(&device, &queue, &counts)
-    };
-    // The root of the top level, and the root of the tree.
-    let mut one = upload(&device, &queue, lamps(1, 1));
-    assert_eq!(count(&mut one, 1), [2; 9]);
-    assert_eq!(count(&mut one, 8)[0], 2 * 8);
-    let mut many = upload(&device, &queue, lamps(64, 64));
-    let single = count(&mut many, 1);
-    // At least two nodes in each level.
-    assert!(single.iter().all(|count| *count >= 4), "{single:?}");
-    assert_eq!(count(&mut many, 8)[0], single[1..].iter().sum::<u32>());
 }

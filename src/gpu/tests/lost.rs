@@ -2,14 +2,12 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
-use std::sync::Arc;
 
 use glam::DVec3;
 
-use crate::gpu::measure::{KeySort, NodeCounter, build_top_timed};
+use crate::gpu::measure::build_top_timed;
 use crate::gpu::testing::{limited_gpu, mixed_world};
 use crate::gpu::*;
-use crate::sampling::counts::CandidateCount;
 use crate::scheduler::FrameBudget;
 use crate::tree::LightTree;
 use crate::{Light, Placement, Policy, TreeKey, TreeSource};
@@ -24,13 +22,11 @@ struct Scene {
     encoder: wgpu::CommandEncoder,
     /// Requests, and room for what is written.
     buffers: [wgpu::Buffer; 2],
-    counter: Arc<NodeCounter>,
-    sort: KeySort,
 }
 
 impl Scene {
-    /// On a device that works. With the counter of another scene, everything has been made that is made at first use.
-    fn new((device, queue): &(wgpu::Device, wgpu::Queue), counter: Option<Arc<NodeCounter>>) -> Self {
+    /// On a device that works. A used scene has made everything that is made at first use.
+    fn new((device, queue): &(wgpu::Device, wgpu::Queue), is_used: bool) -> Self {
         let mut world = mixed_world();
         let lamps = (0..40).map(|i| Light::point(glam::Vec3::X * i as f32, glam::Vec3::ONE)).collect();
         let tree = world.add_tree(LightTree::new(lamps).expect("valid"));
@@ -40,10 +36,7 @@ impl Scene {
             device.create_buffer(&wgpu::BufferDescriptor { label: None, size: 4096, usage, mapped_at_creation: false })
         };
         let lights = GpuLights::new(device, queue).expect("default limits are enough");
-        let is_used = counter.is_some();
         let mut scene = Self {
-            counter: counter.unwrap_or_else(|| NodeCounter::new(&lights).into()),
-            sort: KeySort::new(device, queue, 100).expect("room enough"),
             device: device.clone(),
             queue: queue.clone(),
             lights,
@@ -84,10 +77,6 @@ fn result<T>(result: Result<T, GpuError>) -> Answer {
     Some(result.map(drop))
 }
 
-fn eight() -> CandidateCount {
-    CandidateCount::new(8).expect("few")
-}
-
 type Call = fn(&mut Scene) -> Answer;
 
 /// All public calls, by name.
@@ -113,7 +102,6 @@ const CALLS: &[(&str, Call)] = &[
     ("build_top_timed", |s| nothing(build_top_timed(&mut s.lights, &mut s.encoder, None))),
     ("build_cuts", |s| nothing(s.lights.build_cuts(&mut s.encoder))),
     ("sample", |s| nothing(s.lights.sample(&mut s.encoder, &s.buffers[0], &s.buffers[1], 64))),
-    ("resample", |s| nothing(s.lights.resample(&mut s.encoder, &s.buffers[0], &s.buffers[1], 64, eight()))),
     ("shader", |s| nothing(s.lights.shader(1, Effects::all()))),
     ("bind_group", |s| nothing(s.lights.bind_group())),
     ("bind_group_layout", |s| nothing(s.lights.bind_group_layout())),
@@ -123,12 +111,6 @@ const CALLS: &[(&str, Call)] = &[
     ("memory", |s| nothing(s.lights.memory())),
     ("stands_in", |s| nothing(s.lights.stands_in(s.tree))),
     ("is_waiting", |s| nothing(s.lights.is_waiting(s.tree))),
-    ("NodeCounter::new", |s| nothing(NodeCounter::new(&s.lights))),
-    ("NodeCounter::record", |s| {
-        nothing(s.counter.record(&s.lights, &mut s.encoder, (&s.buffers[0], &s.buffers[1]), 64, eight()))
-    }),
-    ("KeySort::new", |s| result(KeySort::new(&s.device, &s.queue, 100))),
-    ("KeySort::record", |s| nothing(s.sort.record(&mut s.encoder, None))),
 ];
 
 /// The names of the public functions of [`GpuLights`] below a folder, as they are in the text.
@@ -149,8 +131,8 @@ fn public_calls(folder: &Path, names: &mut Vec<String>) {
 fn every_call_on_a_lost_device_returns_that_it_is_lost_or_does_nothing() {
     let limits = wgpu::Limits::default();
     let gpu = limited_gpu(&limits, wgpu::Features::empty());
-    let unused = Scene::new(&gpu, None);
-    let used = Scene::new(&gpu, Some(Arc::clone(&unused.counter)));
+    let unused = Scene::new(&gpu, false);
+    let used = Scene::new(&gpu, true);
     gpu.0.destroy();
     gpu.0.poll(wgpu::PollType::Poll).expect("nothing to wait for");
     // Each call records into an encoder from before the loss, and into one that is made later.

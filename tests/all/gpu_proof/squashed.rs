@@ -3,7 +3,7 @@
 
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
-use girandole::{FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint, SplitCount};
+use girandole::{FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint};
 
 use super::{Question, Text, named_lights};
 use crate::gpu::gpu;
@@ -58,7 +58,7 @@ fn squashed(rng: &mut Rng, thin: f32) -> LightWorld {
 
 /// The probabilities of all lights in f64, by slot and light; `None` where rounding may turn a
 /// decision.
-fn in_f64(world: &LightWorld, point: &ShadingPoint, splits: SplitCount) -> Option<BTreeMap<[u32; 2], f64>> {
+fn in_f64(world: &LightWorld, point: &ShadingPoint, splits: usize) -> Option<BTreeMap<[u32; 2], f64>> {
     let sampler = world.sampler();
     let view = View::of(point.position.as_dvec3(), point.normal.as_dvec3());
     let below = |leaf| {
@@ -69,7 +69,7 @@ fn in_f64(world: &LightWorld, point: &ShadingPoint, splits: SplitCount) -> Optio
         Some((Tree { nodes: tree.nodes(), view, instance: world.slot(instance) }, target))
     };
     let top = Tree { nodes: sampler.top_nodes(), view, instance: None };
-    let found = distribution(&top, splits.get(), 0.0, &below);
+    let found = distribution(&top, splits, 0.0, &below);
     let by_slot = |((slot, light), pmf): ((Option<u32>, u32), f64)| Some(([slot?, light], pmf));
     (!found.is_close).then(|| found.lights.into_iter().filter_map(by_slot).collect())
 }

@@ -1,7 +1,6 @@
 //! Frequencies at the bottom of deep trees, below the resolution of one random number.
 
 use super::*;
-use girandole::SplitCount;
 use girandole::tree::{ChildRef, NO_PARENT, WIDTH};
 
 /// A row of lamps at falling distances from the origin, to one side of it. There, each of the first
@@ -57,7 +56,7 @@ fn lights_below_the_resolution_of_a_random_number_are_chosen_as_often_as_they_ar
 fn check_deepest(tree: &LightTree, seed: u64) -> bool {
     let at = ShadingPoint::volume(Vec3::ZERO);
     let mut pmfs = Vec::new();
-    tree.distribution(&at, SplitCount::NONE, &mut pmfs);
+    tree.distribution(&at, 0, &mut pmfs);
     let deepest = (0..100).max_by_key(|light| depth(tree, *light)).expect("a hundred");
     // Nodes have eight children, so these are forty choices between two.
     assert!(depth(tree, deepest) >= 13, "{}", depth(tree, deepest));
@@ -84,7 +83,7 @@ fn check_deepest(tree: &LightTree, seed: u64) -> bool {
     let mut counts = vec![0_u32; pmfs.len()];
     for _ in 0..draws {
         let u = (first + rng.bits() % numbers) as f64 * step;
-        let (light, _) = tree.pick(&at, [u as f32, rng.unit()], SplitCount::NONE).expect("a light");
+        let (light, _) = tree.pick(&at, [u as f32, rng.unit()], 0).expect("a light");
         counts[light as usize] += 1;
     }
 

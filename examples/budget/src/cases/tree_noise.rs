@@ -3,7 +3,7 @@
 use super::super::lights::contributions;
 use super::super::sigma::Noise;
 use girandole::glam::vec3;
-use girandole::{LightId, LightTree, LightWorld, Placement, Policy, ShadingPoint, SplitCount, TreeKey};
+use girandole::{LightId, LightTree, LightWorld, Placement, Policy, ShadingPoint, TreeKey};
 use rayon::prelude::*;
 use testbed::scene::SceneError;
 
@@ -82,7 +82,7 @@ fn measure_tree(now: &LightTree, refitted: Option<&LightTree>) -> Result<TreeNoi
             continue;
         }
         let mut sigma = |tree: &LightTree| {
-            tree.distribution(&at, SplitCount::DEFAULT, &mut pmfs);
+            tree.distribution(&at, 6, &mut pmfs);
             Noise::of(&lux, &pmfs).map_or(0.0, |noise| noise.sigma)
         };
         lit += 1;

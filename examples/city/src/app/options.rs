@@ -3,13 +3,13 @@
 use super::session::Pace;
 use super::video::film::has_format;
 use clap::Parser;
-use girandole::{CandidateCount, FrameBudget, MAX_CANDIDATES, MAX_SPLITS, SplitCount};
+use girandole::{FrameBudget, MAX_SPLITS};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use testbed::common::exit::one_line;
 use testbed::render::backend::BackendChoice;
-use testbed::render::settings::{LightChoice, Settings};
+use testbed::render::settings::{LightChoice, MAX_CANDIDATES, Settings};
 use testbed::scene::SceneError;
 use testbed::scene::dusk::Dusk;
 use testbed::scene_options::{SceneOptions, parse_size};
@@ -47,12 +47,12 @@ pub struct Options {
     pub reused_frames: u32,
     /// Clusters of lights that a sample splits before it chooses a light, on the CPU; more splits lower
     /// the noise and cost time
-    #[arg(long, value_name = "N", default_value = "6", value_parser = parse_splits)]
-    pub splits: SplitCount,
+    #[arg(long, value_name = "N", default_value_t = 6, value_parser = parse_splits)]
+    pub splits: usize,
     /// Candidate lights, of which each sample keeps one; more candidates lower the noise and cost
     /// time, but no shadow rays
-    #[arg(long, value_name = "N", default_value = "4", value_parser = parse_candidates)]
-    pub candidates: CandidateCount,
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_CANDIDATES)))]
+    pub candidates: u32,
     #[command(flatten)]
     pub scene: SceneOptions,
     /// The time after sunset: a sky that samples choose beside lamps, and street lamps with a photometric profile
@@ -179,13 +179,8 @@ impl Options {
     }
 }
 
-fn parse_candidates(text: &str) -> Result<CandidateCount, String> {
-    let count = text.parse().ok().and_then(|count| CandidateCount::new(count).ok());
-    count.ok_or_else(|| format!("expected a number from 1 to {MAX_CANDIDATES}"))
-}
-
-fn parse_splits(text: &str) -> Result<SplitCount, String> {
-    let count = text.parse().ok().and_then(|count| SplitCount::new(count).ok());
+fn parse_splits(text: &str) -> Result<usize, String> {
+    let count = text.parse().ok().filter(|count| *count <= MAX_SPLITS);
     count.ok_or_else(|| format!("expected a number from 0 to {MAX_SPLITS}"))
 }
 

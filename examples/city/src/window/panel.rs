@@ -10,7 +10,8 @@ use super::viewer::Shown;
 use egui::style::ScrollStyle;
 use egui::{Button, Checkbox, Color32, Rangef, Slider, SliderClamping, TextStyle, Ui};
 use egui_plot::{AxisHints, Line, Plot, PlotPoints};
-use girandole::{MAX_CANDIDATES, MAX_SPLITS};
+use girandole::MAX_SPLITS;
+use testbed::render::settings::MAX_CANDIDATES;
 
 /// Width of the panel, points.
 pub const WIDTH: f32 = 300.0;

@@ -9,7 +9,7 @@ use super::drawing::{Drawn, draw};
 use super::looseness::looseness;
 use super::noise_view::noise_picture;
 use super::overlay::Overlay;
-use girandole::{CandidateCount, FrameBudget, SplitCount, TreeKey};
+use girandole::{FrameBudget, TreeKey};
 use std::collections::HashMap;
 use std::time::Duration;
 use testbed::render::backend::{self, BackendChoice};
@@ -229,8 +229,8 @@ impl Viewer {
             width,
             height,
             spp: controls.spp,
-            splits: SplitCount::new(controls.splits).unwrap_or_default(),
-            candidates: CandidateCount::new(controls.candidates).unwrap_or(CandidateCount::of::<1>()),
+            splits: controls.splits,
+            candidates: controls.candidates,
             light_choice: controls.sampler,
             ..self.session.settings().clone()
         };

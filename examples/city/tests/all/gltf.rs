@@ -6,7 +6,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use girandole::glam::{Vec2, Vec3};
-use girandole::{CandidateCount, SplitCount};
 
 use crate::images::{PACE, assert_same_pictures};
 use city::app::session::Session;
@@ -496,8 +495,8 @@ fn shown(stage: Stage) -> (Vec<f32>, f32) {
         width: 32,
         height: 18,
         spp: 32,
-        splits: SplitCount::DEFAULT,
-        candidates: CandidateCount::of::<4>(),
+        splits: 6,
+        candidates: 4,
         reused_frames: 0,
         seed: 3,
         light_choice: LightChoice::Girandole,

@@ -18,7 +18,7 @@ use testbed::testing::small_scene;
 use testbed::testing::support::Rng;
 
 use girandole::glam::{Affine3A, DVec3, Vec3};
-use girandole::{CandidateCount, Effects, FrameBudget, InstanceKey, Light, LightWorld, Policy, SplitCount};
+use girandole::{Effects, FrameBudget, InstanceKey, Light, LightWorld, Policy};
 
 pub const PACE: Pace = Pace { fps: 24.0, start: 0.0, budget: FrameBudget::UNLIMITED };
 
@@ -27,8 +27,8 @@ pub fn settings(width: u32, height: u32, spp: u32, seed: u64) -> Settings {
         width,
         height,
         spp,
-        splits: SplitCount::DEFAULT,
-        candidates: CandidateCount::of::<4>(),
+        splits: 6,
+        candidates: 4,
         reused_frames: 0,
         seed,
         light_choice: LightChoice::Girandole,
@@ -296,7 +296,7 @@ const KEPT_FRAMES: u32 = 8;
 
 fn keeping(width: u32, height: u32, seed: u64) -> Settings {
     let settings = settings(width, height, 1, seed);
-    Settings { reused_frames: 20, candidates: CandidateCount::ONE, light_choice: LightChoice::Roots, ..settings }
+    Settings { reused_frames: 20, candidates: 1, light_choice: LightChoice::Roots, ..settings }
 }
 
 #[test]

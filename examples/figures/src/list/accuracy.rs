@@ -146,32 +146,6 @@ const BOTH: View = View {
     ..VIEW
 };
 
-pub const PRESETS: Figure = table(
-    "presets",
-    PAGE,
-    &[View {
-        keep: &[(
-            "setting",
-            &[
-                "Girandole / 4 splits / 1 candidate / 1 spp",
-                "Girandole / 6 splits / 1 candidate / 1 spp",
-                "Girandole / 6 splits / 4 candidates / 1 spp",
-                "Girandole / 7 splits / 8 candidates / 1 spp",
-            ],
-        )],
-        cells: &[cell("relMSE", "rel_mse", REL_MSE), cell("time, ms of one core", "time_ms", Digits(3)).only("matte")],
-        labels: &[
-            ("matte", "diffuse"),
-            ("glossy", "glossy"),
-            ("Girandole / 4 splits / 1 candidate / 1 spp", "`Fast`: 4 splits, 1 candidate"),
-            ("Girandole / 6 splits / 1 candidate / 1 spp", "no preset: 6 splits, 1 candidate"),
-            ("Girandole / 6 splits / 4 candidates / 1 spp", "`Balanced`: 6 splits, 4 candidates"),
-            ("Girandole / 7 splits / 8 candidates / 1 spp", "`High`: 7 splits, 8 candidates"),
-        ],
-        ..BOTH
-    }],
-);
-
 pub const GLOSS: Figure = table(
     "gloss-pictures",
     PAGE,

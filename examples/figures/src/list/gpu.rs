@@ -50,8 +50,7 @@ pub const TOP_LEVEL: Figure = table(
             cell("cells", "stages.cells.time.median_ms", Digits(2)),
             cell("blocks", "stages.blocks.time.median_ms", Digits(2)),
             cell("total, ms", "total.median_ms", Digits(3)),
-            cell("sort alone", "sort_alone.median_ms", Digits(2)),
-            cell("of the sort", "total_per_sort_alone", Digits(3)),
+            cell("of the sort", "total_per_sort", Digits(3)),
         ],
         ..VIEW
     }],
@@ -69,8 +68,6 @@ pub const SAMPLES: Figure = table(
             cell("ms", "picture.median_ms", Digits(3)),
             cell("fastest", "picture.least_ms", Digits(3)),
             cell("million samples a second", "samples_per_second / 1000000", Digits(3)),
-            cell("nodes a sample", "nodes_per_sample", Digits(3)),
-            cell("bytes a sample", "bytes_per_sample", Fixed(0)),
         ],
         ..VIEW
     }],

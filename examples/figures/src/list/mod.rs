@@ -52,7 +52,6 @@ pub const FIGURES: &[Figure] = &[
     gpu::EFFECTS,
     accuracy::FRONT_PLOT,
     accuracy::FRONT,
-    accuracy::PRESETS,
     accuracy::PICTURE,
     accuracy::EQUAL_TIME,
     accuracy::GLOSS,

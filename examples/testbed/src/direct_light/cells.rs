@@ -5,8 +5,8 @@ use super::view::{Surface, View};
 use crate::common::hash::pcg4d;
 use crate::scene::{Camera, Material, Scene};
 use girandole::{
-    CandidateCount, CutBuild, CutOptions, CutTable, LightSample, LightSampler, LightWorld, ShadingPoint,
-    VisibilityError, VisibilityOptions, VisibilityTable,
+    CutBuild, CutOptions, CutTable, LightSample, LightSampler, LightWorld, ShadingPoint, VisibilityError,
+    VisibilityOptions, VisibilityTable,
 };
 use rayon::prelude::*;
 
@@ -30,7 +30,7 @@ const RECORDED: u32 = 16;
 pub struct CellSettings {
     /// The library is told how surfaces reflect.
     pub has_gloss: bool,
-    pub candidates: CandidateCount,
+    pub candidates: u32,
     /// The frames that teach before a picture begins; `None` without learnt visibility.
     pub taught: Option<u32>,
 }

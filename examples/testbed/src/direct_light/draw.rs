@@ -7,7 +7,7 @@ use crate::render::shading::{brdf, specular_reflectance};
 use crate::scene::Material;
 use girandole::glam::Vec3;
 use girandole::light::luminance;
-use girandole::{CandidateCount, Gloss, Incident, LightId, LightSample, LightSampler, Reservoir, ShadingPoint};
+use girandole::{Gloss, Incident, LightId, LightSample, LightSampler, Reservoir, ShadingPoint};
 
 /// A point on a light, and the factor that turns its light into an estimate of the light by all
 /// lights.
@@ -138,7 +138,7 @@ impl Draw for SingleWithGloss<'_> {
 /// Draws several candidates from the light trees and keeps one.
 pub struct Resampled<'a> {
     pub lights: LightSampler<'a>,
-    pub candidates: CandidateCount,
+    pub candidates: u32,
 }
 
 impl Draw for Resampled<'_> {
@@ -152,7 +152,7 @@ impl Draw for Resampled<'_> {
 /// reflects without shadows.
 pub struct ResampledByBrdf<'a> {
     pub lights: LightSampler<'a>,
-    pub candidates: CandidateCount,
+    pub candidates: u32,
 }
 
 impl Draw for ResampledByBrdf<'_> {
@@ -161,9 +161,9 @@ impl Draw for ResampledByBrdf<'_> {
         let [a, b, x, y, choice] = sample.u;
         let mut state = u64::from(choice.to_bits());
         let mut kept = Reservoir::default();
-        for i in 0..self.candidates.get() {
-            let [a, b, x, y] = self.candidates.numbers([a, b, x, y], i);
-            let mut own = self.lights.resample(at, [a, b, x, y, choice], CandidateCount::ONE);
+        for i in 0..self.candidates {
+            let [a, b, x, y] = Reservoir::candidate_numbers([a, b, x, y], i, self.candidates);
+            let mut own = self.lights.resample(at, [a, b, x, y, choice], 1);
             own.reflected = self.lights.reservoir_sample(at, &own).map_or(0.0, |light| {
                 let unshadowed = luminance(reflected(surface, material, &light.incident)) / light.incident.pdf;
                 unshadowed * self.lights.visible_share(at, &light)
@@ -179,7 +179,7 @@ impl Draw for ResampledByBrdf<'_> {
 /// reflects.
 pub struct ResampledWithGloss<'a> {
     pub lights: LightSampler<'a>,
-    pub candidates: CandidateCount,
+    pub candidates: u32,
 }
 
 impl Draw for ResampledWithGloss<'_> {

@@ -9,8 +9,7 @@ use crate::measuring::reference::place::{Map, View};
 use crate::measuring::reference::rough::walk;
 use girandole::glam::{DMat3, DVec3};
 use girandole::{
-    InstanceKey, Light, LightId, LightSampler, LightTree, LightWorld, OriginMode, Placement, Policy, SplitCount,
-    WorldError,
+    InstanceKey, Light, LightId, LightSampler, LightTree, LightWorld, OriginMode, Placement, Policy, WorldError,
 };
 use std::collections::BTreeMap;
 
@@ -131,7 +130,7 @@ impl Subject for TwoLevel {
         let view = View::of(at.position - self.origin(), at.normal);
         let top = Tree { nodes: sampler.top_nodes(), view, instance: None };
         let below = |leaf| self.below(&sampler, leaf, view);
-        self.by_light(distribution(&top, SplitCount::DEFAULT.get(), 0.0, &below).lights)
+        self.by_light(distribution(&top, 6, 0.0, &below).lights)
     }
 }
 
@@ -154,7 +153,7 @@ impl Subject for Flat {
 
     fn pmfs(&self, at: &Receiver<f64>) -> Vec<f32> {
         let mut pmfs = Vec::new();
-        self.tree.distribution(&at.rounded(-self.shift), SplitCount::DEFAULT, &mut pmfs);
+        self.tree.distribution(&at.rounded(-self.shift), 6, &mut pmfs);
         pmfs
     }
 

@@ -14,7 +14,7 @@ use super::shading::{View, brdf, gloss, shadow_offset, sky_radiance, through_haz
 use super::textures::OpacitySeed;
 use girandole::glam::{Vec2, Vec3, Vec4};
 use girandole::light::luminance;
-use girandole::{CandidateCount, Incident, LightId, LightSample, LightSampler, Reservoir, ShadingPoint};
+use girandole::{Incident, LightId, LightSample, LightSampler, Reservoir, ShadingPoint};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -121,7 +121,7 @@ pub struct Integrator<'a> {
     /// What lights it.
     pub lights: Lights<'a>,
     /// Candidates of which each sample keeps one.
-    pub candidates: CandidateCount,
+    pub candidates: u32,
 }
 
 /// The radiance of a surface that a camera ray met, by its origin.

@@ -11,9 +11,9 @@ use super::scene::Scene;
 use super::sequence::PixelSequence;
 use super::shading::View;
 use super::textures::OpacitySeed;
+use girandole::LightWorld;
 use girandole::glam::Vec2;
 use girandole::light::luminance;
-use girandole::{CandidateCount, LightWorld};
 use rayon::prelude::*;
 
 /// Cells along the width and the height of the picture. Each is one measurement, so that surfaces count by
@@ -54,7 +54,7 @@ struct Cell {
 /// The cells of the picture, row by row.
 fn measure(scene: &Scene, geometry: &Geometry, world: &LightWorld, (width, height): (u32, u32)) -> Vec<Cell> {
     let lights = Lights { sampler: world.sampler(), choice: Choice::Trees };
-    let integrator = Integrator { scene, geometry, lights, candidates: CandidateCount::of::<4>() };
+    let integrator = Integrator { scene, geometry, lights, candidates: 4 };
     let view = View::new(&scene.camera, width, height);
     let (columns, rows) = GRID;
     let cell = |index: u32| {

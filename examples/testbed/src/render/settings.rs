@@ -2,7 +2,10 @@
 
 use super::scene::Scene;
 use clap::ValueEnum;
-use girandole::{CandidateCount, CutOptions, SplitCount};
+use girandole::CutOptions;
+
+/// The most candidates of a sample, as in shaders.
+pub const MAX_CANDIDATES: u32 = 32;
 
 /// Settings of a renderer.
 #[derive(Clone, Debug)]
@@ -15,10 +18,10 @@ pub struct Settings {
     pub spp: u32,
     /// Clusters that are split for each point before a light is chosen, on the CPU. More of them lower the noise and
     /// cost time.
-    pub splits: SplitCount,
+    pub splits: usize,
     /// Candidates of which each sample keeps one. More of them lower the noise of reflections and
     /// cost time, but no shadow rays.
-    pub candidates: CandidateCount,
+    pub candidates: u32,
     /// With one sample for each pixel, the draws that the light a pixel keeps from the frame before stands for, at most;
     /// 0 to keep none. See [`history`](super::history).
     pub reused_frames: u32,

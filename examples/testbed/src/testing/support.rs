@@ -4,7 +4,6 @@ pub use crate::common::split_mix::Rng;
 use girandole::glam::{Affine3A, Mat3, Quat, Vec3};
 use girandole::{
     DirectionalLight, InstanceKey, Light, LightId, LightSampler, LightTree, LightWorld, Policy, ShadingPoint,
-    SplitCount,
 };
 
 impl Rng {
@@ -133,7 +132,7 @@ pub fn rounds(all: u64) -> u64 {
 }
 
 /// The numbers of splits that tests of probabilities run with: none, and the default.
-pub const SPLITS: [SplitCount; 2] = [SplitCount::NONE, SplitCount::DEFAULT];
+pub const SPLITS: [usize; 2] = [0, 6];
 
 /// Every light of a world with its probability at a shading point.
 pub fn all_pmfs(sampler: &LightSampler, shading_point: &ShadingPoint) -> Vec<(LightId, f32)> {

@@ -300,7 +300,7 @@ mod tests {
     use super::super::scene::{Camera, Stage, Still, festival};
     use super::*;
     use crate::common::gpu::{read, wait};
-    use girandole::{CandidateCount, FrameBudget};
+    use girandole::FrameBudget;
 
     /// A festival without a city, on a device.
     struct Fixture {
@@ -395,7 +395,7 @@ mod tests {
         let middle = festival.base + Vec3::Y * 4.0;
         scene.camera = Camera { eye: middle + Vec3::Z * 300.0, target: middle, vertical_fov: 0.06, up: Vec3::Y };
         scene.exposure = 10.0;
-        let options = PictureOptions { size: [90, 70], spp: 4, candidates: CandidateCount::of::<1>(), seed: 1 };
+        let options = PictureOptions { size: [90, 70], spp: 4, candidates: 1, seed: 1 };
         let geometry = Geometry::new(scene).expect("a valid scene");
         // The picture is a band and the rest.
         let frame = FrameUniform {

@@ -7,7 +7,6 @@ use super::scene::{Alpha, Material, Scene};
 use super::sequence::{block_bits, tile_bits};
 use super::shading::View;
 use bytemuck::{Pod, Zeroable};
-use girandole::CandidateCount;
 use girandole::glam::{Vec3, Vec4};
 
 /// What a dispatch needs to know. `Frame` in `render.wgsl`.
@@ -76,7 +75,7 @@ pub struct PictureOptions {
     /// Samples per pixel, for which random numbers are evenly distributed.
     pub spp: u32,
     /// Candidates of which each sample keeps one.
-    pub candidates: CandidateCount,
+    pub candidates: u32,
     /// Of the random numbers.
     pub seed: u32,
 }
@@ -102,7 +101,7 @@ impl FrameUniform {
             horizon: scene.sky.horizon,
             first_object,
             ambient: scene.sky.ambient,
-            candidates: candidates.get(),
+            candidates: candidates,
             occluder_min: geometry.occluders.min,
             block_bits,
             occluder_max: geometry.occluders.max,

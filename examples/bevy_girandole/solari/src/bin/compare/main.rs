@@ -3,7 +3,6 @@
 mod options;
 mod picture;
 mod scene;
-mod work;
 
 use std::process::ExitCode;
 
@@ -27,9 +26,6 @@ fn run(options: &Options) -> Result<(), String> {
     picture::add_camera(&mut app, options, camera);
     let (mean, brightness) = picture::mean(&mut app, options)?;
     println!("brightness {:.6}, standard error {:.6}", brightness.mean, brightness.standard_error);
-    if options.work {
-        work::print(&app, options.scene.floor())?;
-    }
     if let Some(file) = &options.raw {
         picture::write_raw(file, &mean)?;
     }

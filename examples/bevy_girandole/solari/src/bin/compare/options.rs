@@ -13,8 +13,7 @@ pub const USAGE: &str = "Options:
   --size WxH                   size of the picture (320x180)
   --raw FILE                   writes the mean as 32-bit floats
   --reference FILE             compares the mean with such a file
-  --out FILE.png               writes the mean as a picture
-  --work                       says what a draw by Girandole reads";
+  --out FILE.png               writes the mean as a picture";
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
@@ -29,7 +28,6 @@ pub struct Options {
     pub raw: Option<String>,
     pub reference: Option<String>,
     pub out: Option<String>,
-    pub work: bool,
 }
 
 impl Options {
@@ -47,7 +45,6 @@ impl Options {
             raw: None,
             reference: None,
             out: None,
-            work: false,
         };
         while let Some(word) = words.next() {
             let mut value = || words.next().ok_or_else(|| format!("{word} needs a value.\n{USAGE}"));
@@ -69,7 +66,6 @@ impl Options {
                 "--raw" => options.raw = Some(value()?),
                 "--reference" => options.reference = Some(value()?),
                 "--out" => options.out = Some(value()?),
-                "--work" => options.work = true,
                 _ => return Err(format!("{word} is not an option.\n{USAGE}")),
             }
         }
