@@ -16,6 +16,9 @@ pub(crate) fn seen_rough_weights<'a>(
     record: &Node,
     trees: &impl InstanceTrees<'a>,
 ) -> Lanes {
+    if !trees.hides() {
+        return rough_weights(record, &tree.local);
+    }
     let mut children = ChildImportances { importance: rough_weights(record, &tree.local), doubt: [0.0; WIDTH] };
     trees.weigh_masks(tree, node, record, &mut children);
     children.importance

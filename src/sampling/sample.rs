@@ -25,7 +25,6 @@ use crate::shading::segment::LocalSegment;
 use crate::shading::shading_point::ShadingPoint;
 use crate::sky::SKY_DIST;
 use crate::top::TopLevel;
-use crate::top::masks::NodeMasks;
 use crate::tree::{ChildRef, Lanes, LightTree, NO_LEAF, Node, WIDTH};
 use crate::visibility::{CellGrid, LearntCell, VisibilityTable};
 use crate::world::{Instance, LightWorld};
@@ -131,30 +130,12 @@ impl fmt::Debug for LightSampler<'_> {
 pub(crate) struct WorldTrees<'a, 's> {
     sampler: &'s LightSampler<'a>,
     shading_point: &'s ShadingPoint,
-}
-
-/// The same, where something is learnt. A type of its own, because one branch for each node would
-/// cost all samplers 1.6 % more instructions.
-pub(crate) struct LearntWorldTrees<'a, 's> {
-    trees: WorldTrees<'a, 's>,
-    learnt: LearntCell<'a>,
-}
-
-/// The same, where masks hide some lights, or a room some of the sky, and whatever is learnt. A type of its own for the
-/// same reason.
-pub(crate) struct MaskedWorldTrees<'a, 's> {
-    trees: WorldTrees<'a, 's>,
+    /// What is learnt about the cell of the shading point.
     learnt: Option<LearntCell<'a>>,
-    hidden: Hidden<'a>,
-}
-
-/// What a shading point does not see.
-#[derive(Clone, Copy)]
-pub(crate) struct Hidden<'a> {
-    /// [`TopLevel::masks`].
-    masks: &'a [NodeMasks],
+    /// Whether masks may hide lights.
+    has_masks: bool,
     /// The slot of the sky, and the portals through which it is seen.
-    portals: Option<(u32, PortalsInSight<'a>)>,
+    pub portals: Option<(u32, PortalsInSight<'a>)>,
 }
 
 impl<'a> InstanceTrees<'a> for WorldTrees<'a, '_> {
@@ -168,68 +149,29 @@ impl<'a> InstanceTrees<'a> for WorldTrees<'a, '_> {
     fn sky(&self) -> Option<TreeView<'a>> {
         self.sampler.sky_view(self.shading_point)
     }
-}
-
-impl Hidden<'_> {
-    /// What masks alone hide.
-    pub fn by_masks(self) -> Self {
-        Self { portals: None, ..self }
-    }
-}
-
-impl<'a, 's> WorldTrees<'a, 's> {
-    /// The same with what is learnt about the cell of the shading point.
-    pub fn with(self, learnt: LearntCell<'a>) -> LearntWorldTrees<'a, 's> {
-        LearntWorldTrees { trees: self, learnt }
-    }
-
-    /// The same without what is hidden.
-    pub fn without(self, hidden: Hidden<'a>, learnt: Option<LearntCell<'a>>) -> MaskedWorldTrees<'a, 's> {
-        MaskedWorldTrees { trees: self, learnt, hidden }
-    }
-}
-
-impl<'a> InstanceTrees<'a> for LearntWorldTrees<'a, '_> {
-    fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, ChildRef)> {
-        self.trees.tree_view(leaf)
-    }
-
-    fn sky(&self) -> Option<TreeView<'a>> {
-        self.trees.sky()
-    }
-
-    #[inline(always)]
-    fn visible_shares(&self, tree: &TreeView<'a>, node: &Node) -> Option<Lanes> {
-        Some(self.learnt.shares(node, &tree.local, &self.trees.sampler.world_of(tree)))
-    }
-}
-
-impl<'a> InstanceTrees<'a> for MaskedWorldTrees<'a, '_> {
-    fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, ChildRef)> {
-        self.trees.tree_view(leaf)
-    }
-
-    fn sky(&self) -> Option<TreeView<'a>> {
-        self.trees.sky()
-    }
 
     #[inline(always)]
     fn visible_shares(&self, tree: &TreeView<'a>, node: &Node) -> Option<Lanes> {
         let learnt = self.learnt.as_ref()?;
-        Some(learnt.shares(node, &tree.local, &self.trees.sampler.world_of(tree)))
+        Some(learnt.shares(node, &tree.local, &self.sampler.world_of(tree)))
+    }
+
+    #[inline(always)]
+    fn hides(&self) -> bool {
+        self.has_masks || self.portals.is_some()
     }
 
     #[inline(always)]
     fn weigh_masks(&self, tree: &TreeView<'a>, node: u32, record: &Node, children: &mut ChildImportances) {
         // Below the top level all lights have the mask of one instance.
         if !tree.is_top() {
-            if let Some((_, portals)) = self.hidden.portals.as_ref().filter(|(sky, _)| *sky == tree.instance) {
+            if let Some((_, portals)) = self.portals.as_ref().filter(|(sky, _)| *sky == tree.instance) {
                 portals.weigh(record, children);
             }
             return;
         }
-        let (mask, masks) = (self.trees.shading_point.mask, self.hidden.masks);
-        let met = self.trees.sampler.met_children(tree, node, mask);
+        let (mask, masks) = (self.shading_point.mask, &self.sampler.top.masks);
+        let met = self.sampler.met_children(tree, node, mask);
         for slot in 0..WIDTH {
             if !met[slot] {
                 children.importance[slot] = 0.0;
@@ -240,57 +182,33 @@ impl<'a> InstanceTrees<'a> for MaskedWorldTrees<'a, '_> {
     }
 }
 
+impl<'a> WorldTrees<'a, '_> {
+    /// The same with what is learnt about the cell of the shading point.
+    pub fn with(self, learnt: Option<LearntCell<'a>>) -> Self {
+        Self { learnt, ..self }
+    }
+}
+
 /// Evaluates an expression for a shading point with the source of its candidates, the illuminance by
 /// directional lights in lux, and a reference to the trees around it. There is a copy of the expression
-/// for each kind of source and trees: cells that share a cut, what is hidden, what is learnt.
+/// for each kind of source.
 macro_rules! with_cut {
     ($sampler:expr, $shading_point:expr, |$source:ident, $directional_lux:ident, $trees:ident| $run:expr) => {{
-        let trees = $sampler.world_trees($shading_point);
+        let $trees = &$sampler.world_trees($shading_point);
         let $directional_lux = $sampler.directional_lux($shading_point);
-        let hidden = $sampler.hidden($shading_point);
         match $sampler.shared_cut($shading_point, $directional_lux) {
-            Some($source) => match hidden {
-                Some(hidden) => {
-                    let $trees = &trees.without(hidden, None);
-                    $run
-                }
-                None => {
-                    let $trees = &trees;
-                    $run
-                }
-            },
+            Some($source) => $run,
             None if $sampler.is_from_roots => {
                 let $source = $sampler.root_cut($shading_point, $directional_lux);
-                match hidden {
-                    Some(hidden) => {
-                        let $trees = &trees.without(hidden, None);
-                        $run
-                    }
-                    None => {
-                        let $trees = &trees;
-                        $run
-                    }
-                }
+                $run
             }
             None => {
                 let $source = $sampler.own_cut($shading_point, $directional_lux);
                 // Where cells share cuts, those alone know what is learnt: looking it up for the few points without
                 // a cell took longer than it gained.
                 let learnt = if $sampler.cuts.is_none() { $sampler.learnt($shading_point) } else { None };
-                match (hidden, learnt) {
-                    (Some(hidden), learnt) => {
-                        let $trees = &trees.without(hidden, learnt);
-                        $run
-                    }
-                    (None, Some(learnt)) => {
-                        let $trees = &trees.with(learnt);
-                        $run
-                    }
-                    (None, None) => {
-                        let $trees = &trees;
-                        $run
-                    }
-                }
+                let $trees = &$trees.with(learnt);
+                $run
             }
         }
     }};
@@ -584,15 +502,10 @@ impl<'a> LightSampler<'a> {
         FromRoots { top: self.root(shading_point), directional_lux }
     }
 
-    /// The trees of all instances as seen from a shading point.
+    /// The trees of all instances as seen from a shading point that has learnt nothing.
     pub(crate) fn world_trees<'s>(&'s self, shading_point: &'s ShadingPoint) -> WorldTrees<'a, 's> {
-        WorldTrees { sampler: self, shading_point }
-    }
-
-    /// What is hidden from a shading point; `None` if nothing is.
-    pub(crate) fn hidden(&self, shading_point: &ShadingPoint) -> Option<Hidden<'a>> {
-        let (masks, portals) = (&self.top.masks, self.portals(shading_point));
-        (!masks.is_empty() || shading_point.mask == 0 || portals.is_some()).then_some(Hidden { masks, portals })
+        let has_masks = !self.top.masks.is_empty() || shading_point.mask == 0;
+        WorldTrees { sampler: self, shading_point, learnt: None, has_masks, portals: self.portals(shading_point) }
     }
 
     /// Whether the masks of instances below each child of a node and a mask have a bit in common. All of them in a

@@ -182,12 +182,10 @@ impl<'a> Sketch<'_, 'a, '_> {
     #[inline(always)]
     fn importances(&self, tree: &TreeView<'a>, node: u32, record: &Node, view: usize) -> ChildImportances {
         let point = self.point(view);
-        let trees = self.sampler.world_trees(point);
+        let mut trees = self.sampler.world_trees(point);
         // The middle stands for all points of the cell, which may see other parts of the sky.
-        match self.sampler.hidden(point).map(|hidden| if view == POINTS { hidden.by_masks() } else { hidden }) {
-            Some(hidden) => seen_importances(tree, node, record, &trees.without(hidden, None)),
-            None => seen_importances(tree, node, record, &trees),
-        }
+        trees.portals = trees.portals.filter(|_| view < POINTS);
+        seen_importances(tree, node, record, &trees)
     }
 
     /// All light at a point that is known to be resolved.
