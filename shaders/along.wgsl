@@ -238,44 +238,4 @@ fn light_point_along(shading_point: LightShadingPoint, along: f32) -> LightShadi
     // #endif
     return seen_from;
 }
-
-// Chooses a point of a segment and a point on a light that was picked. Twin of
-// `LightSampler::sample_light_along`.
-fn light_sample_drawn_along(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample {
-    var chosen = LightAlong(0.0, 0.0);
-    if pick.pmf > 0.0 {
-        let stretch = light_stretch_of(shading_point, pick.instance, pick.light);
-        chosen = light_stretch_sample(stretch, light_clamp_unit(u.x));
-    }
-    if chosen.pdf <= 0.0 {
-        return LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u);
-    }
-    var slot = pick.instance;
-    // #if DIRECTIONAL
-    slot = select(slot, 0u, pick.instance == LIGHT_DIRECTIONAL);
-    // #endif
-    let instance = light_instance(slot);
-    var base = instance.light_base;
-    // #if DIRECTIONAL
-    base = select(base, light_params.directional_base, pick.instance == LIGHT_DIRECTIONAL);
-    // #endif
-    light_along = chosen.along;
-    let hashed = f32(light_hash_both(u.x, u.y) >> 8u) * LIGHT_U_STEP;
-    let seen_from = light_point_along(shading_point, chosen.along);
-    var incident = light_incident(light_record(base + pick.light), instance, seen_from, vec2(u.y, hashed));
-    // #if FACTORS
-    incident = light_factored(incident, pick.instance, instance);
-    // #endif
-    // #if MASKS
-    if pick.instance != LIGHT_DIRECTIONAL && (instance.mask & shading_point.mask) == 0u {
-        incident = light_nothing();
-    }
-    // #endif
-    let pdf = clamp(incident.pdf * chosen.pdf, LIGHT_MIN_PDF, LIGHT_MAX_DENSITY);
-    return LightSample(
-        incident.direction, incident.dist, incident.radiance, pdf,
-        select(0.0, pick.pmf, any(incident.radiance != vec3(0.0))), pick.instance, pick.light,
-        select(0u, 1u, incident.is_delta),
-    );
-}
 // #endif

@@ -170,12 +170,23 @@ fn light_factored(incident: LightIncident, slot: u32, instance: LightInstance) -
 
 // Chooses a point on a light that was picked. A pick with a pmf above 0 names a light that is there.
 fn light_sample_drawn(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample {
+    var seen_from = shading_point;
+    var numbers = u;
+    var is_none = pick.pmf <= 0.0;
     // #if SEGMENTS
-    if light_is_segment(shading_point) {
-        return light_sample_drawn_along(shading_point, pick, u);
+    // A point of the segment, and the density of its distance. Twin of `LightSampler::sample_light_along`.
+    var chosen = LightAlong(0.0, 1.0);
+    let is_segment = light_is_segment(shading_point) && !is_none;
+    if is_segment {
+        let stretch = light_stretch_of(shading_point, pick.instance, pick.light);
+        chosen = light_stretch_sample(stretch, light_clamp_unit(u.x));
+        is_none = chosen.pdf <= 0.0;
+        light_along = chosen.along;
+        seen_from = light_point_along(shading_point, chosen.along);
+        numbers = vec2(u.y, f32(light_hash_both(u.x, u.y) >> 8u) * LIGHT_U_STEP);
     }
     // #endif
-    if pick.pmf <= 0.0 {
+    if is_none {
         return LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u);
     }
     var slot = pick.instance;
@@ -188,7 +199,7 @@ fn light_sample_drawn(shading_point: LightShadingPoint, pick: LightPick, u: vec2
     // #if DIRECTIONAL
     base = select(base, light_params.directional_base, is_directional);
     // #endif
-    var incident = light_incident(light_record(base + pick.light), instance, shading_point, u);
+    var incident = light_incident(light_record(base + pick.light), instance, seen_from, numbers);
     // #if FACTORS
     incident = light_factored(incident, pick.instance, instance);
     // #endif
@@ -197,9 +208,13 @@ fn light_sample_drawn(shading_point: LightShadingPoint, pick: LightPick, u: vec2
         incident = light_nothing();
     }
     // #endif
+    var pdf = incident.pdf;
+    // #if SEGMENTS
+    pdf = select(pdf, clamp(pdf * chosen.pdf, LIGHT_MIN_PDF, LIGHT_MAX_DENSITY), is_segment);
+    // #endif
     let pmf = select(0.0, pick.pmf, any(incident.radiance != vec3(0.0)));
     return LightSample(
-        incident.direction, incident.dist, incident.radiance, incident.pdf,
+        incident.direction, incident.dist, incident.radiance, pdf,
         pmf, pick.instance, pick.light, select(0u, 1u, incident.is_delta),
     );
 }

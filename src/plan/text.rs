@@ -746,7 +746,7 @@ mod tests {
         LightStretch.soft light_along_pdf light_angle light_is_turned_away_along \
         light_cone_place light_emitted_along light_end light_estimate_along \
         light_importance_along light_gap light_halved light_is_segment light_local_segment light_near_sq \
-        light_point_along light_sample_along light_sample_drawn_along light_segment_view \
+        light_point_along light_sample_along light_segment_view \
         light_source light_source_of light_stretch light_stretch_density light_stretch_of \
         light_stretch_sample light_seen_axis light_seen_box LightImportance LightImportance.doubt \
         LightImportance.lux light_has_unresolved light_is_out_of_range light_position_error_sq light_resolved_sum \
