@@ -17,9 +17,8 @@
 //! | 700 to 799 | `AssetError` of the package `girandole-assets` |
 //! | 800 | `tree::CheckError` |
 //! | 900 | `plan::ShaderNameError` |
-//! | 1000 to 1001 | [`VisibilityError`] |
+//! | 1000 to 1001 | [`CellError`] |
 //! | 1100 to 1107 | `tree::BakeError` |
-//! | 1200 to 1201 | [`CutError`] |
 //! | 1300 to 1305 | [`SkyError`] |
 //! | 1400 | [`ProfileError`] |
 //! | 1600 to 1604 | `DumpError` |
@@ -359,11 +358,11 @@ impl BudgetError {
     }
 }
 
-/// Why the options of a [`VisibilityTable`](crate::VisibilityTable) were refused. Codes 1000 and
-/// 1001.
+/// Why [`CutOptions`](crate::CutOptions) or [`VisibilityOptions`](crate::VisibilityOptions) were refused. Codes 1000
+/// and 1001.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum VisibilityError {
+pub enum CellError {
     /// The edge of a cell is out of range, or NaN.
     #[error("the edge of a cell is {edge} m, outside {min} to {max} m")]
     Edge {
@@ -374,8 +373,8 @@ pub enum VisibilityError {
         /// The greatest edge allowed.
         max: f32,
     },
-    /// The number of cells is out of range, or no power of two.
-    #[error("{cells} cells; their number must be a power of two from {min} to {max}")]
+    /// The number of cells is out of range, or no power of two where visibility is learnt.
+    #[error("{cells} cells; their number must be from {min} to {max}, and a power of two where visibility is learnt")]
     Cells {
         /// The given number.
         cells: usize,
@@ -386,43 +385,7 @@ pub enum VisibilityError {
     },
 }
 
-/// Why options of shared cuts were refused. Codes 1200 to 1201.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum CutError {
-    /// The edge of a cell is out of range, or NaN.
-    #[error("the edge of a cell is {edge} m, outside {min} to {max} m")]
-    Edge {
-        /// The given edge.
-        edge: f32,
-        /// The least edge allowed.
-        min: f32,
-        /// The greatest edge allowed.
-        max: f32,
-    },
-    /// The number of cells is out of range.
-    #[error("{cells} cells; their number must be from {min} to {max}")]
-    Cells {
-        /// The given number.
-        cells: usize,
-        /// The least number allowed.
-        min: usize,
-        /// The greatest number allowed.
-        max: usize,
-    },
-}
-
-impl CutError {
-    /// The stable code, see [`error`](self).
-    pub fn code(&self) -> u32 {
-        match self {
-            Self::Edge { .. } => 1200,
-            Self::Cells { .. } => 1201,
-        }
-    }
-}
-
-impl VisibilityError {
+impl CellError {
     /// The stable code, see [`error`](self).
     pub fn code(&self) -> u32 {
         match self {
@@ -575,15 +538,12 @@ mod tests {
             .chain(placement_errors().map(|error| error.code()))
             .chain([BudgetError { millis: -1.0 }.code()])
             .chain([
-                VisibilityError::Edge { edge: 0.0, min: 1.0, max: 2.0 }.code(),
-                VisibilityError::Cells { cells: 3, min: 4, max: 8 }.code(),
-                CutError::Edge { edge: 0.0, min: 1.0, max: 2.0 }.code(),
-                CutError::Cells { cells: 0, min: 1, max: 8 }.code(),
+                CellError::Edge { edge: 0.0, min: 1.0, max: 2.0 }.code(),
+                CellError::Cells { cells: 3, min: 4, max: 8 }.code(),
             ])
             .collect();
         assert_eq!(codes.iter().collect::<BTreeSet<_>>().len(), codes.len());
-        let expected: Vec<u32> =
-            (100..105).chain(200..216).chain(300..304).chain([400, 1000, 1001, 1200, 1201]).collect();
+        let expected: Vec<u32> = (100..105).chain(200..216).chain(300..304).chain([400, 1000, 1001]).collect();
         assert_eq!(codes, expected);
     }
 

@@ -162,9 +162,7 @@ mod documented;
 mod f64_reference;
 
 pub use effects::{EffectCounts, Effects};
-pub use error::{
-    BudgetError, CutError, LightError, PlacementError, ProfileError, SkyError, VisibilityError, WorldError,
-};
+pub use error::{BudgetError, CellError, LightError, PlacementError, ProfileError, SkyError, WorldError};
 
 pub use glam;
 pub use instance::appearance::MAX_FACTOR;
@@ -177,7 +175,6 @@ pub use policy::Policy;
 pub use profile::Profile;
 pub use sampling::along::SegmentPoint;
 pub use sampling::cut::MAX_SPLITS;
-pub use sampling::cuts::builds::CutBuild;
 pub use sampling::cuts::options::CutOptions;
 pub use sampling::cuts::table::{CutReport, CutTable};
 pub use sampling::emit::Incident;

@@ -31,7 +31,7 @@ pub(crate) use fold::{DOUBT, FIRST, MAX_NEW, MEMORY, MIN_SHARE, PRIOR, RARE, UNI
 pub(crate) use fold::{FULL_SHARE, Known};
 use fold::{fold, mean_code, share_code};
 
-use crate::error::VisibilityError;
+use crate::error::CellError;
 
 static NEXT_ID: AtomicU64 = AtomicU64::new(1);
 
@@ -65,7 +65,7 @@ pub(crate) const EDGES: [f32; 2] = [0.01, 1.0e4];
 /// let options = VisibilityOptions::new(0.5, 16_384)?;
 /// assert_eq!((options.edge(), options.cells()), (0.5, 16_384));
 /// assert!(VisibilityOptions::new(0.0, 16_384).is_err() && VisibilityOptions::new(0.5, 1000).is_err());
-/// # Ok::<(), girandole::VisibilityError>(())
+/// # Ok::<(), girandole::CellError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VisibilityOptions {
@@ -83,15 +83,15 @@ impl VisibilityOptions {
     /// of 4 x 4 x 4 cells knows.
     ///
     /// # Errors
-    /// [`VisibilityError`] for an edge outside 0.01 to 10,000 m, and for a number of cells that is not
+    /// [`CellError`] for an edge outside 0.01 to 10,000 m, and for a number of cells that is not
     /// a power of two from 4 to 16,384.
-    pub const fn new(edge: f32, cells: usize) -> Result<Self, VisibilityError> {
+    pub const fn new(edge: f32, cells: usize) -> Result<Self, CellError> {
         // NaN is in no range.
         if !(edge >= EDGES[0] && edge <= EDGES[1]) {
-            return Err(VisibilityError::Edge { edge, min: EDGES[0], max: EDGES[1] });
+            return Err(CellError::Edge { edge, min: EDGES[0], max: EDGES[1] });
         }
         if !(cells.is_power_of_two() && cells >= WAYS && cells <= MAX_CELLS) {
-            return Err(VisibilityError::Cells { cells, min: WAYS, max: MAX_CELLS });
+            return Err(CellError::Cells { cells, min: WAYS, max: MAX_CELLS });
         }
         Ok(Self { edge, cells })
     }
@@ -217,11 +217,6 @@ impl VisibilityTable {
             touched: zeros(),
             counts: (0..rows * BINS).map(|_| [AtomicU32::new(0), AtomicU32::new(0)]).collect(),
         }
-    }
-
-    /// The options that the table was made with.
-    pub fn options(&self) -> VisibilityOptions {
-        self.options
     }
 
     /// The number of cells that have a row. O(cells of the table).

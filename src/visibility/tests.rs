@@ -32,10 +32,10 @@ fn record(table: &VisibilityTable, cell: &Cell, bin: usize, is_visible: bool, co
 fn options_out_of_range_are_refused_and_the_limits_are_accepted() {
     for edge in [0.0, -1.0, f32::NAN, f32::INFINITY, EDGES[0].next_down(), EDGES[1].next_up()] {
         let error = VisibilityOptions::new(edge, 64).unwrap_err();
-        assert!(matches!(error, VisibilityError::Edge { min: 0.01, max: 1.0e4, .. }), "{error}");
+        assert!(matches!(error, CellError::Edge { min: 0.01, max: 1.0e4, .. }), "{error}");
     }
     for cells in [0, 1, 2, 3, 5, 100, MAX_CELLS + 1, 2 * MAX_CELLS, usize::MAX] {
-        let refused = VisibilityError::Cells { cells, min: WAYS, max: MAX_CELLS };
+        let refused = CellError::Cells { cells, min: WAYS, max: MAX_CELLS };
         assert_eq!(VisibilityOptions::new(1.0, cells), Err(refused));
     }
     assert!(EDGES.into_iter().all(|edge| VisibilityOptions::new(edge, WAYS).is_ok()));

@@ -2,7 +2,7 @@
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::{
-    CutError, CutOptions, CutReport, CutTable, DirectionalLight, FrameBudget, Gloss, Incident, Light, LightSampler,
+    CellError, CutOptions, CutReport, CutTable, DirectionalLight, FrameBudget, Gloss, Incident, Light, LightSampler,
     LightTree, LightWorld, Placement, Policy, ShadingPoint, VisibilityTable,
 };
 use rayon::prelude::*;
@@ -80,10 +80,10 @@ fn assert_exact(world: &LightWorld, table: &CutTable, at: &[ShadingPoint], rng: 
 fn options_out_of_range_are_refused_and_the_limits_are_accepted() {
     for edge in [0.0, -1.0, f32::NAN, f32::INFINITY, 0.01_f32.next_down(), 1.0e4_f32.next_up(), 1.0e5] {
         let error = CutOptions::new(edge, 64).unwrap_err();
-        assert!(matches!(error, CutError::Edge { min: 0.01, max: 1.0e4, .. }), "{error}");
+        assert!(matches!(error, CellError::Edge { min: 0.01, max: 1.0e4, .. }), "{error}");
     }
     for cells in [0, 65_537, 655_360, usize::MAX] {
-        assert_eq!(CutOptions::new(1.0, cells), Err(CutError::Cells { cells, min: 1, max: 65_536 }));
+        assert_eq!(CutOptions::new(1.0, cells), Err(CellError::Cells { cells, min: 1, max: 65_536 }));
     }
     assert!([0.01, 1.0e4].into_iter().all(|edge| CutOptions::new(edge, 1).is_ok()));
     assert!(CutOptions::new(1.0, 65_536).is_ok());
@@ -326,8 +326,7 @@ fn assert_order_has_no_effect(world: &LightWorld, at: &[ShadingPoint], options: 
     let pmfs = |mark: &dyn Fn(&LightSampler<'_>)| {
         let mut cuts = CutTable::new(options);
         mark(&world.sampler().with_cuts(&cuts));
-        let builds: Vec<_> = cuts.builds(world.sampler()).collect();
-        builds.into_par_iter().rev().for_each(girandole::CutBuild::run);
+        cuts.build(world.sampler());
         let sampler = world.sampler().with_cuts(&cuts);
         at.iter().step_by(10).map(|at| sampler.pick(at, [0.3, 0.7])).collect::<Vec<_>>()
     };
@@ -370,7 +369,7 @@ fn cells_keep_their_cuts_while_neither_the_world_nor_the_view_changes() {
 }
 
 #[test]
-fn a_cleared_table_has_no_cuts_and_no_marks_and_the_same_memory() {
+fn a_cleared_table_has_no_cuts_and_no_marks() {
     let mut rng = Rng(179);
     let world = rng.world(4, 30, 5, 20.0);
     let at = points(&mut rng, 4000, 100.0);
@@ -382,7 +381,8 @@ fn a_cleared_table_has_no_cuts_and_no_marks_and_the_same_memory() {
     assert!(built.built > 3500 && (1600.0..1850.0).contains(&of_cell), "{of_cell}");
     at.iter().for_each(|at| world.sampler().with_cuts(&cuts).mark(at));
     cuts.clear();
-    assert_eq!((cuts.report(), cuts.memory_bytes()), (CutReport::default(), memory));
+    assert_eq!(cuts.report(), CutReport::default());
+    assert!(cuts.memory_bytes() < memory / 10, "{}", cuts.memory_bytes());
     let pick = |sampler: LightSampler<'_>| at.iter().map(|at| sampler.pick(at, [0.3, 0.6])).collect::<Vec<_>>();
     assert_eq!(pick(world.sampler().with_cuts(&cuts)), pick(world.sampler()));
     build(&mut cuts, &world, &[]);

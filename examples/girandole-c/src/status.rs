@@ -110,7 +110,7 @@ macro_rules! from_errors_of_the_library {
 
 from_errors_of_the_library!(
     girandole::BudgetError,
-    girandole::CutError,
+    girandole::CellError,
     girandole::WorldError,
     girandole::LightError,
     girandole::SkyError,

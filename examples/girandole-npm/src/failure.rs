@@ -1,7 +1,7 @@
 //! Refusals as errors of JavaScript, with the library's message and code.
 
 use girandole::plan::PlanError;
-use girandole::{BudgetError, CutError, SkyError, WorldError};
+use girandole::{BudgetError, CellError, SkyError, WorldError};
 use js_sys::{Error, Reflect};
 use wasm_bindgen::JsValue;
 
@@ -25,7 +25,7 @@ macro_rules! coded {
     )*};
 }
 
-coded!(BudgetError CutError PlanError SkyError WorldError);
+coded!(BudgetError CellError PlanError SkyError WorldError);
 
 impl From<Failure> for JsValue {
     fn from(failure: Failure) -> Self {

@@ -9,8 +9,7 @@ use super::shadow_oracle::receivers::{Receiver, receivers};
 use girandole::glam::{Vec3, vec3};
 use girandole::light::luminance;
 use girandole::{
-    CutBuild, CutError, CutOptions, CutTable, Incident, LightId, LightSampler, ShadingPoint, VisibilityOptions,
-    VisibilityTable,
+    CellError, CutOptions, CutTable, Incident, LightId, LightSampler, ShadingPoint, VisibilityOptions, VisibilityTable,
 };
 use rayon::prelude::*;
 use std::f32::consts::TAU;
@@ -92,7 +91,7 @@ impl Learner<'_> {
         if let Some(cuts) = cuts {
             let marker = self.sampler.with_cuts(cuts);
             surfaces.par_iter().for_each(|(at, _)| marker.mark(at));
-            cuts.builds(sampler).par_bridge().for_each(CutBuild::run);
+            cuts.build(sampler);
             sampler = sampler.with_cuts(cuts);
         }
         let shadows = Shadows::new(&self.place.scene, geometry);
@@ -119,10 +118,10 @@ impl Learner<'_> {
     }
 
     /// The cells of all receivers, built for what a sampler knows.
-    fn cuts(&self, sampler: LightSampler<'_>) -> Result<CutTable, CutError> {
+    fn cuts(&self, sampler: LightSampler<'_>) -> Result<CutTable, CellError> {
         let points: Vec<ShadingPoint> = self.receivers.iter().map(|receiver| receiver.shading_point).collect();
         let mut cuts = shared_cuts::marked(&self.place.world, &points, CUT_EDGE)?;
-        cuts.builds(sampler).par_bridge().for_each(CutBuild::run);
+        cuts.build(sampler);
         Ok(cuts)
     }
 
@@ -213,7 +212,7 @@ impl Learner<'_> {
     }
 }
 
-fn refused(error: CutError) -> SceneError {
+fn refused(error: CellError) -> SceneError {
     SceneError(error.to_string())
 }
 

@@ -1,7 +1,6 @@
 //! Builds the cuts of all cells that were marked.
 
 use std::cmp::Reverse;
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use crate::sampling::cuts::build::{CellPoints, build};
 use crate::sampling::cuts::cell::{CutCell, CutGrid, POINTS};
@@ -11,45 +10,37 @@ use crate::sampling::cuts::shared::SharedCut;
 use crate::sampling::cuts::table::{CutReport, CutTable};
 use crate::sampling::sample::LightSampler;
 
-/// The work of building one cell: see [`CutTable::builds`].
-#[derive(Debug)]
-pub struct CutBuild<'t> {
-    sampler: LightSampler<'t>,
+/// What the cells of one build have in common.
+struct Build<'a> {
+    sampler: LightSampler<'a>,
     grid: CutGrid,
-    cell: CutCell,
-    marked: Marked,
-    cut: &'t mut SharedCut,
-    /// The nodes of the cell's cut; 0 if it has none.
-    nodes: usize,
-    /// Counts cells that keep their cut.
-    kept: &'t AtomicUsize,
+    /// Whether nothing has changed for so long that all cells keep their cuts: matte ones, and glossy ones.
+    is_calm: [bool; 2],
     /// Whether anything was learnt since the last build.
     taught: bool,
 }
 
-impl CutBuild<'_> {
-    /// Builds the cell's cut: up to 32 nodes for each of up to eight points. A cell may keep its cut, after a look at the
-    /// 32 nodes.
-    pub fn run(self) {
-        let Self { sampler, grid, cell, marked, cut, nodes, kept, taught } = self;
-        let (center, toward, [_, tag]) = (grid.center(&cell), grid.toward(&cell), cell.keys());
-        if nodes == 0 {
-            cut.age = 0;
-        } else {
-            cut.count = nodes;
-            if cut.is_kept(&sampler, (&center, toward), (tag, taught)) {
-                kept.fetch_add(1, Relaxed);
-                return;
-            }
-        }
+impl Build<'_> {
+    /// Builds the cut of a cell, unless it may keep the one that it has. Returns whether it is built.
+    fn run(&self, cell: &CutCell, marked: &Marked, cut: &mut SharedCut) -> bool {
+        let Self { sampler, grid, taught, .. } = self;
+        let (center, toward, [_, tag]) = (grid.center(cell), grid.toward(cell), cell.keys());
         let mut points = [center; POINTS];
         let mut count = 0;
         for word in marked.words() {
-            points[count] = grid.point(&cell, word);
+            points[count] = grid.point(cell, word);
             count += 1;
         }
-        build(&sampler, &CellPoints { points: &points[..count], center }, cut);
+        // It was made for at least as many points as are known now.
+        if cut.count == 0 || cut.points < count {
+            cut.age = 0;
+        } else if self.is_calm[usize::from(cell.is_glossy())] || cut.is_kept(sampler, (&center, toward), (tag, *taught))
+        {
+            return false;
+        }
+        build(sampler, &CellPoints { points: &points[..count], center }, cut);
         (cut.points, cut.toward) = (count, toward);
+        true
     }
 }
 
@@ -62,14 +53,9 @@ impl CutTable {
     /// With a sampler that has [learnt visibility](LightSampler::with_visibility), cells choose lights by that
     /// too. Choices take no longer.
     ///
-    /// The result does not depend on the order or the threads of the marks. O(marked cells), and
-    /// up to 256 evaluations of a node for each cell that gets a cut.
+    /// Cells are built on rayon's threads. The result does not depend on them, nor on the order or the threads of the
+    /// marks. O(marked cells), and up to 256 evaluations of a node for each cell that is built.
     pub fn build(&mut self, sampler: LightSampler<'_>) {
-        self.builds(sampler).for_each(CutBuild::run);
-    }
-
-    /// The same in parts, each of which may run on any thread. Cells whose part does not run have no cut.
-    pub fn builds<'t>(&'t mut self, sampler: LightSampler<'t>) -> impl Iterator<Item = CutBuild<'t>> + use<'t> {
         let Self { options, camera, marks, built } = self;
         let mut report = CutReport::default();
         let mut chosen: Vec<(CutCell, Marked)> = marks.cells().inspect(|_| report.marked += 1).collect();
@@ -88,39 +74,27 @@ impl CutTable {
         built.calm = if is_same { built.calm.saturating_add(1) } else { 0 };
         let has_same_eye = built.grid.is_some_and(|built| built.has_eye_of(&grid));
         built.eye_rest = if has_same_eye { built.eye_rest.saturating_add(1) } else { 0 };
-        // The number of a cut, and whether nothing has changed for it.
-        let kept = |(cell, marked): &(CutCell, Marked)| {
-            let is_calm = built.calm > TURNS && (built.eye_rest > TURNS || !cell.is_glossy());
-            built.kept(cell, marked).map(|number| (number, is_calm))
+        let is_rested = built.calm > TURNS;
+        let is_calm = [is_rested, is_rested && built.eye_rest > TURNS];
+        let build = Build { sampler, grid, is_calm, taught };
+        let work =
+            chosen.into_iter().map(|(cell, marked)| (cell, marked, built.cuts.remove(&cell).unwrap_or_default()));
+        let work: Vec<_> = work.collect();
+        let run = |(cell, marked, mut cut): (CutCell, Marked, Box<SharedCut>)| {
+            let is_built = build.run(&cell, &marked, &mut cut);
+            (cell, cut, is_built)
         };
-        let kept: Vec<Option<(u32, bool)>> = chosen.iter().map(kept).collect();
-        report.kept = kept.iter().flatten().filter(|(_, is_calm)| *is_calm).count();
-        report.built = chosen.len() - report.kept;
-        if built.cuts.len() < chosen.len() {
-            built.cuts.resize_with(chosen.len(), SharedCut::default);
-        }
-        let mut is_kept = vec![false; built.cuts.len()];
-        kept.iter().flatten().for_each(|(number, _)| is_kept[*number as usize] = true);
-        let mut free = (0..).zip(&is_kept).filter(|(_, is_kept)| !**is_kept).map(|(number, _)| number);
-        let mut work = vec![None; built.cuts.len()];
-        built.numbers.clear();
-        for ((cell, marked), kept) in chosen.iter().zip(&kept) {
-            let Some((number, is_calm)) = kept.or_else(|| Some((free.next()?, false))) else { continue };
-            built.numbers.insert(*cell, number);
-            // Cells whose part does not run have no cut.
-            let cut = &mut built.cuts[number as usize];
-            work[number as usize] =
-                (!is_calm).then(|| (*cell, *marked, kept.map_or(0, |_| std::mem::take(&mut cut.count))));
-        }
-        for (cut, _) in built.cuts.iter_mut().zip(&is_kept).filter(|(_, is_kept)| !**is_kept) {
-            cut.count = 0;
-        }
+        #[cfg(feature = "parallel")]
+        let done: Vec<_> = {
+            use rayon::prelude::*;
+            work.into_par_iter().map(run).collect()
+        };
+        #[cfg(not(feature = "parallel"))]
+        let done: Vec<_> = work.into_iter().map(run).collect();
+        report.built = done.iter().filter(|(.., is_built)| *is_built).count();
+        report.kept = done.len() - report.built;
+        built.cuts.clear();
+        built.cuts.extend(done.into_iter().map(|(cell, cut, _)| (cell, cut)));
         (built.grid, built.world, built.learnt, built.report) = (Some(grid), sampler.top.id, learnt, report);
-        *built.kept_after_all.get_mut() = 0;
-        let kept = &built.kept_after_all;
-        built.cuts.iter_mut().zip(work).filter_map(move |(cut, work)| {
-            let (cell, marked, nodes) = work?;
-            Some(CutBuild { sampler, grid, cell, marked, cut, nodes, kept, taught })
-        })
     }
 }

@@ -6,7 +6,7 @@
 //! it. docs/math.md, "Shared cuts", has the weights; docs/cuts.md says when to use them.
 
 mod build;
-pub(crate) mod builds;
+mod builds;
 mod cell;
 pub(crate) mod keep;
 mod marks;

@@ -2,12 +2,11 @@
 
 use std::collections::HashMap;
 use std::fmt;
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use glam::DVec3;
 
 use crate::sampling::cuts::cell::{Camera, CutCell, CutGrid};
-use crate::sampling::cuts::marks::{Marked, Marks, map_bytes};
+use crate::sampling::cuts::marks::{Marks, map_bytes};
 use crate::sampling::cuts::options::{CutOptions, camera};
 use crate::sampling::cuts::shared::SharedCut;
 use crate::shading::shading_point::ShadingPoint;
@@ -78,10 +77,8 @@ pub(crate) struct Built {
     pub grid: Option<CutGrid>,
     /// [`TopLevel::id`](crate::top::TopLevel::id) of the world for which they were built; 0 for none.
     pub world: u64,
-    /// The numbers of the cuts of cells.
-    pub numbers: HashMap<CutCell, u32>,
-    /// The first ones are in use.
-    pub cuts: Vec<SharedCut>,
+    /// Those of cells that no light reaches have no nodes.
+    pub cuts: HashMap<CutCell, Box<SharedCut>>,
     /// The table of learnt visibility with which they were built and the last change there, or zeros.
     pub learnt: [u64; 2],
     /// The builds since the last one before which the world or what is learnt had changed.
@@ -89,32 +86,12 @@ pub(crate) struct Built {
     /// The builds since the last one before which the eye had moved.
     pub eye_rest: u32,
     pub report: CutReport,
-    /// How many of the cells that the report calls built were kept after all.
-    pub kept_after_all: AtomicUsize,
-}
-
-impl Built {
-    fn memory_bytes(&self) -> usize {
-        map_bytes(&self.numbers) + size_of::<SharedCut>() * self.cuts.capacity()
-    }
-
-    /// The number of the cut of a cell that may keep it: the cut was made for at least as many points as are known now.
-    pub fn kept(&self, cell: &CutCell, marked: &Marked) -> Option<u32> {
-        let number = *self.numbers.get(cell)?;
-        let cut = self.cuts.get(number as usize).filter(|cut| cut.count > 0)?;
-        (cut.points >= marked.words().count()).then_some(number)
-    }
 }
 
 impl CutTable {
     /// Creates a table without cells.
     pub fn new(options: CutOptions) -> Self {
         Self { options, camera: None, marks: Marks::new(), built: Built::default() }
-    }
-
-    /// The options that the table was made with.
-    pub fn options(&self) -> CutOptions {
-        self.options
     }
 
     /// Makes cells follow the pixels of a camera for all marks to come: about 16 pixels to an edge.
@@ -129,23 +106,20 @@ impl CutTable {
 
     /// What the last build did.
     pub fn report(&self) -> CutReport {
-        let CutReport { built, kept, .. } = self.built.report;
-        let more = self.built.kept_after_all.load(Relaxed);
-        CutReport { built: built - more, kept: kept + more, ..self.built.report }
+        self.built.report
     }
 
-    /// Forgets all marks and all cuts, and keeps the memory for new ones.
+    /// Forgets all marks and all cuts.
     pub fn clear(&mut self) {
         self.marks.clear();
-        let Built { mut numbers, cuts, .. } = std::mem::take(&mut self.built);
-        numbers.clear();
-        self.built = Built { numbers, cuts, ..Built::default() };
+        self.built = Built::default();
     }
 
-    /// The memory of the table: 1.6 kB for each cell that ever had a cut, and some 100 bytes for each that was
+    /// The memory of the table: 1.6 kB for each cell that has a cut, and some 100 bytes for each that was
     /// ever marked in one frame. O(1).
     pub fn memory_bytes(&self) -> usize {
-        size_of_val(self) + self.marks.memory_bytes() + self.built.memory_bytes()
+        let Built { cuts, .. } = &self.built;
+        size_of_val(self) + self.marks.memory_bytes() + map_bytes(cuts) + size_of::<SharedCut>() * cuts.len()
     }
 }
 
@@ -194,7 +168,7 @@ impl<'a> CutsInUse<'a> {
     /// The cut of a shading point's cell, or of its coarse cell.
     pub fn cut(&self, shading_point: &ShadingPoint) -> Option<&'a SharedCut> {
         let (built, grid) = self.built.as_ref()?;
-        let cut_of = |cell: CutCell| built.cuts.get(*built.numbers.get(&cell)? as usize).filter(|cut| cut.count > 0);
+        let cut_of = |cell: CutCell| built.cuts.get(&cell).map(|cut| &**cut).filter(|cut| cut.count > 0);
         let (cell, _) = grid.cell(shading_point)?;
         cut_of(cell).or_else(|| cut_of(grid.coarse_cell(shading_point)?.0))
     }

@@ -5,8 +5,8 @@ use crate::light::luminance;
 use crate::sky::tests::cloudy;
 use crate::tree::testing::Rng;
 use crate::{
-    CutBuild, CutOptions, CutTable, Light, LightId, LightSampler, LightTree, LightWorld, OriginMode, Placement, Policy,
-    Portal, ShadingPoint, Sky, SkyError,
+    CutOptions, CutTable, Light, LightId, LightSampler, LightTree, LightWorld, OriginMode, Placement, Policy, Portal,
+    ShadingPoint, Sky, SkyError,
 };
 
 const SIZE: [usize; 2] = [128, 64];
@@ -121,7 +121,7 @@ fn all_that_windows_show_has_a_probability_and_little_noise() {
     let mut cuts = CutTable::new(CutOptions::new(0.5, 512).expect("sound").with_min_marks(1));
     let marker = world.sampler().with_cuts(&cuts);
     points.iter().for_each(|(_, at)| marker.mark(at));
-    cuts.builds(world.sampler()).for_each(CutBuild::run);
+    cuts.build(world.sampler());
     let shared = noise(&world.sampler().with_cuts(&cuts));
     assert!(shared < 0.3 * without, "{shared} {without}");
 }

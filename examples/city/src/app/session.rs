@@ -4,8 +4,7 @@
 
 use super::denoiser::denoise;
 use super::stage_times::{Laps, StageTimes};
-use girandole::{CutBuild, CutTable, Effects, FrameBudget, FrameReport, LightWorld, Revision};
-use rayon::prelude::*;
+use girandole::{CutTable, Effects, FrameBudget, FrameReport, LightWorld, Revision};
 use std::time::Duration;
 use testbed::render::backend::{Backend, ChosenBackend};
 use testbed::render::choice::{Baselines, Choice};
@@ -339,7 +338,7 @@ impl Session {
                     cuts.set_view(scene.camera.eye.as_dvec3(), pixel_size(scene, settings));
                     let lights = Lights { sampler: sampler.with_cuts(cuts), choice: Choice::Trees };
                     cpu::mark(scene, geometry, lights, settings, seed);
-                    cuts.builds(world.sampler()).par_bridge().for_each(CutBuild::run);
+                    cuts.build(world.sampler());
                     sampler = sampler.with_cuts(cuts);
                 }
                 let choice = baselines.get(settings.light_choice, world, geometry.occluders.radius());

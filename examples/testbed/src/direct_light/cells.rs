@@ -5,8 +5,8 @@ use super::view::{Surface, View};
 use crate::common::hash::pcg4d;
 use crate::scene::{Camera, Material, Scene};
 use girandole::{
-    CutBuild, CutOptions, CutTable, LightSample, LightSampler, LightWorld, ShadingPoint, VisibilityError,
-    VisibilityOptions, VisibilityTable,
+    CellError, CutOptions, CutTable, LightSample, LightSampler, LightWorld, ShadingPoint, VisibilityOptions,
+    VisibilityTable,
 };
 use rayon::prelude::*;
 
@@ -44,7 +44,7 @@ pub struct Cells {
 
 impl Cells {
     /// Cells that know nothing yet.
-    pub fn new(settings: CellSettings) -> Result<Self, VisibilityError> {
+    pub fn new(settings: CellSettings) -> Result<Self, CellError> {
         let options = settings.taught.map(|_| VisibilityOptions::new(LEARNT.0, LEARNT.1)).transpose()?;
         Ok(Self { settings, cuts: CutTable::new(CutOptions::default()), learnt: options.map(VisibilityTable::new) })
     }
@@ -64,8 +64,7 @@ impl Cells {
 
     /// Builds the cuts of the cells that were marked.
     pub fn build(&mut self, world: &LightWorld) {
-        let builds: Vec<CutBuild<'_>> = self.cuts.builds(taught(world, self.learnt.as_ref())).collect();
-        builds.into_par_iter().for_each(CutBuild::run);
+        self.cuts.build(taught(world, self.learnt.as_ref()));
     }
 
     /// Draws in a world. Each draw marks its cell.
@@ -139,7 +138,7 @@ impl<'a> SharedCells<'a> {
         world: &'a LightWorld,
         (view, scene): (&'a View, &'a Scene),
         settings: CellSettings,
-    ) -> Result<Self, VisibilityError> {
+    ) -> Result<Self, CellError> {
         let mut cells = Cells::new(settings)?;
         cells.set_view(world, &scene.camera, (view.pixels.len() / view.width) as f32, EDGE);
         Ok(Self { world, view, scene, cells })
@@ -195,6 +194,6 @@ impl Draw for SharedCells<'_> {
 
     fn prepared_bytes(&self) -> usize {
         let Cells { cuts, learnt, .. } = &self.cells;
-        cuts.memory_bytes() + learnt.as_ref().map_or(0, |table| table.options().cells() * LEARNT_BYTES)
+        cuts.memory_bytes() + learnt.as_ref().map_or(0, |_| LEARNT.1 * LEARNT_BYTES)
     }
 }
