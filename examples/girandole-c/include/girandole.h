@@ -296,6 +296,7 @@ typedef struct GirandoleShadingPoint {
 //   600 to 699  plans for the GPU
 //   700         a file is not valid, or an image or its place on a surface; the message names the line of a profile
 //   800         a baked tree is not sound
+//   1000 to 1001  the edge or the number of cells is out of range
 //   1100 to 1199  bytes are no baked tree
 //   1300 to 1399  the pixels of a sky are refused, there is none, or portals are refused
 typedef int32_t GirandoleStatus;
@@ -1461,7 +1462,7 @@ GirandoleStatus girandole_planner_set_cut_view(struct GirandolePlanner *planner,
 
 // Creates a planner for a device that holds nothing yet. limits may be NULL for a largest buffer of 128 MiB
 // and no other limits. cuts may be NULL for 32,768 cells of 0.25 m that need 8 marks, which take 67 MB of GPU memory.
-// Returns 1200 or 1201 for a wrong edge or number of cells. Destroy it with girandole_planner_destroy.
+// Returns 1000 or 1001 for a wrong edge or number of cells. Destroy it with girandole_planner_destroy.
 GirandoleStatus girandole_planner_create(const struct GirandoleLimits *limits,
                                          const struct GirandoleCutOptions *cuts,
                                          struct GirandolePlanner **planner);
