@@ -206,7 +206,7 @@ mod tests {
 
     #[test]
     fn first_numbers_lie_in_their_strata_and_the_others_spread_over_the_unit_cube() {
-        for count in [2, 3, 7, 32, 1000] {
+        for count in [2, 3, 7, 32] {
             for u in [[0.0; 4], [0.999_999_94; 4], [0.5, 0.1, 0.7, 0.3]] {
                 let mut seen = Vec::new();
                 for i in 0..count {
