@@ -849,8 +849,7 @@ mod tests {
             assert_eq!(missing, expected, "without {effect:?}");
         }
         let points = module_names(&wgsl(0, Effects::empty()));
-        for name in ["LightRecord.b", "LightRecord.c", "LIGHT_KIND_MASK", "LIGHT_POINT_STRIDE", "LIGHT_UNLIMITED_RANGE"]
-        {
+        for name in ["LightRecord.b", "LightRecord.c", "LIGHT_KIND_MASK", "LIGHT_UNLIMITED_RANGE"] {
             assert!(all.contains(name) && !points.contains(name), "{name}");
         }
     }

@@ -66,14 +66,13 @@ impl<'a> Samplers<'a> {
             Sampler::TwoLevels { splits, candidates } => resampled(self.world, splits, candidates)?,
             Sampler::ByBrdf { splits, candidates } => {
                 let lights = self.world.sampler().with_splits(splits);
-                Box::new(ResampledByBrdf { lights, candidates: candidates })
+                Box::new(ResampledByBrdf { lights, candidates })
             }
             Sampler::WithGloss { splits, candidates } => {
                 let lights = self.world.sampler().with_splits(splits);
-                Box::new(ResampledWithGloss { lights, candidates: candidates })
+                Box::new(ResampledWithGloss { lights, candidates })
             }
             Sampler::SharedCuts { candidates, has_gloss, learns } => {
-                let candidates = candidates;
                 let settings = CellSettings { has_gloss, candidates, taught: learns.then_some(TAUGHT) };
                 Box::new(SharedCells::new(self.world, (&self.view.view, &self.view.scene), settings).ok()?)
             }
@@ -163,5 +162,5 @@ impl<'a> Samplers<'a> {
 /// A way to draw from a world; `None` for counts beyond their limits.
 pub fn resampled(world: &LightWorld, splits: usize, candidates: u32) -> Option<Box<dyn Draw + '_>> {
     let lights = world.sampler().with_splits(splits);
-    Some(Box::new(Resampled { lights, candidates: candidates }))
+    Some(Box::new(Resampled { lights, candidates }))
 }

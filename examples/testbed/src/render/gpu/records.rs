@@ -101,7 +101,7 @@ impl FrameUniform {
             horizon: scene.sky.horizon,
             first_object,
             ambient: scene.sky.ambient,
-            candidates: candidates,
+            candidates,
             occluder_min: geometry.occluders.min,
             block_bits,
             occluder_max: geometry.occluders.max,
