@@ -7,8 +7,7 @@
 //!   update of the world, and the plan of the frame.
 //! - A hundred lights of a tree of 1,000 that are removed and as many added, beside a tree of as many
 //!   lights that is built anew; and the frame that takes a build of a large tree that a thread has made.
-//! - A region of 1,000 instances and 10,000 lights, in 100 trees or in one, of placeholders or built:
-//!   to fill it, to add it, to remove it, and to free it. The throughput is that of lights where it is
+//! - A region of 1,000 instances and 10,000 lights, in 100 trees or in one: to fill it, to add it, to remove it, and to free it. The throughput is that of lights where it is
 //!   filled, and of instances elsewhere.
 //! - The top level that the CPU builds for the first sampler after a change. The throughput is that of
 //!   instances.
@@ -297,12 +296,11 @@ fn taken_builds(c: &mut Criterion) {
 const REGION_INSTANCES: usize = 1_000;
 const REGION_LIGHTS: usize = 10_000;
 
-/// A region of so many trees, of placeholders or of built ones.
-fn region(trees: usize, are_placeholders: bool, rng: &mut Rng) -> Region {
+/// A region of so many trees.
+fn region(trees: usize, rng: &mut Rng) -> Region {
     let mut region = Region::new();
-    let make = if are_placeholders { LightTree::new_placeholder } else { LightTree::new };
     let mut trees = (0..trees)
-        .map(|_| region.add_tree(make(rng.lights(REGION_LIGHTS / trees, 5.0)).expect("valid lights")))
+        .map(|_| region.add_tree(LightTree::new(rng.lights(REGION_LIGHTS / trees, 5.0)).expect("valid lights")))
         .collect::<Vec<_>>()
         .into_iter()
         .cycle();
@@ -327,12 +325,11 @@ fn regions(c: &mut Criterion) {
     let mut group = c.benchmark_group("regions");
     group.sample_size(20).sampling_mode(SamplingMode::Flat);
     group.warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1));
-    for (trees, are_placeholders) in [(100, true), (100, false), (1, true), (1, false)] {
+    for trees in [100, 1] {
         for stage in [Stage::Fill, Stage::Add, Stage::Remove, Stage::Free] {
             let is_fill = stage == Stage::Fill;
             group.throughput(Throughput::Elements(if is_fill { REGION_LIGHTS } else { REGION_INSTANCES } as u64));
-            let kind = if are_placeholders { "placeholders" } else { "built" };
-            group.bench_function(BenchmarkId::new(format!("{stage:?}, {kind}"), trees), |b| {
+            group.bench_function(BenchmarkId::new(format!("{stage:?}"), trees), |b| {
                 let mut rng = Rng(9);
                 let mut world = world(10_000, Kind::Translated, &mut rng);
                 let counts = (world.instance_count(), world.light_count());
@@ -340,7 +337,7 @@ fn regions(c: &mut Criterion) {
                     let mut took = [Duration::ZERO; 4];
                     for _ in 0..rounds {
                         let start = Instant::now();
-                        let filled = region(trees, are_placeholders, &mut rng);
+                        let filled = region(trees, &mut rng);
                         took[Stage::Fill as usize] += start.elapsed();
                         let start = Instant::now();
                         let key = world.add_region(filled).expect("a valid region");

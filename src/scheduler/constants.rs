@@ -48,11 +48,6 @@ pub(super) const MAX_UNSPENT_SHARE: u32 = 8;
 /// when lights come together; then a tree that needs a rebuild would not request one.
 pub(super) const RISE_PER_COST: f32 = 1.51;
 
-/// The rise of ln s² that a placeholder counts as, over the tree that a build makes of it. Measured
-/// for 10,000 lights in three scenes (docs/decisions.md, 59): 0.9 to 1.3 with six splits, 0.3 to
-/// 1.3 without.
-pub(super) const PLACEHOLDER_RISE: f32 = 1.0;
-
 /// ln s² of a tree that was just built: a constant, and the coefficients of the logarithm of its
 /// number of lights, of the logarithm of its attribute of variance, and of the length of its mean
 /// direction of emission.

@@ -5,8 +5,7 @@
 //! many trees and motions (docs/math.md, "What a rebuild buys").
 
 use super::constants::{
-    FRESH_COEFFICIENTS, FRESH_POWER, LEAST_RISE, MAX_LN_VARIANCE, MAX_RISE, MIN_ATTRIBUTE, PLACEHOLDER_RISE,
-    RISE_PER_COST,
+    FRESH_COEFFICIENTS, FRESH_POWER, LEAST_RISE, MAX_LN_VARIANCE, MAX_RISE, MIN_ATTRIBUTE, RISE_PER_COST,
 };
 use crate::tree::{Attributes, LightTree};
 
@@ -45,11 +44,6 @@ impl TreeFeatures {
             ln_cost: logarithm(attributes.splitting_cost),
             ln_variance: ln_variance.clamp(-MAX_LN_VARIANCE, MAX_LN_VARIANCE),
         }
-    }
-
-    /// The features that a placeholder with these ones will probably have once it is built.
-    pub fn once_built(self) -> Self {
-        Self { ln_cost: self.ln_cost - PLACEHOLDER_RISE / RISE_PER_COST, ..self }
     }
 
     /// The features of a tree with this logarithm of the splitting cost.
@@ -113,10 +107,6 @@ mod tests {
             let features = TreeFeatures::of(&tree);
             assert!((f64::from(features.ln_cost) - cost).abs() < 1.0e-4, "{features:?} {cost}");
             assert!((f64::from(features.ln_variance) - fresh).abs() < 1.0e-3, "{features:?} {fresh}");
-            // A placeholder has the variance of its lights, and e times the noise of what is built.
-            let built = features.once_built();
-            assert_eq!(built.ln_variance, features.ln_variance);
-            assert!((features.rise_since(&built) - 1.0).abs() < 1.0e-5, "{built:?}");
         }
     }
 

@@ -46,13 +46,6 @@ impl Scheduler {
         state.start(features, frame);
     }
 
-    /// Lets a placeholder start anew, which loses from now on what its build will gain.
-    pub fn start_placeholder(&mut self, tree: TreeKey, features: TreeFeatures) {
-        let frame = self.frame;
-        self.trees[tree].start(features.once_built(), frame);
-        self.has_changed(tree, &features);
-    }
-
     /// Records that lights were added to a tree or removed from it. A tree that waits keeps its
     /// place in the queue, and the size that it had when it began to wait.
     pub fn was_resized(&mut self, tree: TreeKey, lights: usize) {

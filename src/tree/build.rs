@@ -67,7 +67,6 @@ impl LightTree {
             weights: reference.clone(),
             reference,
             attributes: Attributes::default(),
-            is_placeholder: false,
         };
         tree.count_all_effects();
         if count > 0 {

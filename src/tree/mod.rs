@@ -7,7 +7,6 @@ mod bake;
 mod build;
 mod check;
 pub(crate) mod cost;
-pub(crate) mod space_order;
 mod dirty;
 mod edited;
 mod freeze;
@@ -16,7 +15,6 @@ mod layout;
 mod memory;
 mod node;
 mod pack;
-mod placeholder;
 mod rebuild;
 mod refit;
 mod refit_data;
@@ -117,8 +115,6 @@ pub struct LightTree {
     /// The map as of the last build: refits weigh the lights as they shine in the world.
     weights: Option<Box<Linear>>,
     attributes: Attributes,
-    /// The tree has yet to be built.
-    is_placeholder: bool,
 }
 
 /// The flux of a tree in lumens, separated by how a transform changes it.

@@ -28,7 +28,6 @@ impl LightWorld {
     /// |---|---|
     /// | [`LightTree::new`] | built over lights, on the calling thread and rayon's |
     /// | [`LightTree::new_for`] | built for a first instance that is scaled |
-    /// | [`LightTree::new_placeholder`] | made in half of the time of a build; its lights shine at once, and later updates build it within their budgets ([below](#placeholders)) |
     /// | `LightTree::from_baked` | loaded from bytes |
     /// | on another thread, or removed from another world | any of these |
     ///
@@ -39,25 +38,6 @@ impl LightWorld {
     ///
     /// O(1), but for that refit. Adding its first instance may build it again if that instance is
     /// stretched: see [`LightTree::new_for`].
-    ///
-    /// # Placeholders
-    ///
-    /// A [placeholder](LightTree::new_placeholder) requests its build until it has been built, with or
-    /// without instances, whatever their policies, [`Policy::Static`] and [`Policy::RefitOnly`] included.
-    /// [`LightTree::is_placeholder`] tells whether it still waits, and
-    /// [`FrameReport::placeholder_trees`](crate::FrameReport::placeholder_trees) how many trees do.
-    /// The built tree has the same bits as one from [`LightTree::new`]. If the first instance is
-    /// stretched or scaled, the tree is built for that instance, and adding the instance builds nothing.
-    ///
-    /// | before the tree is built | outcome |
-    /// |---|---|
-    /// | lights are changed, added or removed | the placeholder is refitted. Lights that change during the build are set again in the built tree. It is built at once where [`LightWorld::add_lights`] would rebuild any tree. |
-    /// | [`LightWorld::replace_lights`], [`LightWorld::rebuild_tree`] | the tree is built at once |
-    /// | [`LightWorld::replace_tree`] | the build is for the new tree, if that is a placeholder |
-    /// | [`LightWorld::make_unique`] | the copy is a placeholder too |
-    /// | instances come, go, move or change | nothing |
-    /// | the tree does not change for some time | it is frozen, and still built later |
-    /// | [`LightWorld::remove_tree`] | nothing is built |
     pub fn add_tree(&mut self, mut tree: LightTree) -> TreeKey {
         tree.refit_changes();
         self.effects.change(|counts| counts.add_all(tree.effects()));
@@ -65,7 +45,6 @@ impl LightWorld {
         let key = self.scene.trees.insert(TreeEntry::new(tree));
         let entry = &mut self.scene.trees[key];
         self.rebuilds.scheduler.add(key, features, lights);
-        self.rebuilds.await_first_build(key, &entry.tree);
         entry.recount(&mut self.sums);
         self.wake(key);
         self.log.tree(slot_of(key));
@@ -301,7 +280,6 @@ impl LightWorld {
         self.edits.pending.remove(tree);
         self.cancel_build(tree);
         let entry = &mut self.scene.trees[tree];
-        self.rebuilds.await_first_build(tree, &entry.tree);
         entry.recount(&mut self.sums);
         self.has_moved(tree);
         self.whole_tree_changed(tree);
@@ -331,14 +309,14 @@ impl LightWorld {
         policy.validate()?;
         let placement = placement.into();
         let placed = Placed::new(&placement, self.scene.origin.anchor())?;
-        Ok(self.insert_instance(Instance::new(tree, placement, policy, placed), false))
+        Ok(self.insert_instance(Instance::new(tree, placement, policy, placed)))
     }
 
     /// Adds an instance that has been checked. O(1), but for a build of its tree if it is the first
-    /// one; `builds_later` leaves that to later updates.
-    pub(super) fn insert_instance(&mut self, instance: Instance, builds_later: bool) -> InstanceKey {
+    /// one.
+    pub(super) fn insert_instance(&mut self, instance: Instance) -> InstanceKey {
         let key = self.insert_as_is(instance);
-        self.build_for_first(key, builds_later);
+        self.build_for_first(key);
         let tree = self.scene.instances[key].tree;
         self.open_if_due(tree, false);
         self.crowds.look_at_soon(tree);
@@ -564,7 +542,7 @@ impl LightWorld {
     }
 
     /// Withdraws the request of a tree, and drops its long build, if none of its policies can
-    /// request a rebuild any more. A placeholder keeps them.
+    /// request a rebuild any more.
     fn forget_requests_that_no_policy_allows(&mut self, tree: TreeKey) {
         if !self.scene.trees[tree].may_rebuild() {
             self.rebuilds.scheduler.withdraw(tree);

@@ -46,8 +46,7 @@ impl LightWorld {
         let scheduler = &mut self.rebuilds.scheduler;
         scheduler.has_changed(tree, &features);
         // A tree that waits was read already.
-        !scheduler.waits(tree)
-            && entry.rebuild_request_at(&attributes, scheduler.excess(tree)) > RebuildRequest::Doubtful
+        !scheduler.waits(tree) && entry.rebuild_request(&attributes, scheduler.excess(tree)) > RebuildRequest::Doubtful
     }
 
     /// The number of numbers of sources, in use or not.

@@ -32,7 +32,6 @@ mod region;
 mod region_table;
 mod regions;
 mod reports;
-mod requests;
 mod rest;
 mod rest_timers;
 mod scene;

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use super::attention::ViewWeights;
 use super::build_thread::{BuildThread, RunningBuild};
 use super::reports::JobReport;
+use super::scene::Scene;
 use crate::keys::TreeKey;
+use crate::policy::RebuildRequest;
 use crate::scheduler::{Clock, Scheduler};
 use crate::tree::TreeBuild;
 
@@ -15,8 +17,6 @@ pub(super) struct Rebuilds {
     pub clock: Arc<dyn Clock>,
     pub weights: ViewWeights,
     pub long_builder: LongBuilder,
-    /// Placeholders that came since the last update.
-    pub new_placeholders: Vec<TreeKey>,
     /// The jobs of the last update.
     pub jobs: Vec<JobReport>,
 }
@@ -28,9 +28,24 @@ impl Rebuilds {
             clock,
             weights: ViewWeights::default(),
             long_builder: LongBuilder::default(),
-            new_placeholders: Vec::new(),
             jobs: Vec::new(),
         }
+    }
+}
+
+impl Rebuilds {
+    /// Re-evaluates whether a tree requests a rebuild, and with which priority: after a refit or a
+    /// change of its weight.
+    pub fn update_request(&mut self, key: TreeKey, scene: &mut Scene) {
+        let entry = &scene.trees[key];
+        if !entry.may_rebuild() {
+            return self.scheduler.withdraw(key);
+        }
+        let request = entry.rebuild_request(&entry.tree.attributes(), self.scheduler.excess(key));
+        let request = self.scheduler.standing_request(key, request);
+        let share =
+            if request > RebuildRequest::Doubtful { self.weights.of(key, self.scheduler.frame(), scene) } else { 0.0 };
+        self.scheduler.set_request(key, request, share);
     }
 }
 

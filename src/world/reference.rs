@@ -72,9 +72,8 @@ impl LightTree {
 
 impl LightWorld {
     /// Builds the tree of an instance for the placement of that instance, if it is the only one and
-    /// the placement changes how the lights should be divided or weighted. A placeholder is built later, and so is
-    /// any tree if `is_later`.
-    pub(super) fn build_for_first(&mut self, key: InstanceKey, is_later: bool) {
+    /// the placement changes how the lights should be divided or weighted.
+    pub(super) fn build_for_first(&mut self, key: InstanceKey) {
         let instance = &self.scene.instances[key];
         let (tree, placed) = (instance.tree, instance.shown());
         let Some(map) = placed.map(|placed| placed.linear) else { return };
@@ -83,18 +82,7 @@ impl LightWorld {
         let has_map = entry.tree.reference().is_some_and(|reference| reference.linear == map.linear);
         if entry.instances.len() == 1 && !has_map && changes_tree(&map, entry.tree.lights()) {
             entry.tree.set_reference(Some(map));
-            if is_later {
-                entry.tree.mark_placeholder();
-            }
-            if !entry.tree.is_placeholder() {
-                self.rebuild_now(tree);
-                return;
-            }
-            // A build that is under way does not know the map.
-            self.cancel_build(tree);
-            let entry = &mut self.scene.trees[tree];
-            self.rebuilds.await_first_build(tree, &entry.tree);
-            entry.recount(&mut self.sums);
+            self.rebuild_now(tree);
         }
     }
 }
@@ -181,21 +169,6 @@ mod tests {
                 assert!(tree.reference().is_none());
             }
         }
-    }
-
-    #[test]
-    fn a_frozen_placeholder_is_sound_while_it_waits_for_its_build_for_a_scale() {
-        let mut world = LightWorld::new();
-        let tree = world.add_tree(LightTree::new_placeholder(lamps_and_panels()).expect("valid"));
-        let small = Placement { linear: Mat3::from_diagonal(Vec3::splat(0.01)), ..Placement::IDENTITY };
-        world.add_instance(tree, small, Policy::Static).expect("valid");
-        let mut waiting = world.tree(tree).expect("it lives").clone();
-        assert!(waiting.is_placeholder() && waiting.reference().is_some());
-        waiting.freeze();
-        waiting.check().expect("the tree is sound");
-        waiting.rebuild();
-        let expected = LightTree::new_for(lamps_and_panels(), small).expect("valid");
-        assert_eq!((waiting.nodes(), waiting.cluster()), (expected.nodes(), expected.cluster()));
     }
 
     #[test]

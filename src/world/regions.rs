@@ -32,8 +32,7 @@ impl RemovedRegion {
         self.trees.iter().map(|removed| &removed.entry.tree)
     }
 
-    /// The same trees. Those that were not built yet are still placeholders. Frees what the world
-    /// kept besides them.
+    /// The same trees. Frees what the world kept besides them.
     pub fn into_trees(self) -> Vec<LightTree> {
         self.trees.into_iter().map(|removed| removed.entry.tree).collect()
     }
@@ -43,8 +42,9 @@ impl LightWorld {
     /// Adds all trees and instances of a region. They take effect at once, as if each were added by
     /// itself.
     ///
-    /// O(trees + instances): nothing is built or refitted, and no light is copied or read. A tree
-    /// of the world whose first instance is in the region, and is stretched or scaled, becomes a placeholder.
+    /// O(trees + instances): nothing is built or refitted, and no light is copied or read. But a tree of
+    /// the world whose first instance is in the region, and is stretched or scaled, may be built again,
+    /// as by [`LightWorld::add_instance`]; [`LightTree::new_for`] makes trees for which that is not so.
     ///
     /// # Errors
     /// [`WorldError::RegionTree`] for a tree of the world whose key is stale,
@@ -89,7 +89,7 @@ impl LightWorld {
             Placed::move_to(&mut placed, &mut stood, &placement, anchor).expect("checked before");
             let (tree, region) = (trees[tree], Some(key));
             let instance = Instance { appearance, region, ..Instance::new(tree, placement, policy, placed) };
-            self.insert_instance(instance, true)
+            self.insert_instance(instance)
         };
         let instances = region.instances.into_iter().map(insert_instance).collect();
         let entry = RegionEntry { trees, is_own, instances, copies: Vec::new() };

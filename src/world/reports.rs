@@ -26,9 +26,6 @@ pub struct FrameReport {
     pub waiting_trees: usize,
     /// 1 while a build goes on in slices, or while its lights are copied for the background; otherwise 0.
     pub sliced_builds: usize,
-    /// [Placeholders](crate::LightTree::new_placeholder) that have yet to be built, those whose build is
-    /// under way included.
-    pub placeholder_trees: usize,
     /// Instances of opened trees, which have several leaves in the top level: of loose trees, and of
     /// trees whose lights shine to several sides.
     pub opened_instances: usize,

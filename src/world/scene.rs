@@ -15,10 +15,10 @@ use crate::instance::placement::{Placed, Placement};
 use crate::instance::portal::{PlacedPortal, Portal};
 use crate::keys::{DirectionalKey, InstanceKey, RegionKey, TreeKey};
 use crate::light::DirectionalLight;
-use crate::policy::{AttributeHistory, Policy, PolicySet};
+use crate::policy::{AttributeHistory, Excess, Policy, PolicySet, RebuildRequest};
 use crate::rare::Rare;
 use crate::sky::Sky;
-use crate::tree::{LightTree, Opening};
+use crate::tree::{Attributes, LightTree, Opening, WIDTH};
 
 /// The trees, instances, directional lights and sky of a world, and the origin of their coordinates.
 #[derive(Default)]
@@ -149,9 +149,17 @@ impl TreeEntry {
         }
     }
 
-    /// The tree has yet to be built, or some instance has a policy that can request a rebuild.
+    /// Some instance has a policy that can request a rebuild.
     pub fn may_rebuild(&self) -> bool {
-        self.policies.may_rebuild() || self.tree.is_placeholder()
+        self.policies.may_rebuild()
+    }
+
+    /// The most demanding request of the tree's policies, if it has these attributes.
+    pub(super) fn rebuild_request(&self, attributes: &Attributes, excess: Excess) -> RebuildRequest {
+        let request = self.policies.rebuild_request(&self.history, attributes, excess);
+        // There is only one tree over so few lights.
+        let is_pointless = request <= RebuildRequest::Optional && self.tree.light_count() <= WIDTH;
+        if is_pointless { RebuildRequest::None } else { request }
     }
 
     /// Brings the sums over all trees up to date with this one. O(1).
@@ -173,7 +181,6 @@ impl TreeEntry {
             lights: self.tree.light_count() as u32,
             instances: self.instances.len() as u32,
             openings: self.openings.len() as u32,
-            is_placeholder: self.tree.is_placeholder(),
             is_held_back: self.is_held_back,
         }
     }

@@ -63,7 +63,7 @@ impl LightWorld {
         let placed = Placed::new(&placement, self.scene.origin.anchor()).unwrap_or_default();
         let tree = self.add_tree(patches);
         let instance = Instance { is_sky: true, ..Instance::new(tree, placement, Policy::Static, placed) };
-        let key = self.insert_instance(instance, false);
+        let key = self.insert_instance(instance);
         self.scene.sky = Some((key, sky));
         key
     }

@@ -7,7 +7,6 @@ use crate::tree::TreeMemory;
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sums {
     pub memory: WorldMemory,
-    pub placeholders: usize,
     /// The lights of each tree once per instance.
     pub lights: usize,
     /// The lights of each tree once.
@@ -33,7 +32,6 @@ pub(super) struct TreeTerms {
     pub instances: u32,
     /// Of each instance.
     pub openings: u32,
-    pub is_placeholder: bool,
     pub is_held_back: bool,
 }
 
@@ -44,7 +42,6 @@ impl TreeTerms {
         let instances_if = |condition: bool| if condition { instances } else { 0 };
         Sums {
             memory: WorldMemory { trees, successors, edits, lists, tables: 0 },
-            placeholders: usize::from(self.is_placeholder),
             lights: lights * instances,
             stored_lights: lights,
             instances,
@@ -76,9 +73,9 @@ impl Sums {
         self.counts().into_iter().zip(former.counts()).for_each(|(sum, term)| *sum -= *term);
     }
 
-    fn counts(&mut self) -> [&mut usize; 7] {
-        let Self { placeholders, lights, stored_lights, instances, parts, opened, held_back, .. } = self;
-        [placeholders, lights, stored_lights, instances, parts, opened, held_back]
+    fn counts(&mut self) -> [&mut usize; 6] {
+        let Self { lights, stored_lights, instances, parts, opened, held_back, .. } = self;
+        [lights, stored_lights, instances, parts, opened, held_back]
     }
 
     /// Adds or removes bytes of the lists of regions.

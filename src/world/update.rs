@@ -33,8 +33,6 @@ impl LightWorld {
     ///    all trees that wait could be rebuilt once. Once a tree that gains something has waited
     ///    for nine rounds, only trees that already wait are rebuilt before it. This holds for any
     ///    sequence of budgets; `docs/math.md` has the exact statement.
-    ///    [Placeholders](crate::LightTree::new_placeholder) request their build as a policy that must be
-    ///    served does.
     /// 6. Effects that nothing in the world had for
     ///    [`EFFECT_HOLD_UPDATES`](crate::effects::EFFECT_HOLD_UPDATES) calls leave
     ///    [`LightWorld::effects`], and trees at rest are frozen
@@ -54,7 +52,6 @@ impl LightWorld {
         self.rebuilds.scheduler.start_frame(budget.time());
         self.take_finished_build(&mut report);
         self.refit_edited(&mut report);
-        self.rebuilds.request_first_builds(&mut self.scene);
         self.do_jobs(&mut report);
         let is_new = self.filing.partition.divided(ROOT).is_none();
         self.renew_partition();
@@ -67,7 +64,6 @@ impl LightWorld {
         }
         self.effects.count_update();
         self.freeze_resting();
-        report.placeholder_trees = self.sums.placeholders;
         report.opened_instances = self.sums.opened;
         report.held_back_instances = self.sums.held_back;
         report.parts = self.sums.parts;

@@ -85,14 +85,13 @@ fn a_tree_that_was_made_elsewhere_is_taken_in_without_a_copy_or_a_build() {
     });
 }
 
-/// A region of three trees of so many lights: a placeholder, a built tree and a frozen one; with
-/// 30 instances.
+/// A region of two trees of so many lights, and one that is frozen, with 30 instances.
 fn region(rng: &mut Rng, lights: usize) -> Region {
     let mut region = Region::new();
     let mut frozen = LightTree::new(rng.lights(lights, 50.0)).expect("valid");
     frozen.freeze();
     let trees = [
-        region.add_tree(LightTree::new_placeholder(rng.lights(lights, 50.0)).expect("valid")),
+        region.add_tree(LightTree::new(rng.lights(lights, 50.0)).expect("valid")),
         region.add_tree(LightTree::new(rng.lights(lights, 50.0)).expect("valid")),
         region.add_tree(frozen),
     ];
@@ -122,7 +121,7 @@ fn a_region_is_added_and_removed_without_a_build_a_copy_or_a_freed_tree() {
             asked_before = Some(asked);
             let trees = world.region(key).expect("it lives").trees().to_vec();
             let tree = |index: usize| world.tree(trees[index]).expect("it lives");
-            assert!(tree(0).is_placeholder() && !tree(1).is_placeholder() && tree(2).is_frozen());
+            assert!(!tree(0).is_frozen() && tree(2).is_frozen());
             let bytes: usize = (0..3).map(|index| tree(index).memory_bytes()).sum();
 
             let mut removed = None;
@@ -158,13 +157,11 @@ fn the_memory_of_a_tree_is_what_it_holds() {
             exact(&tree, held_before + held, "frozen");
             let (copy, held) = held_bytes(|| tree.clone());
             exact(&copy, held, "copied");
-            let (_, of_lights) = held_bytes(|| ());
-            let (placeholder, held) = held_bytes(|| LightTree::new_placeholder(lights.clone()).expect("valid"));
-            exact(&placeholder, of_lights + held, "placeholder");
             // Sets of indices take more than their 4 bytes for each.
-            let before = placeholder.memory_bytes() as isize;
+            let tree = LightTree::new(lights.clone()).expect("valid");
+            let before = tree.memory_bytes() as isize;
             let (edited, held) = held_bytes(|| {
-                let mut tree = placeholder;
+                let mut tree = tree;
                 tree.add_lights(&more).expect("valid");
                 tree.remove_lights(&(0..count as u32 / 5).collect::<Vec<_>>()).expect("lights");
                 tree
@@ -202,7 +199,7 @@ fn the_memory_of_a_world_is_what_it_holds_but_for_one_percent() {
         }
         check(&world, "regions");
         for lights in &trees {
-            let tree = world.add_tree(LightTree::new_placeholder(lights.clone()).expect("valid"));
+            let tree = world.add_tree(LightTree::new(lights.clone()).expect("valid"));
             places.iter().step_by(200).for_each(|place| drop(world.add_instance(tree, *place, Policy::Budgeted)));
         }
         check(&world, "trees");

@@ -25,7 +25,6 @@ mod openings;
 mod origin;
 mod parts;
 mod pdf;
-mod placeholders;
 mod plan;
 mod previous;
 mod profiles;

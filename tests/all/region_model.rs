@@ -92,10 +92,7 @@ impl Run {
 
     fn add_tree(&mut self) {
         let lights = lamps(&mut self.rng, 60);
-        let key = match self.rng.bits() % 3 {
-            0 => self.world.add_tree(LightTree::new(lights.clone()).expect("valid")),
-            _ => self.world.add_tree(LightTree::new_placeholder(lights.clone()).expect("valid")),
-        };
+        let key = self.world.add_tree(LightTree::new(lights.clone()).expect("valid"));
         self.model.trees.insert(key, present(&lights));
     }
 
@@ -113,15 +110,14 @@ impl Run {
             let own = lamps(&mut self.rng, 40);
             let built = |lights: &[Light]| LightTree::new(lights.to_vec()).expect("valid");
             let of_world = self.tree();
-            trees.push(match (self.rng.bits() % 4, of_world) {
-                (0, _) => region.add_tree(built(&own)),
-                (1, _) => region.add_tree(LightTree::from_baked(&built(&own).bake()).expect("just written")),
-                (2, Some(tree)) => {
+            trees.push(match (self.rng.bits() % 3, of_world) {
+                (0, _) => region.add_tree(LightTree::from_baked(&built(&own).bake()).expect("just written")),
+                (1, Some(tree)) => {
                     lights.push(Err(tree));
                     trees.push(region.add_world_tree(tree));
                     continue;
                 }
-                _ => region.add_tree(LightTree::new_placeholder(own.clone()).expect("valid")),
+                _ => region.add_tree(built(&own)),
             });
             lights.push(Ok(own));
         }
@@ -307,9 +303,7 @@ impl Run {
         }
         assert_eq!(live, expected);
         assert!(live == 0 || (sum - 1.0).abs() < SUM_TOLERANCE, "{sum}");
-        let reported = world.update(FrameBudget::NONE).placeholder_trees;
-        let placeholders = world.trees().filter(|key| world.tree(*key).is_some_and(LightTree::is_placeholder)).count();
-        assert_eq!(reported, placeholders);
+        world.update(FrameBudget::NONE);
     }
 
     /// Removes everything, and checks that nothing is left.
@@ -348,7 +342,7 @@ impl Run {
         );
         assert_eq!(*world.effect_counts(), LightWorld::new().effect_counts().to_owned());
         let report = self.world.update(FrameBudget::UNLIMITED);
-        assert_eq!((report.placeholder_trees, report.waiting_trees, report.rebuilt_trees), (0, 0, 0));
+        assert_eq!((report.waiting_trees, report.rebuilt_trees), (0, 0));
     }
 
     fn step(&mut self, step: u8) {

@@ -8,12 +8,11 @@ use girandole::{
 
 use testbed::testing::support::{Rng, all_pmfs, assert_frequencies};
 
-/// A region of a placeholder, a built tree, a baked tree and a tree of the world, with two
-/// instances of each.
+/// A region of two built trees, a baked tree and a tree of the world, with two instances of each.
 fn region(rng: &mut Rng, of_world: TreeKey) -> Region {
     let mut region = Region::new();
     let trees = [
-        region.add_tree(LightTree::new_placeholder(rng.lights(60, 5.0)).expect("valid")),
+        region.add_tree(LightTree::new(rng.lights(60, 5.0)).expect("valid")),
         region.add_tree(LightTree::new(rng.lights(40, 5.0)).expect("valid")),
         region.add_tree(
             LightTree::from_baked(&LightTree::new(rng.lights(300, 5.0)).expect("valid").bake()).expect("just written"),
@@ -94,7 +93,7 @@ fn a_region_adds_what_single_calls_add_in_its_order() {
     let (mut single, single_tree) = self::world(&mut Rng(502));
     let mut rng = Rng(503);
     let trees = [
-        single.add_tree(LightTree::new_placeholder(rng.lights(60, 5.0)).expect("valid")),
+        single.add_tree(LightTree::new(rng.lights(60, 5.0)).expect("valid")),
         single.add_tree(LightTree::new(rng.lights(40, 5.0)).expect("valid")),
         single.add_tree(LightTree::new(rng.lights(300, 5.0)).expect("valid")),
         single_tree,
@@ -144,10 +143,8 @@ fn a_region_that_is_removed_leaves_the_world_as_it_was_and_hands_its_trees_back(
     let lights: Vec<_> = trees[..3].iter().map(|tree| world.tree(*tree).expect("live").lights().to_vec()).collect();
     let removed = world.remove_region(key).expect("it lives");
     assert!(removed.trees().map(|tree| tree.lights().to_vec()).eq(lights));
-    assert_eq!(removed.trees().map(LightTree::is_placeholder).collect::<Vec<_>>(), [true, false, false]);
     assert_eq!(removed.into_trees().len(), 3);
     assert_eq!(state(&world), before);
-    assert_eq!(world.update(FrameBudget::UNLIMITED).placeholder_trees, 0);
     assert!(trees[..3].iter().all(|tree| world.tree(*tree).is_none()) && world.tree(tree).is_some());
 }
 
@@ -174,13 +171,11 @@ fn an_empty_region_and_one_without_instances_are_ordinary() {
     assert!(region.is_empty());
     let empty = world.add_region(region).expect("nothing is wrong");
     region = Region::new();
-    region.add_tree(LightTree::new_placeholder(Rng(1).lights(30, 5.0)).expect("valid"));
+    region.add_tree(LightTree::new(Rng(1).lights(30, 5.0)).expect("valid"));
     assert!(!region.is_empty() && region.tree_count() == 1 && region.instance_count() == 0);
     let alone = world.add_region(region).expect("valid");
     assert_eq!((world.region_count(), world.tree_count(), world.light_count()), (2, 1, 0));
     assert!(world.sampler().sample(&ShadingPoint::volume(Vec3::ZERO), [0.5; 4]).is_none());
-    // It is built although it has no instance.
-    assert_eq!(world.update(FrameBudget::UNLIMITED).rebuilt_trees, 1);
     assert_eq!(world.remove_region(empty).expect("it lives").trees().len(), 0);
     assert_eq!(world.remove_region(alone).expect("it lives").trees().len(), 1);
     assert_eq!((world.region_count(), world.tree_count()), (0, 0));
@@ -190,14 +185,14 @@ fn an_empty_region_and_one_without_instances_are_ordinary() {
 fn what_is_wrong_in_itself_is_refused_as_the_region_is_filled_and_leaves_it_as_it_was() {
     let mut rng = Rng(506);
     let mut region = Region::new();
-    let tree = region.add_tree(LightTree::new_placeholder(rng.lights(30, 5.0)).expect("valid"));
+    let tree = region.add_tree(LightTree::new(rng.lights(30, 5.0)).expect("valid"));
     let instance = RegionInstance::new(tree, Placement::IDENTITY, Policy::Budgeted);
     region.add_instance(instance).expect("valid");
     let before = format!("{region:?}");
 
     let mut bad = rng.lights(30, 5.0);
     bad[17].emission.y = -1.0;
-    assert!(matches!(LightTree::new_placeholder(bad), Err(WorldError::Light { index: 17, .. })));
+    assert!(matches!(LightTree::new(bad), Err(WorldError::Light { index: 17, .. })));
     let mut damaged = LightTree::new(rng.lights(30, 5.0)).expect("valid").bake();
     damaged[900] ^= 4;
     assert_eq!(LightTree::from_baked(&damaged).err().map(|error| error.code()), Some(1105));
@@ -359,7 +354,7 @@ fn edits_of_a_region_that_wait_are_dropped_with_it_and_others_are_in_the_trees()
 }
 
 #[test]
-fn trees_of_stretched_first_instances_are_divided_for_them_but_never_in_the_call() {
+fn trees_of_stretched_first_instances_are_divided_for_them() {
     let mut rng = Rng(514);
     let stretched = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 1.0, 0.01)), ..Placement::IDENTITY };
     let lights: Vec<Light> =
@@ -370,26 +365,17 @@ fn trees_of_stretched_first_instances_are_divided_for_them_but_never_in_the_call
     let mut world = LightWorld::new();
     let of_world = world.add_tree(LightTree::new(lights.clone()).expect("valid"));
     let mut region = Region::new();
-    let trees = [
-        region.add_tree(LightTree::new_placeholder(lights.clone()).expect("valid")),
-        region.add_tree(plain.clone()),
-        region.add_world_tree(of_world),
-        region.add_tree(plain.clone()),
-    ];
-    for (tree, first) in trees.into_iter().zip([stretched, stretched, stretched, Placement::IDENTITY]) {
+    let trees = [region.add_tree(plain.clone()), region.add_world_tree(of_world), region.add_tree(plain.clone())];
+    for (tree, first) in trees.into_iter().zip([stretched, stretched, Placement::IDENTITY]) {
         region.add_instance(RegionInstance::new(tree, first, Policy::Static)).expect("valid");
         region.add_instance(RegionInstance::new(tree, Placement::IDENTITY, Policy::Static)).expect("valid");
     }
     let key = world.add_region(region).expect("valid");
     let trees = world.region(key).expect("it lives").trees().to_vec();
     let nodes = |world: &LightWorld, index: usize| world.tree(trees[index]).expect("it lives").nodes().to_vec();
-    let waits = trees.iter().map(|tree| world.tree(*tree).expect("it lives").is_placeholder()).collect::<Vec<_>>();
-    assert_eq!(waits, [true, false, true, false]);
-    assert!(nodes(&world, 1) == expected.nodes() && nodes(&world, 2) == plain.nodes());
-    let report = world.update(FrameBudget::UNLIMITED);
-    assert_eq!((report.rebuilt_trees, report.placeholder_trees), (2, 0));
-    assert!((0..3).all(|index| nodes(&world, index) == expected.nodes()));
-    assert!(nodes(&world, 3) == plain.nodes());
+    assert!((0..2).all(|index| nodes(&world, index) == expected.nodes()));
+    assert!(nodes(&world, 2) == plain.nodes());
+    assert_eq!(world.update(FrameBudget::UNLIMITED).rebuilt_trees, 0);
 }
 
 #[test]
@@ -412,6 +398,5 @@ fn a_region_that_comes_and_goes_leaves_no_effect_and_no_memory() {
         assert_eq!((memory.total(), memory.trees.total()), (memory.tables, 0));
         assert_eq!(world.effect_counts().effects(), Effects::empty());
         assert_eq!((world.light_count(), world.tree_count(), world.instance_count()), (0, 0, 0));
-        assert_eq!(world.update(FrameBudget::UNLIMITED).placeholder_trees, 0);
     }
 }

@@ -2,8 +2,7 @@
 //! whose trees the whole world shares.
 //!
 //! A block is a region. Its contents depend only on the seed and its place, so a block that comes
-//! back is the same. The street and the market are placeholders, which the world builds. The loader
-//! thread builds the towers, in place of loading baked trees.
+//! back is the same. The loader thread builds its trees, in place of loading baked ones.
 
 use super::settings::Settings;
 use girandole::glam::{DVec3, Vec3};
@@ -117,8 +116,8 @@ impl Builder {
         let mut rng = Rng::new(self.seed, self.stream(block));
         let counts = self.counts(block);
         let mut region = Region::new();
-        let street = region.add_tree(LightTree::new_placeholder(self.street(&mut rng, counts.street))?);
-        let market = region.add_tree(LightTree::new_placeholder(self.market(block))?);
+        let street = region.add_tree(LightTree::new(self.street(&mut rng, counts.street))?);
+        let market = region.add_tree(LightTree::new(self.market(block))?);
         let middle = block.middle(self.size);
         let add = |region: &mut Region, tree, offset: Vec3, policy| {
             let placement = Placement::at(middle + offset.as_dvec3());

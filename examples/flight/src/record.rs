@@ -21,7 +21,7 @@ pub struct Row {
 }
 
 /// The columns of `flight.csv`.
-const COLUMNS: [&str; 21] = [
+const COLUMNS: [&str; 20] = [
     "frame",
     "frame_us",
     "update_us",
@@ -36,7 +36,6 @@ const COLUMNS: [&str; 21] = [
     "wall_us",
     "refit_trees",
     "rebuilt_trees",
-    "placeholders",
     "stand_ins",
     "used_bytes",
     "gap_bytes",
@@ -76,7 +75,7 @@ impl Row {
         fields.extend([self.cpu_bytes as u64, self.gpu_bytes].map(|count| count.to_string()));
         let report = &costs.report;
         fields.extend(times(&[costs.regions, costs.edits, costs.plan, costs.wall]));
-        let counts = [report.refit_trees, report.rebuilt_trees, report.placeholder_trees, self.upload.stand_ins];
+        let counts = [report.refit_trees, report.rebuilt_trees, self.upload.stand_ins];
         fields.extend(counts.map(|count| count.to_string()));
         fields.extend([self.used_bytes, self.gap_bytes].map(|count| count.to_string()));
         fields.extend([costs.arrived, costs.left, self.upload.instances].map(|count| count.to_string()));

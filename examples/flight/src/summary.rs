@@ -51,7 +51,7 @@ const COLUMNS: [&str; 4] = ["what", "median", "p999", "worst"];
 type Measure = fn(&Row) -> f64;
 
 /// What each frame is measured by.
-const MEASURES: [(&str, Measure); 13] = [
+const MEASURES: [(&str, Measure); 12] = [
     ("frame, µs", |row| us(row.costs.frame)),
     ("adding and removing regions, µs", |row| us(row.costs.regions)),
     ("moves and edits, µs", |row| us(row.costs.edits)),
@@ -60,7 +60,6 @@ const MEASURES: [(&str, Measure); 13] = [
     ("resident lights", |row| row.lights as f64),
     ("bytes uploaded", |row| row.upload.bytes as f64),
     ("trees waiting for an upload", |row| row.upload.waiting_trees as f64),
-    ("trees waiting for a build", |row| row.costs.report.placeholder_trees as f64),
     ("bytes per resident light on the CPU", |row| row.cpu_bytes as f64 / row.lights as f64),
     ("bytes per resident light in all GPU buffers", |row| row.gpu_bytes as f64 / row.lights as f64),
     ("of these, in use by nodes and lights", |row| row.used_bytes as f64 / row.lights as f64),
@@ -115,8 +114,6 @@ impl Summary {
         line("bytes uploaded in a frame", format!("median {:.0}, worst {:.0}", bytes.median, bytes.worst));
         let waiting = Spread::of(rows.iter().map(|row| row.upload.waiting_trees as f64));
         line("trees waiting for an upload", format!("median {:.0}, most {:.0}", waiting.median, waiting.worst));
-        let builds = Spread::of(rows.iter().map(|row| row.costs.report.placeholder_trees as f64));
-        line("trees waiting for a build", format!("median {:.0}, most {:.0}", builds.median, builds.worst));
         let per_light = |bytes: fn(&Row) -> f64| Spread::of(rows.iter().map(|row| bytes(row) / row.lights as f64));
         let cpu = per_light(|row| row.cpu_bytes as f64);
         let gpu = per_light(|row| row.gpu_bytes as f64);

@@ -330,8 +330,6 @@ typedef struct GirandoleUpdateReport {
     size_t rebuilt_trees;
     // Trees that wait for a rebuild in a later update.
     size_t waiting_trees;
-    // Placeholders that have yet to be built.
-    size_t placeholder_trees;
     // The longest wait of a tree, in updates.
     uint64_t longest_wait;
     // The measured time of the rebuilds, in microseconds.
@@ -1150,13 +1148,6 @@ GirandoleStatus girandole_world_add_tree(struct GirandoleWorld *world,
                                          size_t count,
                                          uint64_t *tree);
 
-// As girandole_world_add_tree, in about half of the time: the tree is noisier until a later update builds
-// it within its budget.
-GirandoleStatus girandole_world_add_placeholder(struct GirandoleWorld *world,
-                                                const struct GirandoleLight *light_list,
-                                                size_t count,
-                                                uint64_t *tree);
-
 // Adds a tree from the bytes of girandole_world_bake_tree, without a build, and stores its key. Bytes of any
 // origin are safe: damaged ones are refused.
 GirandoleStatus girandole_world_add_baked(struct GirandoleWorld *world,
@@ -1284,13 +1275,6 @@ struct GirandoleRegionInstance girandole_region_instance(uint32_t tree, struct G
 
 // Creates an empty region. Destroy it with girandole_region_destroy.
 GirandoleStatus girandole_region_create(struct GirandoleRegion **region);
-
-// Adds a tree as a placeholder, which a later update of the world builds within its budget, and stores its
-// index in the region.
-GirandoleStatus girandole_region_add_placeholder(struct GirandoleRegion *region,
-                                                 const struct GirandoleLight *light_list,
-                                                 size_t count,
-                                                 uint32_t *tree);
 
 // Builds a tree on the calling thread, adds it to the region, and stores its index there.
 GirandoleStatus girandole_region_add_tree(struct GirandoleRegion *region,

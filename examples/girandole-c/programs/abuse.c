@@ -94,7 +94,6 @@ static void edits(GirandoleWorld *world, uint64_t tree, uint64_t instance)
     EXPECT(104, girandole_world_add_tree(world, &bad[3], 1, &key));
     EXPECT(102, girandole_world_add_tree(world, &bad[4], 1, &key));
     EXPECT(101, girandole_world_add_tree(world, &bad[5], 1, &key));
-    EXPECT(101, girandole_world_add_placeholder(world, &bad[5], 1, &key));
     /* A good light before a bad one. */
     bad[4] = good;
     EXPECT(101, girandole_world_add_tree(world, &bad[4], 2, &key));
@@ -464,7 +463,6 @@ static void regions(GirandoleWorld *world)
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_region_create(NULL));
     EXPECT(GIRANDOLE_OK, girandole_region_create(&region));
     EXPECT(101, girandole_region_add_tree(region, &bad, 1, &tree));
-    EXPECT(101, girandole_region_add_placeholder(region, &bad, 1, &tree));
     EXPECT(1103, girandole_region_add_baked(region, NULL, 0, &tree));
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_region_add_tree(NULL, &good, 1, &tree));
     instance = girandole_region_instance(0, girandole_placement_at(0.0, 0.0, 0.0));

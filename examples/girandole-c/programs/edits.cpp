@@ -492,16 +492,6 @@ void moves_and_edits() {
     size_t same_size = 0;
     check(girandole_blob_bytes(again.get(), &same, &same_size));
     require(same_size == size && std::memcmp(same, bytes, size) == 0, "a baked tree changes when it is loaded");
-
-    // A placeholder shines at once and is built later.
-    uint64_t placeholder = 0;
-    check(girandole_world_add_placeholder(world.get(), bulbs.data(), bulbs.size(), &placeholder));
-    add_instance(world.get(), placeholder, 20, 0, 3);
-    GirandoleUpdateReport report;
-    check(girandole_world_update(world.get(), 0.0, &report));
-    require(report.placeholder_trees == 1, "a placeholder is built without a budget");
-    check(girandole_world_update(world.get(), INFINITY, &report));
-    require(report.placeholder_trees == 0 && report.rebuilt_trees >= 1, "a placeholder is not built");
 }
 
 void far_away() {
@@ -537,11 +527,11 @@ void regions() {
     std::thread loader([&] {
         std::vector<GirandoleLight> lights;
         for (int i = 0; i < 30; i++) lights.push_back(girandole_point_light(vec3(0.2f * i, 3, 0), grey(10)));
-        uint32_t built = 0, placeholder = 0;
+        uint32_t built = 0, other = 0;
         check(girandole_region_add_tree(region.get(), lights.data(), lights.size(), &built));
-        check(girandole_region_add_placeholder(region.get(), lights.data(), 20, &placeholder));
+        check(girandole_region_add_tree(region.get(), lights.data(), 20, &other));
         for (int i = 0; i < 12; i++) {
-            auto instance = girandole_region_instance(i % 2 ? built : placeholder, girandole_placement_at(3 * i, 0, i));
+            auto instance = girandole_region_instance(i % 2 ? built : other, girandole_placement_at(3 * i, 0, i));
             instance.user_data = 100 + i;
             instance.factor = grey(i == 0 ? 2 : 1);
             check(girandole_region_add_instance(region.get(), &instance));
@@ -552,7 +542,7 @@ void regions() {
     check(girandole_world_add_region(world.get(), region.get(), &key));
     GirandoleUpdateReport report;
     check(girandole_world_update(world.get(), INFINITY, &report));
-    require(report.rebuilt_trees == 1 && report.placeholder_trees == 0, "the placeholder of the region");
+    require(report.rebuilt_trees == 0, "the trees of the region are built");
     const auto ground = girandole_surface_point(vec3(10, 0, 5), vec3(0, 1, 0));
     require_unbiased(world.get(), ground, "region");
     uint64_t trees[2], instances[12];

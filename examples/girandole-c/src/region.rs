@@ -72,26 +72,6 @@ impl GirandoleRegion {
     }
 }
 
-/// Adds a tree as a placeholder, which a later update of the world builds within its budget, and stores its
-/// index in the region.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn girandole_region_add_placeholder(
-    region: *mut GirandoleRegion,
-    light_list: *const GirandoleLight,
-    count: usize,
-    tree: *mut u32,
-) -> GirandoleStatus {
-    call(|| {
-        // SAFETY: see the crate's documentation.
-        let (region, given) = unsafe { (object_mut(region, "region")?, array(light_list, count, "light_list")?) };
-        // SAFETY: see the crate's documentation.
-        let index = unsafe { result(tree, "tree")? };
-        let tree = region.region.add_tree(LightTree::new_placeholder(lights(given)?)?);
-        index.set(region.keep(tree));
-        Ok(())
-    })
-}
-
 /// Builds a tree on the calling thread, adds it to the region, and stores its index there.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_region_add_tree(

@@ -33,26 +33,6 @@ pub unsafe extern "C" fn girandole_world_add_tree(
     })
 }
 
-/// As girandole_world_add_tree, in about half of the time: the tree is noisier until a later update builds
-/// it within its budget.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn girandole_world_add_placeholder(
-    world: *mut GirandoleWorld,
-    light_list: *const GirandoleLight,
-    count: usize,
-    tree: *mut u64,
-) -> GirandoleStatus {
-    call(|| {
-        // SAFETY: see the crate's documentation.
-        let (world, given) = unsafe { (object(world, "world")?, array(light_list, count, "light_list")?) };
-        // SAFETY: see the crate's documentation.
-        let key = unsafe { result(tree, "tree")? };
-        let given = lights(given)?;
-        key.set(world.edit(|world| Ok(world.add_tree(LightTree::new_placeholder(given)?)))?.into());
-        Ok(())
-    })
-}
-
 /// Adds a tree from the bytes of girandole_world_bake_tree, without a build, and stores its key. Bytes of any
 /// origin are safe: damaged ones are refused.
 #[unsafe(no_mangle)]

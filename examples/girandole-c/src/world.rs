@@ -189,8 +189,6 @@ pub struct GirandoleUpdateReport {
     pub rebuilt_trees: usize,
     /// Trees that wait for a rebuild in a later update.
     pub waiting_trees: usize,
-    /// Placeholders that have yet to be built.
-    pub placeholder_trees: usize,
     /// The longest wait of a tree, in updates.
     pub longest_wait: u64,
     /// The measured time of the rebuilds, in microseconds.
@@ -227,7 +225,6 @@ pub unsafe extern "C" fn girandole_world_update(
             refit_lights: done.refit_lights,
             rebuilt_trees: done.rebuilt_trees,
             waiting_trees: done.waiting_trees,
-            placeholder_trees: done.placeholder_trees,
             longest_wait: done.longest_wait,
             spent_us: micros(done.spent),
             overrun_us: micros(done.overrun),

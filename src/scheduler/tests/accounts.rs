@@ -212,12 +212,3 @@ fn trees_that_are_replaced_resized_or_removed_are_known_as_what_they_are_now() {
     scheduler.remove(tree);
     assert!(!scheduler.has_jobs() && scheduler.waiting_nanos == 0);
 }
-
-#[test]
-fn a_placeholder_loses_what_its_build_will_gain() {
-    let (mut scheduler, [tree]) = scheduler_of([100]);
-    scheduler.start_placeholder(tree, TreeFeatures::of_cost(0.3));
-    // Predicted to be as noisy as e times the variance.
-    let likely = scheduler.excess(tree).likely;
-    assert!((likely - (0.5_f32.exp() - 1.0)).abs() < 1.0e-3, "{likely}");
-}

@@ -52,9 +52,8 @@ impl LightTree {
     /// About 100 bytes per light. Equal trees give equal bytes on every machine. The bytes hold the
     /// tree as [`LightTree::freeze`] leaves it: if lights have changed since the last refit, a copy
     /// of the tree is refitted first. If lights were added, removed or given other places by
-    /// [`LightTree::set_lights`] since the last build, or if the tree is a placeholder, a copy of
-    /// the tree is built first; lights keep their indices, and
-    /// those of removed lights stay vacant.
+    /// [`LightTree::set_lights`] since the last build, a copy of the tree is built first; lights keep
+    /// their indices, and those of removed lights stay vacant.
     ///
     /// O(lights), but for that build.
     pub fn bake(&self) -> Vec<u8> {
@@ -64,7 +63,7 @@ impl LightTree {
             return refitted.bake();
         }
         let is_weighted = self.reference().map(|map| map.linear) == self.weights.as_deref().map(|map| map.linear);
-        if self.edited.is_changed() || self.is_placeholder || !is_weighted {
+        if self.edited.is_changed() || !is_weighted {
             let mut built = self.clone();
             built.rebuild();
             return built.bake();
@@ -165,7 +164,6 @@ impl LightTree {
             weights: reference.clone(),
             reference,
             attributes,
-            is_placeholder: false,
         };
         match tree.loading_fault(removed) {
             Some(fault) => Err(BakeError::Tree(fault)),

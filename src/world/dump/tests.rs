@@ -58,7 +58,7 @@ fn world() -> LightWorld {
     let trees = [
         tree(&mut rng, 40, 3.0),
         loose(&mut rng, 200),
-        LightTree::new_placeholder(lamps(&mut rng, 100, 5.0)).expect("valid lights"),
+        tree(&mut rng, 100, 5.0),
         tree(&mut rng, 80, 9.0),
         LightTree::new((0..30).map(profiled).collect()).expect("valid lights"),
         LightTree::default(),

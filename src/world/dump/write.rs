@@ -17,7 +17,7 @@ impl LightWorld {
     ///
     /// A dump is for people who look for a fault: a wrong transform, a light that is missing, a tree
     /// that has grown loose. It has the trees with the nodes that they have now, those that are
-    /// loose or placeholders included, how far they are opened, the profiles of their lights, the
+    /// loose included, how far they are opened, the profiles of their lights, the
     /// instances in their slots with everything that was set about them, the directional lights and
     /// the origin. It lacks keys, regions, what was learnt, the requests of trees for rebuilds, and what
     /// [`LeftOut`] counts.

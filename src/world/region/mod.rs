@@ -32,11 +32,11 @@ use crate::tree::LightTree;
 ///
 /// ```
 /// use girandole::glam::{DVec3, Vec3};
-/// use girandole::{FrameBudget, Light, LightTree, LightWorld, Placement, Policy, Region, RegionInstance};
+/// use girandole::{Light, LightTree, LightWorld, Placement, Policy, Region, RegionInstance};
 /// // On a loader thread.
 /// let mut region = Region::new();
 /// let lamps = (0..100).map(|i| Light::point(Vec3::X * i as f32, Vec3::ONE)).collect();
-/// let street = region.add_tree(LightTree::new_placeholder(lamps)?);
+/// let street = region.add_tree(LightTree::new(lamps)?);
 /// for i in 0..10 {
 ///     let placement = Placement::at(DVec3::Z * 20.0 * f64::from(i));
 ///     region.add_instance(RegionInstance::new(street, placement, Policy::Static))?;
@@ -46,8 +46,6 @@ use crate::tree::LightTree;
 /// let key = world.add_region(region)?;
 /// assert_eq!(world.light_count(), 1000);
 /// assert_eq!(world.region(key).map(|region| region.instances().len()), Some(10));
-/// let report = world.update(FrameBudget::UNLIMITED);
-/// assert_eq!((report.rebuilt_trees, report.placeholder_trees), (1, 0));
 /// // Dropping this frees the memory of the trees, on any thread.
 /// let removed = world.remove_region(key)?;
 /// assert_eq!((removed.trees().len(), world.light_count()), (1, 0));
@@ -140,10 +138,8 @@ impl Region {
     }
 
     /// Adds a tree without a copy or a build, as
-    /// [`LightWorld::add_tree`](crate::LightWorld::add_tree). A
-    /// [placeholder](LightTree::new_placeholder) shines as soon as the region is added, and the world
-    /// builds it within its budgets. If the tree's lights have changed since its last refit, it is
-    /// refitted now. O(1), but for that refit.
+    /// [`LightWorld::add_tree`](crate::LightWorld::add_tree). If the tree's lights have changed since its
+    /// last refit, it is refitted now. O(1), but for that refit.
     pub fn add_tree(&mut self, mut tree: LightTree) -> RegionTree {
         tree.refit_changes();
         self.add(RegionSource::Own { tree: Box::new(tree), has_instance: false })
@@ -164,9 +160,8 @@ impl Region {
     /// order in which they were added.
     ///
     /// O(1), unless it is the first instance of a tree of more than eight lights and is stretched or
-    /// scaled, as in [`LightWorld::add_instance`](crate::LightWorld::add_instance). Then a built tree
-    /// that was not made for the instance is rebuilt now. A placeholder, or a tree of the world without
-    /// an instance, is built for the instance later.
+    /// scaled, as in [`LightWorld::add_instance`](crate::LightWorld::add_instance). Then a tree that was
+    /// not made for the instance is rebuilt now. A tree of the world is rebuilt when the region is added.
     ///
     /// # Errors
     /// [`WorldError::NoSuchRegionTree`], [`WorldError::Policy`], [`WorldError::Factor`],
@@ -199,9 +194,7 @@ fn divide_for(tree: &mut LightTree, placed: Option<&Placed>) {
     let Some(map) = reference_for(placed, tree.lights()) else { return };
     if tree.reference().is_none_or(|reference| reference.linear != map.linear) {
         tree.set_reference(Some(map));
-        if !tree.is_placeholder() {
-            tree.rebuild();
-        }
+        tree.rebuild();
     }
 }
 

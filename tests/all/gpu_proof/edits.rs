@@ -144,7 +144,7 @@ impl Edited {
         }
         let mut region = Region::new();
         let lights: Vec<Light> = self.rng.lights(5, 1.0);
-        let tree = region.add_tree(LightTree::new_placeholder(lights).expect("valid lights"));
+        let tree = region.add_tree(LightTree::new(lights).expect("valid lights"));
         for _ in 0..3 {
             let instance = girandole::RegionInstance::new(tree, self.rng.affine(SIZE), Policy::Budgeted);
             region.add_instance(instance).expect("a valid placement");

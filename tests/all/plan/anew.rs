@@ -56,9 +56,7 @@ impl Edited {
     }
 
     fn tree(&mut self) -> LightTree {
-        let (lights, is_built) = (self.lights(), self.below(2) == 0);
-        let tree = if is_built { LightTree::new(lights) } else { LightTree::new_placeholder(lights) };
-        tree.expect("valid lights")
+        LightTree::new(self.lights()).expect("valid lights")
     }
 
     fn add_tree(&mut self) {
