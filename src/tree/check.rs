@@ -66,21 +66,16 @@ impl LightTree {
         let mut spares = 0;
         for (node, record) in self.nodes.iter().enumerate() {
             let fail = |slot, what| Err(CheckError { node, slot, what });
-            if self.spans[node] == 0 {
+            if record.count() == 0 {
                 spares += 1;
-                if record.count() != 0 {
-                    return fail(0, "the spare node has children");
-                }
                 continue;
             }
             if (node == 0) != (record.parent == NO_PARENT) {
                 return fail(0, "the root has a parent, or another node has none");
             }
-            if record.count() == 0 || record.count() > WIDTH {
-                return fail(0, "the number of children is outside 1 to 8");
+            if record.count() > WIDTH {
+                return fail(0, "the number of children is above 8");
             }
-            let is_contiguous = !self.edited.is_scattered();
-            let end = if is_contiguous { node + self.spans[node] as usize } else { self.nodes.len() };
             let mut lights = 0;
             for slot in record.count()..WIDTH {
                 if record.children[slot] != EMPTY_SLOT || record.flux[slot] != 0 || wide[node].flux[slot] != 0.0 {
@@ -116,9 +111,8 @@ impl LightTree {
                         let Some(lower) = self.nodes.get(below) else {
                             return fail(slot, "the tree has no node of the child's index");
                         };
-                        let span = if is_contiguous { self.spans[below] as usize } else { 1 };
-                        if below <= node || below + span > end {
-                            return fail(slot, "the child's subtree does not lie within the node's");
+                        if below <= node {
+                            return fail(slot, "the child does not lie behind the node");
                         }
                         if lower.parent != place {
                             return fail(slot, "the child's link to its parent names another place");

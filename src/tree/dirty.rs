@@ -1,108 +1,62 @@
 //! The set of nodes that the next refit has to visit.
 
-use std::collections::BinaryHeap;
+/// Nodes of a word of a [`DirtyNodes`].
+pub(super) const WORD: usize = u32::BITS as usize;
 
-/// A set of node indices. Indices are taken out in descending order, so children come before their
-/// parents.
-#[derive(Debug, Default)]
+/// Nodes of a word of [`DirtyNodes::filled`].
+pub(super) const BLOCK: usize = WORD * WORD;
+
+/// A set of nodes: a bit for each of them.
+#[derive(Clone, Debug, Default)]
 pub(super) struct DirtyNodes {
-    /// For each node, whether it is in the set.
-    flags: Vec<bool>,
-    heap: BinaryHeap<u32>,
+    pub words: Vec<u32>,
+    /// A bit for each word, set if the word has any. So few nodes of a large tree are found at once.
+    pub filled: Vec<u32>,
+    len: usize,
 }
 
 impl DirtyNodes {
     /// The set of a tree without nodes.
-    pub const EMPTY: Self = Self { flags: Vec::new(), heap: BinaryHeap::new() };
+    pub const EMPTY: Self = Self { words: Vec::new(), filled: Vec::new(), len: 0 };
 
     /// An empty set for a tree of `count` nodes.
     pub fn empty(count: usize) -> Self {
-        Self { flags: vec![false; count], heap: BinaryHeap::with_capacity(count) }
-    }
-
-    /// Reserves memory for a tree of `count` nodes, to which [`DirtyNodes::grow`] grows the set.
-    pub fn reserve(&mut self, count: usize) {
-        self.flags.reserve_exact(count);
-        self.heap.reserve_exact(count);
+        Self { words: vec![0; count.div_ceil(WORD)], filled: vec![0; count.div_ceil(BLOCK)], len: 0 }
     }
 
     /// Grows the tree to `count` nodes. The new ones are not in the set.
     pub fn grow(&mut self, count: usize) {
-        self.flags.resize(count, false);
+        self.words.resize(count.div_ceil(WORD), 0);
+        self.filled.resize(count.div_ceil(BLOCK), 0);
     }
 
     /// The size of all arrays in bytes.
     pub fn memory_bytes(&self) -> usize {
-        self.flags.capacity() + size_of::<u32>() * self.heap.capacity()
+        size_of::<u32>() * (self.words.capacity() + self.filled.capacity())
     }
 
-    /// The number of nodes in the set, and of nodes that were removed from it.
+    /// The number of nodes in the set.
     pub fn len(&self) -> usize {
-        self.heap.len()
+        self.len
     }
 
     /// Adds a node.
     pub fn insert(&mut self, node: usize) {
-        if !std::mem::replace(&mut self.flags[node], true) {
-            self.heap.push(node as u32);
-        }
+        let (word, bit) = (&mut self.words[node / WORD], 1 << (node % WORD));
+        self.len += usize::from(*word & bit == 0);
+        *word |= bit;
+        self.filled[node / BLOCK] |= 1 << (node / WORD % WORD);
     }
 
-    /// Removes a node that is not part of the tree any more.
+    /// Removes a node.
     pub fn remove(&mut self, node: usize) {
-        // Its entry in the heap is skipped.
-        self.flags[node] = false;
+        let (word, bit) = (&mut self.words[node / WORD], 1 << (node % WORD));
+        self.len -= usize::from(*word & bit != 0);
+        *word &= !bit;
     }
 
-    /// Takes out the greatest index. `None` if the set is empty.
-    pub fn pop(&mut self) -> Option<usize> {
-        loop {
-            let node = self.heap.pop()? as usize;
-            if std::mem::take(&mut self.flags[node]) {
-                return Some(node);
-            }
-        }
-    }
-
-    /// Drops the order and keeps the flags, for a sweep that visits all nodes and clears the flags
-    /// itself.
-    pub fn drop_order(&mut self) {
-        self.heap.clear();
-    }
-
-    /// For each node, whether it is in the set.
-    pub fn flags_mut(&mut self) -> &mut [bool] {
-        &mut self.flags
-    }
-}
-
-impl Clone for DirtyNodes {
-    /// Keeps room for all nodes, so that refits of the clone do not allocate either. A derived
-    /// clone would drop the spare capacity.
-    fn clone(&self) -> Self {
-        let mut heap = BinaryHeap::with_capacity(self.flags.len());
-        heap.extend(&self.heap);
-        Self { flags: self.flags.clone(), heap }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn each_node_is_taken_out_once_and_the_greatest_index_first() {
-        let mut dirty = DirtyNodes::empty(3);
-        [0, 2, 1, 1].into_iter().for_each(|node| dirty.insert(node));
-        assert_eq!([dirty.pop(), dirty.pop()], [Some(2), Some(1)]);
-        dirty.insert(2);
-        assert_eq!([dirty.pop(), dirty.pop(), dirty.pop()], [Some(2), Some(0), None]);
-        dirty.insert(1);
-        dirty.remove(1);
-        assert_eq!(dirty.pop(), None);
-        dirty.insert(1);
-        dirty.remove(1);
-        dirty.insert(1);
-        assert_eq!([dirty.pop(), dirty.pop()], [Some(1), None]);
+    /// Records that a refit has taken out all nodes.
+    pub fn were_taken(&mut self) {
+        self.len = 0;
     }
 }

@@ -16,12 +16,8 @@ pub(super) struct Edited {
     built_lights: Vec<u32>,
     /// Lights whose leaves have moved. In no order; a light may occur several times.
     moved: Vec<u32>,
-    /// Nodes were added: a parent still comes before its children, but subtrees are not contiguous.
-    is_scattered: bool,
     /// Lights were added or removed since the last build.
     is_changed: bool,
-    /// The list of refit tasks is older than the nodes.
-    has_stale_tasks: bool,
 }
 
 impl Edited {
@@ -47,11 +43,6 @@ impl Edited {
     #[cfg_attr(not(feature = "bake"), expect(dead_code, reason = "only bakes ask"))]
     pub fn is_changed(&self) -> bool {
         self.is_changed
-    }
-
-    /// Whether subtrees may not be contiguous.
-    pub fn is_scattered(&self) -> bool {
-        self.is_scattered
     }
 
     /// Records that a light was removed.
@@ -82,13 +73,11 @@ impl Edited {
     /// Records that a node is spare now.
     pub fn free(&mut self, node: usize) {
         self.free.insert(node as u32);
-        self.has_stale_tasks = true;
     }
 
     /// Takes the first free node after another node. `None` if there is none: the new node is then
     /// appended.
     pub fn take_node_after(&mut self, node: usize) -> Option<usize> {
-        self.is_scattered = true;
         let free = *self.free.range(node as u32 + 1..).next()?;
         self.free.remove(&free);
         Some(free as usize)
@@ -111,16 +100,6 @@ impl Edited {
     pub fn forget_moved(&mut self) {
         self.moved.clear();
     }
-
-    /// Whether the list of refit tasks is older than the nodes.
-    pub fn has_stale_tasks(&self) -> bool {
-        self.has_stale_tasks
-    }
-
-    /// Records that the list of refit tasks was made again.
-    pub fn renewed_tasks(&mut self) {
-        self.has_stale_tasks = false;
-    }
 }
 
 impl HasEmpty for Edited {
@@ -129,9 +108,7 @@ impl HasEmpty for Edited {
         free: BTreeSet::new(),
         built_lights: Vec::new(),
         moved: Vec::new(),
-        is_scattered: false,
         is_changed: false,
-        has_stale_tasks: false,
     };
 
     /// Entries of sets count as numbers.

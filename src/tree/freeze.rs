@@ -4,7 +4,6 @@
 use super::LightTree;
 use super::node::{NO_LEAF, WIDTH};
 use super::refit_data::RefitData;
-use super::tasks::RefitTasks;
 use crate::rare::Rare;
 
 /// The data that only refits need. Nobody reads them: freeing them takes time, and may wait.
@@ -50,7 +49,7 @@ impl LightTree {
         }
         if let [former] = self.nodes[..] {
             let attributes = self.attributes;
-            self.refit_only_node::<true>();
+            self.refit_only_node(true);
             self.attributes = attributes;
             self.is_only_node_refitted = self.nodes[0] != former;
             return;
@@ -64,10 +63,10 @@ impl LightTree {
                 self.refit_data.wide[place / WIDTH].set(place % WIDTH, &light.cluster());
             }
         }
-        self.refit_data.tasks = RefitTasks::new(&self.spans);
         self.mark_all();
-        self.refit_all::<true>();
-        self.cost = self.refit_data.attribute_sums[0].cost_per_spread(&self.root);
+        let attributes = self.attributes;
+        self.refit_marked(true);
+        self.attributes = attributes;
         self.refit_data.refitted.clear();
         if self.nodes != former {
             self.refit_data.refitted.add_all();

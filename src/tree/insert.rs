@@ -14,8 +14,8 @@
 use super::build::count_effects;
 use super::cost::{orientation, size};
 use super::edited::make_room;
-use super::layout::{PlacedLight, build_items};
 use super::node::{LEAF, NO_PARENT, Node, WIDTH};
+use super::placed::{PlacedLight, build_items};
 use super::shape::shape;
 use super::wide::WideCluster;
 use super::{LightTree, check_light_count, check_lights};
@@ -155,22 +155,18 @@ impl LightTree {
 
     /// An empty node behind another one: a spare one, or one that is appended.
     fn new_node_after(&mut self, node: usize) -> usize {
-        let new = self.edited.take_node_after(node).unwrap_or_else(|| {
+        self.edited.take_node_after(node).unwrap_or_else(|| {
             make_room(&mut self.nodes);
             make_room(&mut self.refit_data.wide);
             make_room(&mut self.refit_data.attribute_sums);
             self.nodes.push(Node::EMPTY);
             self.refit_data.wide.push(WideCluster::EMPTY);
-            self.spans.push(0);
             self.light_counts.push(0);
             self.refit_data.attribute_sums.push(AttributeSums::default());
             self.refit_data.dirty.grow(self.nodes.len());
             self.edited.append_node();
             self.nodes.len() - 1
-        });
-        // A node that is in use. Its subtree may be anywhere behind it.
-        self.spans[new] = 1;
-        new
+        })
     }
 
     /// Makes the highest subtree again that holds a node and has outgrown what it was made for.

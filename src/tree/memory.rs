@@ -44,14 +44,13 @@ impl LightTree {
     /// The memory of the tree on the heap, by use. Each index in a set of removed lights counts as
     /// 4 bytes. O(1).
     pub fn memory(&self) -> TreeMemory {
-        let Self { lights, leaves, nodes, refit_data, spans, light_counts, sides, .. } = self;
-        let words = spans.capacity() + light_counts.capacity();
+        let Self { lights, leaves, nodes, refit_data, light_counts, sides, .. } = self;
         let maps = [&self.reference, &self.weights].into_iter().flatten().count();
         let reference = maps * size_of::<Linear>();
         TreeMemory {
             nodes: size_of::<Node>() * nodes.capacity()
                 + size_of::<Cluster>() * sides.len()
-                + size_of::<u32>() * words
+                + size_of::<u32>() * light_counts.capacity()
                 + reference,
             lights: size_of::<Light>() * lights.capacity()
                 + size_of::<u32>() * leaves.capacity()

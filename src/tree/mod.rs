@@ -11,10 +11,10 @@ mod dirty;
 mod edited;
 mod freeze;
 mod insert;
-mod layout;
 mod memory;
 mod node;
 mod pack;
+mod placed;
 mod rebuild;
 mod refit;
 mod refit_data;
@@ -24,8 +24,6 @@ mod openings;
 #[cfg(feature = "bake")]
 mod ordered;
 mod shape;
-mod stepped_build;
-mod tasks;
 mod units;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -43,12 +41,12 @@ pub(crate) use pack::{ALL_SURFACES, CAP_STEPS, DIRECTION_STEPS, LEAST_NORMAL_COD
 pub(crate) use pack::{FluxShares, Unpacked};
 pub(crate) use refitted::Refitted;
 
+pub(crate) use build::{MAX_EXTRA_UNITS, TreeBuild};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use shape::BY_IDENTITY;
 #[cfg(test)]
 pub(crate) use shape::shape;
 pub(crate) use shape::{BuildItem, EXIT, Planes, divide};
-pub(crate) use stepped_build::{MAX_EXTRA_UNITS, TreeBuild};
 pub(crate) use units::units_of_build;
 pub(crate) use wide::{Lanes, WideCluster};
 
@@ -80,9 +78,6 @@ pub struct LightTree {
     leaves: Vec<u32>,
     /// The packed nodes, which are sampled.
     nodes: Vec<Node>,
-    /// The number of nodes in each node's subtree as it was built, itself included; 0 for a node that
-    /// edits have left spare.
-    spans: Vec<u32>,
     /// The number of lights in each node's subtree.
     light_counts: Vec<u32>,
     refit_data: Rare<RefitData>,

@@ -24,14 +24,10 @@ impl LightTree {
         let width = WIDTH as u32;
         let moved = |place: u32| numbers[(place / width) as usize] * width + place % width;
         let mut nodes: Vec<_> = order.iter().map(|node| self.nodes[*node]).collect();
-        let mut spans = vec![1; nodes.len()];
-        for (number, node) in nodes.iter_mut().enumerate().rev() {
+        for node in &mut nodes {
             let count = node.count();
             let inner = node.children[..count].iter_mut().filter(|child| **child & LEAF == 0);
-            inner.for_each(|child| {
-                *child = numbers[*child as usize];
-                spans[number] += spans[*child as usize];
-            });
+            inner.for_each(|child| *child = numbers[*child as usize]);
             if node.parent != NO_PARENT {
                 node.parent = moved(node.parent);
             }
@@ -42,7 +38,6 @@ impl LightTree {
             light_counts: order.iter().map(|node| self.light_counts[*node]).collect(),
             is_frozen: !nodes.is_empty(),
             nodes,
-            spans,
             refit_data: Rare::default(),
             edited: Edited::of_build(self.vacant_indices().clone()),
             ..self.clone()

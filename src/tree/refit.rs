@@ -1,22 +1,26 @@
 //! Refits a tree: brings its nodes up to date with lights that moved, turned or dimmed, from the
 //! leaves to the root, and computes the attributes.
 //!
-//! Functions with the parameter `MEASURE` compute the sums for the attributes only if it is true.
-
-use std::ops::Range;
+//! A refit follows the nodes that changed upward: it goes through the set of them from the last node
+//! to the first, and adds the parent of each. A parent comes before its children, so each node is
+//! visited once, after all of its children.
 
 use super::LightTree;
 use super::attributes::AttributeSums;
-use super::node::{ChildRef, NO_PARENT, Node, WIDTH};
+use super::dirty::{BLOCK, WORD};
+use super::node::{ChildRef, LEAF, NO_PARENT, Node, WIDTH};
 use super::refit_data::RefitData;
-use super::tasks::{RefitTask, RefitTasks};
 use super::wide::WideCluster;
 use crate::cluster::{Cluster, Linear};
 use crate::math::simd::{VectorJob, with_vectors};
 
-/// A refit visits a list of nodes if fewer than one in this many changed, and sweeps over all nodes
-/// otherwise. The list is a heap, which costs about as much per node as the refit of a node.
+/// If one in this many nodes has changed, all count as changed, and threads share the work.
 const NODES_PER_LISTED: usize = 8;
+
+/// The most pieces in which threads refit a tree. Nodes whose parents or children are in another
+/// piece, some twenty of each, are left to one thread.
+#[cfg(feature = "parallel")]
+const PIECES: usize = 64;
 
 impl LightTree {
     /// Updates every node above a changed light, and the attributes. The shape of the tree stays.
@@ -29,21 +33,18 @@ impl LightTree {
             return;
         }
         self.thaw();
-        let are_sums_stale = std::mem::take(&mut self.has_stale_sums);
-        if self.nodes.len() <= 1 {
-            if self.nodes.len() == 1 && (self.is_only_node_dirty || are_sums_stale) {
-                self.refit_only_node::<true>();
-            }
-            return;
-        }
-        if are_sums_stale {
+        if std::mem::take(&mut self.has_stale_sums) {
             self.mark_all();
-            self.refit_all::<true>();
-        } else {
-            self.refit_dirty::<true>();
         }
-        self.update_sides();
-        self.update_attributes();
+        self.refit_marked(true);
+    }
+
+    /// [`LightTree::refit`] without the attributes, for trees whose attributes are not read. They
+    /// keep their values until the next [`LightTree::refit`], which then visits all nodes. The
+    /// nodes have the same bits as after [`LightTree::refit`].
+    pub fn refit_without_attributes(&mut self) {
+        self.has_stale_sums |= self.is_dirty();
+        self.refit_marked(false);
     }
 
     /// [`LightTree::refit`] if lights have changed since the last refit. O(1) otherwise.
@@ -58,6 +59,75 @@ impl LightTree {
         self.is_only_node_dirty || self.refit_data.dirty.len() > 0
     }
 
+    /// Marks all nodes that have children.
+    pub(super) fn mark_all(&mut self) {
+        if self.nodes.len() == 1 {
+            self.is_only_node_dirty = true;
+            return;
+        }
+        for (index, _) in self.nodes.iter().enumerate().filter(|(_, node)| node.count() > 0) {
+            self.refit_data.dirty.insert(index);
+        }
+    }
+
+    /// Refits the marked nodes and all above them, and the attributes if it `measures`.
+    pub(super) fn refit_marked(&mut self, measures: bool) {
+        if !self.is_dirty() {
+            return;
+        }
+        if self.nodes.len() == 1 { self.refit_only_node(measures) } else { self.follow_marked(measures) }
+    }
+
+    /// [`LightTree::refit_marked`] for a tree that has its data for refits.
+    pub(super) fn follow_marked(&mut self, measures: bool) {
+        if self.refit_data.dirty.len() >= self.nodes.len().div_ceil(NODES_PER_LISTED) {
+            self.refit_data.refitted.add_all();
+            #[cfg(feature = "parallel")]
+            self.refit_in_pieces(measures);
+        }
+        self.follow(self.nodes.len(), usize::MAX, measures);
+        self.refit_data.dirty.were_taken();
+        let Self { refit_data, sides, .. } = self;
+        (0..).zip(sides).for_each(|(slot, side)| *side = refit_data.wide[0].get(slot));
+        if measures {
+            let sums = self.refit_data.attribute_sums[0];
+            self.set_attributes(&sums);
+        }
+    }
+
+    /// Refits up to `limit` marked nodes before `end`, behind which none is marked.
+    pub(super) fn follow(&mut self, end: usize, limit: usize, measures: bool) {
+        let Self { nodes, refit_data, weights, root, .. } = self;
+        let RefitData { wide, attribute_sums: sums, dirty, refitted } = &mut **refit_data;
+        let (words, filled) = (&mut dirty.words[..], &mut dirty.filled[..]);
+        let slices = NodeSlices { base: 0, nodes, wide, sums, words, filled, weights: weights.as_deref() };
+        let follow = Follow { slices, end, limit, measures, visit: |node| refitted.add(node) };
+        *root = with_vectors(follow).unwrap_or(*root);
+    }
+
+    /// Refits most of the marked nodes, in pieces of the tree that threads share. What is still marked
+    /// then has parents or children in other pieces.
+    #[cfg(feature = "parallel")]
+    fn refit_in_pieces(&mut self, measures: bool) {
+        use rayon::prelude::*;
+        let size = self.nodes.len().div_ceil(PIECES).next_multiple_of(BLOCK);
+        if size >= self.nodes.len() {
+            return;
+        }
+        let Self { nodes, refit_data, weights, root, .. } = self;
+        let RefitData { wide, attribute_sums: sums, dirty, .. } = &mut **refit_data;
+        let weights = weights.as_deref();
+        let marks = dirty.words.par_chunks_mut(size / WORD).zip(dirty.filled.par_chunks_mut(size / BLOCK));
+        let lists = wide.par_chunks_mut(size).zip(sums.par_chunks_mut(size));
+        let pieces = nodes.par_chunks_mut(size).zip(lists).zip(marks).enumerate();
+        let roots = pieces.map(|(piece, ((nodes, (wide, sums)), (words, filled)))| {
+            let end = nodes.len();
+            let slices = NodeSlices { base: piece * size, nodes, wide, sums, words, filled, weights };
+            with_vectors(Follow { slices, end, limit: usize::MAX, measures, visit: |_| {} })
+        });
+        *root = roots.reduce(|| None, Option::or).unwrap_or(*root);
+    }
+
     /// The clusters of the lights of a tree of one node.
     pub(super) fn wide_of_only_node(&self) -> WideCluster {
         let mut wide = WideCluster::EMPTY;
@@ -70,138 +140,57 @@ impl LightTree {
     }
 
     /// Refits a tree of one node, from its lights alone.
-    pub(super) fn refit_only_node<const MEASURE: bool>(&mut self) {
+    pub(super) fn refit_only_node(&mut self, measures: bool) {
         let (wide, sums) = (&mut [self.wide_of_only_node()], &mut [AttributeSums::default()]);
-        let is_dirty = &mut [true];
-        let slices =
-            NodeSlices { base: 0, nodes: &mut self.nodes, wide, sums, is_dirty, weights: self.weights.as_deref() };
-        if let Some(cluster) = with_vectors(Sweep::<MEASURE>(slices)) {
-            self.root = cluster;
-        }
-        if MEASURE {
+        let (nodes, weights, words, filled) = (&mut self.nodes[..], self.weights.as_deref(), &mut [1], &mut [1]);
+        let slices = NodeSlices { base: 0, nodes, wide, sums, words, filled, weights };
+        let follow = Follow { slices, end: 1, limit: 1, measures, visit: |_| {} };
+        self.root = with_vectors(follow).unwrap_or(self.root);
+        if measures {
             self.set_attributes(&sums[0]);
         }
         (self.is_only_node_dirty, self.is_only_node_refitted) = (false, true);
-    }
-
-    /// Copies the clusters of the sides, which frozen trees keep.
-    pub(super) fn update_sides(&mut self) {
-        let Some(root) = self.refit_data.wide.first() else { return };
-        (0..).zip(&mut self.sides).for_each(|(slot, side)| *side = root.get(slot));
-    }
-
-    /// Computes the attributes of the tree from the sums at its root.
-    pub(super) fn update_attributes(&mut self) {
-        let sums = self.refit_data.attribute_sums.first().copied().unwrap_or_default();
-        self.set_attributes(&sums);
     }
 
     fn set_attributes(&mut self, sums: &AttributeSums) {
         self.attributes = sums.relative_to(&self.root);
         self.cost = sums.cost_per_spread(&self.root);
     }
-
-    /// Refits the marked ones of some consecutive nodes of a tree that is being built. The marked
-    /// nodes after them have been refitted.
-    pub(super) fn refit_nodes(&mut self, range: Range<usize>) {
-        if let Some(cluster) = with_vectors(SweepRange(self.slices(), range)) {
-            self.root = cluster;
-        }
-    }
-
-    /// [`LightTree::refit`] without the attributes, for trees whose attributes are not read. They
-    /// keep their values until the next [`LightTree::refit`], which then visits all nodes. The
-    /// nodes have the same bits as after [`LightTree::refit`].
-    pub fn refit_without_attributes(&mut self) {
-        self.has_stale_sums |= self.is_dirty();
-        if self.is_only_node_dirty {
-            return self.refit_only_node::<false>();
-        }
-        self.refit_dirty::<false>();
-        self.update_sides();
-    }
-
-    fn refit_dirty<const MEASURE: bool>(&mut self) {
-        if self.refit_data.dirty.len() == 0 {
-            return;
-        }
-        if self.refit_data.dirty.len() < self.nodes.len().div_ceil(NODES_PER_LISTED) {
-            with_vectors(RefitListed::<MEASURE>(self));
-        } else {
-            self.refit_all::<MEASURE>();
-        }
-    }
-
-    /// Marks all nodes that have children.
-    pub(super) fn mark_all(&mut self) {
-        let is_used = self.spans.iter().map(|span| *span > 0);
-        self.refit_data.dirty.flags_mut().iter_mut().zip(is_used).for_each(|(flag, is_used)| *flag = is_used);
-    }
-
-    /// Sweeps over all nodes: over the subtrees in parallel, then over the nodes above them. Over
-    /// all nodes in turn if subtrees are not contiguous.
-    pub(super) fn refit_all<const MEASURE: bool>(&mut self) {
-        self.refit_data.dirty.drop_order();
-        self.refit_data.refitted.add_all();
-        if self.edited.has_stale_tasks() {
-            self.edited.renewed_tasks();
-            self.refit_data.tasks = RefitTasks::new(&self.spans);
-        }
-        if self.edited.is_scattered() {
-            if let Some(cluster) = with_vectors(Sweep::<MEASURE>(self.slices())) {
-                self.root = cluster;
-            }
-            return;
-        }
-        let mut subtrees = std::mem::take(&mut self.refit_data.tasks.subtrees);
-        sweep_tasks::<MEASURE>(&mut subtrees, self.slices());
-        self.refit_data.tasks.subtrees = subtrees;
-        with_vectors(SweepUpper::<MEASURE>(self));
-    }
-
-    /// All nodes, with what refits know of them.
-    fn slices(&mut self) -> NodeSlices<'_> {
-        let Self { nodes, refit_data, weights, .. } = self;
-        let RefitData { wide, attribute_sums: sums, dirty, .. } = &mut **refit_data;
-        NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut(), weights: weights.as_deref() }
-    }
 }
 
 /// The same piece of all arrays of a tree.
 struct NodeSlices<'a> {
-    /// The index of the first node.
+    /// The index of the first node, a multiple of [`BLOCK`].
     base: usize,
     nodes: &'a mut [Node],
     wide: &'a mut [WideCluster],
     sums: &'a mut [AttributeSums],
-    is_dirty: &'a mut [bool],
+    /// The nodes to refit, as in [`DirtyNodes`](super::dirty::DirtyNodes).
+    words: &'a mut [u32],
+    filled: &'a mut [u32],
     /// The map that the tree is weighted for.
     weights: Option<&'a Linear>,
 }
 
 impl NodeSlices<'_> {
-    /// The nodes before index `at` of the tree, and the other nodes.
-    fn split(self, at: usize) -> (Self, Self) {
-        let (nodes, nodes_b) = self.nodes.split_at_mut(at - self.base);
-        let (wide, wide_b) = self.wide.split_at_mut(at - self.base);
-        let (sums, sums_b) = self.sums.split_at_mut(at - self.base);
-        let (is_dirty, is_dirty_b) = self.is_dirty.split_at_mut(at - self.base);
-        let second = Self { base: at, nodes: nodes_b, wide: wide_b, sums: sums_b, is_dirty: is_dirty_b, ..self };
-        (Self { nodes, wide, sums, is_dirty, ..self }, second)
+    /// Whether the parent and all children of a node are in these slices.
+    #[inline(always)]
+    fn has_links_of(&self, node: &Node) -> bool {
+        let end = (self.base + self.nodes.len()) as u32;
+        let has_children = node.children.iter().all(|child| *child & LEAF != 0 || *child < end);
+        has_children && (node.parent == NO_PARENT || node.parent as usize / WIDTH >= self.base)
     }
 
-    /// Refits a node whose children are up to date. Writes its cluster to its parent if that is in
-    /// these slices.
+    /// Refits a node whose children are up to date. Writes its cluster to its parent, and marks that.
     #[inline(always)]
-    fn refit<const MEASURE: bool>(&mut self, index: usize) -> Cluster {
-        let local = index - self.base;
+    fn refit(&mut self, local: usize, measures: bool) -> Cluster {
         let node = &mut self.nodes[local];
         let wide = &self.wide[local];
         let merged = wide.merged_for(self.weights);
         let count = node.count();
         node.pack(wide, &merged.cluster.aabb, count);
         node.pack_area_ratios(wide, self.weights);
-        if MEASURE {
+        if measures {
             let mut sums = AttributeSums::of(wide, &merged);
             for slot in 0..count {
                 if let Some(ChildRef::Node(below)) = node.child(slot) {
@@ -210,57 +199,61 @@ impl NodeSlices<'_> {
             }
             self.sums[local] = sums;
         }
-        self.is_dirty[local] = false;
-        let parent = node.parent as usize / WIDTH;
-        if node.parent != NO_PARENT && parent >= self.base {
-            self.wide[parent - self.base].set(node.parent as usize % WIDTH, &merged.cluster);
+        if node.parent != NO_PARENT {
+            let parent = node.parent as usize / WIDTH - self.base;
+            self.wide[parent].set(node.parent as usize % WIDTH, &merged.cluster);
+            self.words[parent / WORD] |= 1 << (parent % WORD);
+            self.filled[parent / BLOCK] |= 1 << (parent / WORD % WORD);
         }
         merged.cluster
     }
 }
 
-/// Refits subtrees in parallel. `slices` hold all of their nodes.
-fn sweep_tasks<const MEASURE: bool>(subtrees: &mut [RefitTask], slices: NodeSlices<'_>) {
-    match subtrees {
-        [] => {}
-        [subtree] => {
-            let (_, slices) = slices.split(subtree.root);
-            let (slices, _) = slices.split(subtree.root + subtree.nodes);
-            subtree.changed = with_vectors(Sweep::<MEASURE>(slices));
-        }
-        _ => {
-            let (left, right) = subtrees.split_at_mut(subtrees.len() / 2);
-            let (left_slices, right_slices) = slices.split(right[0].root);
-            #[cfg(feature = "parallel")]
-            rayon::join(|| sweep_tasks::<MEASURE>(left, left_slices), || sweep_tasks::<MEASURE>(right, right_slices));
-            #[cfg(not(feature = "parallel"))]
-            {
-                sweep_tasks::<MEASURE>(left, left_slices);
-                sweep_tasks::<MEASURE>(right, right_slices);
-            }
-        }
-    }
+/// Refits marked nodes and the nodes above them, from the last to the first. Returns the cluster of
+/// the root if it was refitted.
+struct Follow<'a, V> {
+    slices: NodeSlices<'a>,
+    /// No node from here on is marked.
+    end: usize,
+    /// The most nodes to refit.
+    limit: usize,
+    measures: bool,
+    /// Called with each node.
+    visit: V,
 }
 
-/// Refits the marked nodes of one subtree and the nodes above them. Returns the cluster of the
-/// subtree's root if that changed.
-struct Sweep<'a, const MEASURE: bool>(NodeSlices<'a>);
-
-impl<const MEASURE: bool> VectorJob for Sweep<'_, MEASURE> {
+impl<V: FnMut(usize)> VectorJob for Follow<'_, V> {
     type Output = Option<Cluster>;
 
     #[inline(always)]
-    fn run(self) -> Option<Cluster> {
-        let Self(mut slices) = self;
+    fn run(mut self) -> Option<Cluster> {
         let mut root = None;
-        for local in (0..slices.nodes.len()).rev() {
-            if slices.is_dirty[local] {
-                let cluster = slices.refit::<MEASURE>(slices.base + local);
-                let parent = slices.nodes[local].parent as usize / WIDTH;
-                if local > 0 {
-                    slices.is_dirty[parent - slices.base] = true;
-                } else {
-                    root = Some(cluster);
+        let slices = &mut self.slices;
+        for block in (0..self.end.div_ceil(BLOCK)).rev() {
+            let mut below = !0;
+            while let Some(bit) = highest(slices.filled[block] & below) {
+                below = (1 << bit) - 1;
+                let word = block * WORD + bit;
+                let mut below = !0;
+                while let Some(bit) = highest(slices.words[word] & below) {
+                    below = (1 << bit) - 1;
+                    let local = word * WORD + bit;
+                    if !slices.has_links_of(&slices.nodes[local]) {
+                        continue;
+                    }
+                    if self.limit == 0 {
+                        return root;
+                    }
+                    self.limit -= 1;
+                    slices.words[word] &= !(1 << bit);
+                    let cluster = slices.refit(local, self.measures);
+                    (self.visit)(slices.base + local);
+                    if slices.base + local == 0 {
+                        root = Some(cluster);
+                    }
+                }
+                if slices.words[word] == 0 {
+                    slices.filled[block] &= !(1 << bit);
                 }
             }
         }
@@ -268,83 +261,10 @@ impl<const MEASURE: bool> VectorJob for Sweep<'_, MEASURE> {
     }
 }
 
-/// Refits the marked nodes of a range, and marks no others. Returns the cluster of the root if the
-/// range contains it.
-struct SweepRange<'a>(NodeSlices<'a>, Range<usize>);
-
-impl VectorJob for SweepRange<'_> {
-    type Output = Option<Cluster>;
-
-    #[inline(always)]
-    fn run(self) -> Option<Cluster> {
-        let Self(mut slices, range) = self;
-        let mut last = None;
-        let has_root = range.start == 0;
-        for node in range.rev() {
-            if slices.is_dirty[node] {
-                last = Some(slices.refit::<true>(node));
-            }
-        }
-        last.filter(|_| has_root)
-    }
-}
-
-/// Refits the nodes above the subtrees that were refitted in parallel.
-struct SweepUpper<'a, const MEASURE: bool>(&'a mut LightTree);
-
-impl<const MEASURE: bool> VectorJob for SweepUpper<'_, MEASURE> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let LightTree { nodes, refit_data, root, weights, .. } = self.0;
-        let RefitData { wide, attribute_sums: sums, dirty, tasks, .. } = &mut **refit_data;
-        let mut slices =
-            NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut(), weights: weights.as_deref() };
-        for subtree in &mut tasks.subtrees {
-            let Some(cluster) = subtree.changed.take() else { continue };
-            let parent = slices.nodes[subtree.root].parent;
-            if parent == NO_PARENT {
-                *root = cluster;
-            } else {
-                slices.wide[parent as usize / WIDTH].set(parent as usize % WIDTH, &cluster);
-                slices.is_dirty[parent as usize / WIDTH] = true;
-            }
-        }
-        for node in tasks.upper.iter().rev() {
-            let node = *node as usize;
-            if slices.is_dirty[node] {
-                let cluster = slices.refit::<MEASURE>(node);
-                match slices.nodes[node].parent {
-                    NO_PARENT => *root = cluster,
-                    parent => slices.is_dirty[parent as usize / WIDTH] = true,
-                }
-            }
-        }
-    }
-}
-
-/// Refits the nodes of a list and the nodes above them.
-struct RefitListed<'a, const MEASURE: bool>(&'a mut LightTree);
-
-impl<const MEASURE: bool> VectorJob for RefitListed<'_, MEASURE> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let LightTree { nodes, refit_data, root, weights, .. } = self.0;
-        let RefitData { wide, attribute_sums: sums, dirty, refitted, .. } = &mut **refit_data;
-        while let Some(node) = dirty.pop() {
-            refitted.add(node);
-            let mut slices =
-                NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut(), weights: weights.as_deref() };
-            let cluster = slices.refit::<MEASURE>(node);
-            match nodes[node].parent {
-                NO_PARENT => *root = cluster,
-                parent => dirty.insert(parent as usize / WIDTH),
-            }
-        }
-    }
+/// The place of the highest bit.
+#[inline(always)]
+fn highest(bits: u32) -> Option<usize> {
+    bits.checked_ilog2().map(|bit| bit as usize)
 }
 
 #[cfg(test)]
@@ -367,10 +287,15 @@ mod tests {
         let changes: Vec<_> = (0..2000).map(|i| (i as u32, light(i + 5000))).collect();
         tree.apply(&changes);
         let mut plain = tree.clone();
-        with_vectors(RefitListed::<true>(&mut tree));
-        RefitListed::<true>(&mut plain).run();
+        tree.refit_marked(true);
+        let (end, limit, measures, visit) = (plain.nodes.len(), usize::MAX, true, |_| {});
+        let RefitData { wide, attribute_sums: sums, dirty, .. } = &mut *plain.refit_data;
+        let (nodes, words, filled) = (&mut plain.nodes[..], &mut dirty.words[..], &mut dirty.filled[..]);
+        let slices = NodeSlices { base: 0, nodes, wide, sums, words, filled, weights: None };
+        plain.root = Follow { slices, end, limit, measures, visit }.run().expect("the root was refitted");
         assert_eq!(tree.nodes, plain.nodes);
-        assert_eq!(format!("{:?}", tree.refit_data), format!("{:?}", plain.refit_data));
+        assert_eq!(format!("{:?}", tree.refit_data.wide), format!("{:?}", plain.refit_data.wide));
+        assert_eq!(format!("{:?}", tree.refit_data.attribute_sums), format!("{:?}", plain.refit_data.attribute_sums));
         assert_eq!(tree.root, plain.root);
         tree.check().expect("the tree is sound");
     }

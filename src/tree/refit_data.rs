@@ -3,7 +3,6 @@
 use super::attributes::AttributeSums;
 use super::dirty::DirtyNodes;
 use super::refitted::RefittedNodes;
-use super::tasks::RefitTasks;
 use super::wide::WideCluster;
 use crate::rare::HasEmpty;
 
@@ -21,7 +20,6 @@ pub(super) struct RefitData {
     /// Nodes with lanes that changed since the last refit.
     pub dirty: DirtyNodes,
     pub refitted: RefittedNodes,
-    pub tasks: RefitTasks,
 }
 
 impl HasEmpty for RefitData {
@@ -30,28 +28,30 @@ impl HasEmpty for RefitData {
         attribute_sums: Vec::new(),
         dirty: DirtyNodes::EMPTY,
         refitted: RefittedNodes::EMPTY,
-        tasks: RefitTasks::EMPTY,
     };
 
     fn owned_bytes(&self) -> usize {
-        let Self { wide, attribute_sums, dirty, refitted, tasks } = self;
-        wide.owned_bytes()
-            + attribute_sums.owned_bytes()
-            + dirty.memory_bytes()
-            + refitted.memory_bytes()
-            + tasks.memory_bytes()
+        let Self { wide, attribute_sums, dirty, refitted } = self;
+        wide.owned_bytes() + attribute_sums.owned_bytes() + dirty.memory_bytes() + refitted.memory_bytes()
     }
 }
 
 impl RefitData {
-    /// The data of a tree of `count` nodes, with dark clusters and no refit tasks.
-    pub fn new(count: usize) -> Self {
+    /// The data of a tree of `count` nodes, with room for what belongs to each node.
+    pub fn with_room(count: usize) -> Self {
         Self {
-            wide: vec![WideCluster::EMPTY; count],
-            attribute_sums: vec![AttributeSums::default(); count],
+            wide: Vec::with_capacity(count),
+            attribute_sums: Vec::with_capacity(count),
             dirty: DirtyNodes::empty(count),
             refitted: RefittedNodes::empty(count),
-            tasks: RefitTasks::EMPTY,
         }
+    }
+
+    /// The data of a tree of `count` nodes, with dark clusters.
+    pub fn new(count: usize) -> Self {
+        let mut data = Self::with_room(count);
+        data.wide.resize(count, WideCluster::EMPTY);
+        data.attribute_sums.resize(count, AttributeSums::default());
+        data
     }
 }

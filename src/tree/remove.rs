@@ -2,7 +2,7 @@
 //!
 //! The leaf of a removed light leaves its node, and the last child of the node takes its slot. A
 //! node that is left with one child is replaced by that child, so no node gets less than two
-//! children and paths never grow. Subtrees keep their ranges of nodes.
+//! children and paths never grow.
 
 use super::node::{EMPTY_SLOT, LEAF, NO_LEAF, NO_PARENT, Node, WIDTH};
 use super::wide::WideCluster;
@@ -104,7 +104,6 @@ impl LightTree {
         self.nodes[node] = Node::EMPTY;
         self.refit_data.wide[node] = WideCluster::EMPTY;
         self.refit_data.attribute_sums[node] = AttributeSums::default();
-        self.spans[node] = 0;
         self.light_counts[node] = 0;
         self.refit_data.dirty.remove(node);
         self.edited.free(node);

@@ -15,9 +15,9 @@ pub(crate) struct State {
 
 /// The complete state of a tree but for its lights.
 pub(crate) fn state_of(tree: &LightTree) -> State {
-    let LightTree { nodes, leaves, refit_data, spans, light_counts, built_cost, cost, .. } = tree;
+    let LightTree { nodes, leaves, refit_data, light_counts, built_cost, cost, .. } = tree;
     let LightTree { has_stale_sums, is_frozen, is_only_node_dirty, .. } = tree;
-    let RefitData { wide, attribute_sums, dirty, tasks, .. } = &**refit_data;
+    let RefitData { wide, attribute_sums, dirty, .. } = &**refit_data;
     let LightTree { root, sides, attributes, effects, .. } = tree;
     let bits = |floats: &[f32]| floats.iter().map(|v| v.to_bits()).collect::<Vec<u32>>();
     let wide = wide.iter().flat_map(|lanes| {
@@ -30,14 +30,13 @@ pub(crate) fn state_of(tree: &LightTree) -> State {
         bytemuck::cast_slice(nodes).to_vec(),
         leaves.clone(),
         wide.collect(),
-        spans.clone(),
         light_counts.clone(),
         vec![built_cost.to_bits(), cost.to_bits()],
         cluster_bits(root),
         sides.iter().flat_map(cluster_bits).collect(),
     ];
     let text = format!(
-        "{attribute_sums:?} {has_stale_sums} {dirty:?} {is_only_node_dirty} {is_frozen} {tasks:?} {attributes:?} {effects:?}"
+        "{attribute_sums:?} {has_stale_sums} {dirty:?} {is_only_node_dirty} {is_frozen} {attributes:?} {effects:?}"
     );
     State { words, text }
 }

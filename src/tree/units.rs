@@ -6,8 +6,6 @@
 //! to 300,000 random lights, with one thread (2-core Intel Xeon virtual machine, 2026-11-22). A
 //! tick took about 0.3 ns there, and a unit 20 ns.
 
-use super::node::WIDTH;
-
 /// Ticks of a unit.
 pub(super) const UNIT: usize = 68;
 
@@ -29,8 +27,6 @@ pub(super) const DIGIT_TICKS: usize = 300;
 pub(super) const MOVE_TICKS: usize = 20;
 /// A step in the choice of a node's children.
 pub(super) const NODE_TICKS: usize = 110;
-/// An entry of the list of refit tasks.
-pub(super) const TASK_TICKS: usize = 150;
 /// The refit of a node.
 pub(super) const REFIT_TICKS: usize = 740;
 
@@ -58,11 +54,6 @@ pub(super) fn lay_out_ticks(lights: usize) -> usize {
 /// A split of `items` that is not cut.
 pub(super) fn whole_split_ticks(items: usize) -> usize {
     1260 + 22 * items
-}
-
-/// The shape of a small subtree over `items`: mostly its splits.
-pub(super) fn small_subtree_ticks(items: usize) -> usize {
-    30 + 10 * items + 1750 * (items.div_ceil(WIDTH) - 1)
 }
 
 /// The units of a build over `lights` lights, an estimate: their number times the levels of a

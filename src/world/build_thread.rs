@@ -128,10 +128,7 @@ impl BuildThread {
     }
 }
 
-fn finished(mut build: TreeBuild) -> LightTree {
+fn finished(build: TreeBuild) -> LightTree {
     span!("rebuild");
-    while !build.is_done() {
-        build.step(&[], usize::MAX);
-    }
-    build.into_tree()
+    build.finish()
 }

@@ -35,7 +35,7 @@ impl Rebuilds {
         self.clock.worked(self.scheduler.work_of_slice(units));
         let mut end = self.clock.now();
         if build.is_done() {
-            entry.successor = Some(Box::new(build.into_tree()));
+            entry.successor = Some(Box::new(build.finish()));
         } else if goes_to_background && build.has_all_lights() {
             let work = self.scheduler.go_on_in_background();
             *state = LongBuildState::InBackground(Some(tree), thread.start(*build, work, end));

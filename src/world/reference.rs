@@ -190,6 +190,6 @@ mod tests {
         while !stepped.is_done() {
             stepped.step(&lights(), 1);
         }
-        assert_eq!(stepped.into_tree().nodes(), built);
+        assert_eq!(stepped.finish().nodes(), built);
     }
 }

@@ -26,7 +26,7 @@ const SWAPPED_MARK: u32 = BYTE_ORDER_MARK.swap_bytes();
 
 /// The version of the format. It rises with every change of a record or of what its values mean:
 /// `Node` and what packs and samples it, `Cluster`, `Light`, the header.
-pub(super) const VERSION: u32 = 3;
+pub(super) const VERSION: u32 = 4;
 
 /// Bytes that have the same meaning in every version.
 const IDENTITY_BYTES: usize = MAGIC.len() + 2 * WORD;
@@ -82,14 +82,12 @@ pub(super) struct Sections<'a> {
     /// A number for each light.
     pub leaves: &'a [u8],
     /// A number for each node.
-    pub spans: &'a [u8],
-    /// A number for each node.
     pub light_counts: &'a [u8],
 }
 
 impl Counts {
     /// The bytes of each section.
-    fn sizes(&self) -> [u64; 6] {
+    fn sizes(&self) -> [u64; 5] {
         let size = |count: usize, bytes: usize| count as u64 * bytes as u64;
         let words = |count: usize| size(count, WORD);
         [
@@ -97,7 +95,6 @@ impl Counts {
             size(self.lights, LIGHT_BYTES),
             size(self.nodes, NODE_BYTES),
             words(self.lights),
-            words(self.nodes),
             words(self.nodes),
         ]
     }
@@ -118,13 +115,13 @@ impl<'a> Sections<'a> {
     /// Divides a file of the right length.
     fn of(bytes: &'a [u8], counts: &Counts) -> Self {
         let mut rest = &bytes[HEADER_BYTES..];
-        let [sides, lights, nodes, leaves, spans, light_counts] = counts.sizes().map(|size| {
+        let [sides, lights, nodes, leaves, light_counts] = counts.sizes().map(|size| {
             // The file is this long, so its parts fit into `usize`.
             let (section, others) = rest.split_at(size as usize);
             rest = others;
             section
         });
-        Self { sides, lights, nodes, leaves, spans, light_counts }
+        Self { sides, lights, nodes, leaves, light_counts }
     }
 }
 

@@ -8,12 +8,12 @@
 //! | 8 | the mark of the format |
 //! | 4, 4 | the mark of the byte order, the version |
 //! | 4 | CRC-32 of all other bytes |
-//! | 140 | flags, numbers of records, attributes, the cluster of all lights, the reference |
-//! | 68 per side | the clusters of the sides |
+//! | 144 | flags, numbers of records, attributes, the cluster of all lights, the reference |
+//! | 72 per side | the clusters of the sides |
 //! | 56 per light | the lights; zeros for a light that was removed |
 //! | 208 per node | the nodes |
 //! | 4 per light | the places of the lights; all bits for a light that was removed |
-//! | 8 per node | spans, numbers of lights |
+//! | 4 per node | numbers of lights |
 //!
 //! Files are checked in this order, so that each fault has one name: what the file is, its version,
 //! its length, its checksum, its lights, its nodes. Nothing is allocated before the length is
@@ -73,7 +73,7 @@ impl LightTree {
 
     /// The nodes as they are as bytes: of a tree that is up to date, whose nodes are depth first.
     fn bytes(&self) -> Vec<u8> {
-        let Self { lights, leaves, nodes, spans, light_counts, sides, .. } = self;
+        let Self { lights, leaves, nodes, light_counts, sides, .. } = self;
         let counts = Counts { lights: lights.len(), nodes: nodes.len(), sides: sides.len() };
         let header = Header {
             counts,
@@ -88,7 +88,7 @@ impl LightTree {
         sides.iter().for_each(|side| words::write(words::of_cluster(side), &mut bytes));
         lights.iter().for_each(|light| words::write(light_record::encode(light), &mut bytes));
         node_record::write(nodes, &mut bytes);
-        for numbers in [leaves, spans, light_counts] {
+        for numbers in [leaves, light_counts] {
             words::write(numbers.iter().copied(), &mut bytes);
         }
         content::seal(&mut bytes);
@@ -149,7 +149,6 @@ impl LightTree {
             leaves,
             nodes: records(sections.nodes, NODE_BYTES, node_record::read),
             refit_data: Rare::default(),
-            spans: numbers(sections.spans),
             light_counts: numbers(sections.light_counts),
             built_cost,
             cost: built_cost,

@@ -5,7 +5,6 @@
 //! chance with which it is sampled:
 //!
 //! - Each node but the root is the child of one node before it, and each light is one leaf.
-//! - A subtree is the range of nodes that its span names. Subtrees of siblings do not overlap.
 //! - What a node stores is finite and within the limits that builds keep.
 //! - The flux of a child is that of the nodes below, to rounding. So a child is dark exactly if all
 //!   leaves below it are.
@@ -68,13 +67,6 @@ impl LightTree {
     fn node_fault(&self, index: usize) -> Option<CheckError> {
         let node = &self.nodes[index];
         let fail = |slot, what| Some(CheckError { node: index, slot, what });
-        if self.spans[index] == 0 {
-            return fail(0, "the node has no subtree");
-        }
-        let end = index + self.spans[index] as usize;
-        if end > self.nodes.len() {
-            return fail(0, "the subtree reaches beyond the last node");
-        }
         if !self.is_linked(index, node) {
             return fail(0, "the node is not a child of the node that it names as its parent");
         }
@@ -88,7 +80,7 @@ impl LightTree {
         if let Some(slot) = (count..WIDTH).find(|slot| node.children[*slot] != EMPTY_SLOT || node.flux[*slot] != 0) {
             return fail(slot, "the slot is unused but not empty");
         }
-        let (mut lights, mut next) = (0, index + 1);
+        let mut lights = 0;
         for slot in 0..count {
             match node.child(slot) {
                 None => return fail(slot, "the slot is in use but has no child"),
@@ -100,14 +92,9 @@ impl LightTree {
                 }
                 Some(ChildRef::Node(below)) => {
                     let below = below as usize;
-                    if below < next || below >= end || self.spans[below] == 0 {
-                        return fail(slot, "the child does not lie behind its siblings within the subtree");
-                    }
-                    next = below + self.spans[below] as usize;
-                    if next > end {
-                        return fail(slot, "the child's subtree reaches beyond the node's");
-                    }
-                    let lower = &self.nodes[below];
+                    let Some(lower) = self.nodes.get(below).filter(|_| below > index) else {
+                        return fail(slot, "the child does not lie behind the node");
+                    };
                     if lower.parent as usize != index * WIDTH + slot {
                         return fail(slot, "the child's link to its parent names another place");
                     }
@@ -149,9 +136,6 @@ impl LightTree {
         // Each leaf names a light that names it, so with this number every light has one leaf.
         if self.light_counts[0] as usize != self.light_count() {
             return Some("the number of leaves is not that of lights");
-        }
-        if self.spans[0] as usize != self.nodes.len() {
-            return Some("the root's subtree is not the whole tree");
         }
         if let Some(what) = cluster_fault(&self.root, sum_of_flux(root)) {
             return Some(what);

@@ -11,7 +11,7 @@ use std::mem::swap;
 use glam::{Vec3, Vec4};
 
 use super::counts::fills_nodes;
-use super::group::{Bounds, BuildItem, Group, GroupSums, ItemSums, MeanBounds, costs, has_several_runs, map_runs};
+use super::group::{Bounds, BuildItem, Group, GroupSums, ItemSums, MeanBounds, costs};
 
 /// An axis is not cut if its extent is less than this share of the longest one. Slices so thin are
 /// no candidates, and the factor for thinness stays far inside f32.
@@ -41,17 +41,6 @@ const LAST_BIN: f32 = 0.999;
 
 /// Items that a partition classifies before it moves any.
 const BLOCK: usize = 128;
-
-/// Splits items at the best cut between two of `N` bins along some axis, the left side first.
-/// `None`, and the items stay as they are, if no cut is allowed.
-pub(super) fn split_binned<const N: usize>(items: &mut [BuildItem], whole: &Group) -> Option<[Group; 2]> {
-    let grid = BinGrid::new(whole, N as f32);
-    let BinCut { axis, bin, mut groups } = Bins::<N>::around(items, &grid).cut(whole, &grid)?;
-    let partition =
-        [partition::<0>, partition::<1>, partition::<2>, partition::<3>, partition::<4>, partition::<5>][axis];
-    [groups[0].means, groups[1].means] = partition(items, &grid, bin, groups[0].count);
-    Some(groups)
-}
 
 /// A cut between two bins.
 pub(super) struct BinCut {
@@ -145,6 +134,7 @@ fn direction_penalty(whole: &Group) -> f32 {
 }
 
 /// The sums and the number of items in each bin of each axis.
+#[derive(Clone)]
 pub(super) struct Bins<const N: usize> {
     sums: [[GroupSums; N]; AXES],
     counts: [[u32; N]; AXES],
@@ -164,20 +154,6 @@ impl<const N: usize> ItemSums for Bins<N> {
 
 impl<const N: usize> Bins<N> {
     pub const EMPTY: Self = Self { sums: [[GroupSums::EMPTY; N]; AXES], counts: [[0; N]; AXES] };
-
-    fn around(items: &[BuildItem], grid: &BinGrid) -> Self {
-        let around_run = |run: &[BuildItem]| {
-            let mut bins = Self::EMPTY;
-            bins.add_items(run, grid);
-            bins
-        };
-        if !has_several_runs(items.len()) {
-            return around_run(items);
-        }
-        let mut all = Self::EMPTY;
-        map_runs(items, around_run).iter().for_each(|run| all.add(run));
-        all
-    }
 
     #[inline(never)]
     pub fn add_items(&mut self, items: &[BuildItem], grid: &BinGrid) {
@@ -269,15 +245,6 @@ impl<const N: usize> Bins<N> {
     }
 }
 
-/// Moves the items of bins below `cut` to the front; there are `count` of them. Returns the bounds
-/// of the means on both sides.
-#[inline(never)]
-fn partition<const AXIS: usize>(items: &mut [BuildItem], grid: &BinGrid, cut: usize, count: usize) -> [MeanBounds; 2] {
-    let mut sides = Sides::EMPTY;
-    while sides.advance::<AXIS>(items, grid, cut, count) > 0 {}
-    sides.means()
-}
-
 /// Both sides of a partition.
 pub(super) struct Sides {
     left: Side,
@@ -287,7 +254,9 @@ pub(super) struct Sides {
 impl Sides {
     pub const EMPTY: Self = Self { left: Side::EMPTY, right: Side::EMPTY };
 
-    /// [`Sides::advance`] along `cut.axis`.
+    /// Classifies up to [`BLOCK`] items of each side of a cut, and swaps items that are on the wrong
+    /// sides. Returns the number of items that were classified or swapped, which is 0 once all items
+    /// are on their side.
     #[inline(never)]
     pub fn advance_along(&mut self, items: &mut [BuildItem], grid: &BinGrid, cut: &BinCut) -> usize {
         let advance = [
@@ -301,9 +270,7 @@ impl Sides {
         advance[cut.axis](self, items, grid, cut.bin, cut.groups[0].count)
     }
 
-    /// Classifies up to [`BLOCK`] items of each side, and swaps items that are on the wrong sides.
-    /// Returns the number of items that were classified or swapped, which is 0 once all items are
-    /// on their side.
+    /// [`Sides::advance_along`] one axis.
     #[inline(always)]
     fn advance<const AXIS: usize>(
         &mut self,
@@ -337,9 +304,11 @@ impl Sides {
         handled + pairs
     }
 
-    /// The bounds of the mean positions on both sides, once all items are on their side.
-    pub fn means(&self) -> [MeanBounds; 2] {
-        [self.left.home.union(&self.right.away), self.right.home.union(&self.left.away)]
+    /// Both parts, once all items are on their side.
+    pub fn parts(&self, cut: &BinCut) -> [Group; 2] {
+        let [left, right] = cut.groups;
+        let means = [self.left.home.union(&self.right.away), self.right.home.union(&self.left.away)];
+        [Group { means: means[0], ..left }, Group { means: means[1], ..right }]
     }
 }
 

@@ -100,19 +100,6 @@ impl<G: ChildGroup> ChildChooser<G> {
 }
 
 impl<G: ChildGroup> Children<G> {
-    /// Divides the group `whole`. `split` is given the place of a group's first light below the
-    /// node and a group of more than [`WIDTH`] lights, and returns its two parts; `None` keeps it
-    /// whole and ends the division.
-    #[inline(always)]
-    pub fn choose(whole: G, mut split: impl FnMut(usize, &G) -> Option<[G; 2]>) -> Self {
-        let mut chooser = ChildChooser::new(whole);
-        while let Some(place) = chooser.next_split() {
-            let Some(parts) = split(chooser.first_light(place), chooser.group(place)) else { break };
-            chooser.replace(place, &parts);
-        }
-        chooser.finish()
-    }
-
     /// Children none of which is inlined. There is at least one.
     pub fn of_groups(groups: impl Iterator<Item = G>) -> Self {
         let mut groups = groups.peekable();
@@ -133,11 +120,6 @@ impl<G: ChildGroup> Children<G> {
     /// The groups and whether each is inlined.
     pub fn iter(&self) -> impl Iterator<Item = (&G, bool)> {
         self.groups[..self.count].iter().zip(self.is_inlined)
-    }
-
-    /// The group at a place and whether it is inlined. `None` after the last group.
-    pub fn get(&self, place: usize) -> Option<(&G, bool)> {
-        self.groups[..self.count].get(place).zip(self.is_inlined.get(place).copied())
     }
 }
 
@@ -165,11 +147,22 @@ mod tests {
         }
     }
 
+    /// Divides the group `whole`. `split` is given the place of a group's first light below the node and
+    /// a group of more than [`WIDTH`] lights, and returns its two parts; `None` ends the division.
+    fn choose(whole: usize, mut split: impl FnMut(usize, &Lights) -> Option<[Lights; 2]>) -> Children<Lights> {
+        let mut chooser = ChildChooser::new(Lights(whole));
+        while let Some(place) = chooser.next_split() {
+            let Some(parts) = split(chooser.first_light(place), chooser.group(place)) else { break };
+            chooser.replace(place, &parts);
+        }
+        chooser.finish()
+    }
+
     /// The counts of the children of a node over `whole` lights, inlined ones in parentheses, and the
     /// places of the splits.
     fn children(whole: usize, left: impl Fn(usize) -> usize) -> (String, Vec<usize>) {
         let mut places = Vec::new();
-        let children = Children::choose(Lights(whole), |first, group| {
+        let children = choose(whole, |first, group| {
             places.push(first);
             let left = left(group.0);
             Some([Lights(left), Lights(group.0 - left)])
@@ -201,7 +194,7 @@ mod tests {
 
     #[test]
     fn a_group_that_cannot_be_split_stays_whole() {
-        let children = Children::choose(Lights(100), |_, _| None);
+        let children = choose(100, |_, _| None);
         assert_eq!(
             children.iter().map(|(group, is_inlined)| (group.0, is_inlined)).collect::<Vec<_>>(),
             [(100, false)]

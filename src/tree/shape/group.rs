@@ -213,15 +213,9 @@ impl Group {
         Self { count: 0, sums: GroupSums::EMPTY, tree_sq: 0.0, means: MeanBounds::EMPTY, is_cut_along_longest: false };
 
     pub fn around(items: &[BuildItem]) -> Self {
-        let parts = map_runs(items, |run| {
-            let mut group = Self::EMPTY;
-            group.add_items(run);
-            group
-        });
-        parts.into_iter().fold(Self::EMPTY, |mut all, part| {
-            all.add(&part);
-            all
-        })
+        let mut sums = SumsOfRuns::new(Self::EMPTY);
+        sums.add_some(items, usize::MAX, Self::add_items);
+        *sums.get()
     }
 
     /// What the costs of this group's parts are relative to.
@@ -249,7 +243,7 @@ impl Group {
 }
 
 /// Sums over consecutive items, which may be added in several pieces.
-pub(super) trait ItemSums {
+pub(super) trait ItemSums: Clone + Send + Sync {
     /// Empties the sums.
     fn clear(&mut self);
     /// Adds the sums of other items.
@@ -279,7 +273,8 @@ impl ItemSums for Group {
     }
 }
 
-/// Sums over many items that are added in pieces, in the order of the sums that [`map_runs`] makes.
+/// Sums over many items that are added in pieces, or at once by several threads. Sums over more than
+/// [`MAX_SINGLE_RUN`] items are sums of runs, in order, so they have the same bits.
 pub(super) struct SumsOfRuns<T> {
     /// The sums of all complete runs; the only sums if all items are one run.
     all: T,
@@ -289,30 +284,40 @@ pub(super) struct SumsOfRuns<T> {
     added: usize,
 }
 
+impl Default for SumsOfRuns<Group> {
+    fn default() -> Self {
+        Self::new(Group::EMPTY)
+    }
+}
+
 impl<T: ItemSums> SumsOfRuns<T> {
-    /// `all` and `run` are empty sums.
-    pub const fn new(all: T, run: T) -> Self {
-        Self { all, run, added: 0 }
+    /// No items.
+    pub fn new(empty: T) -> Self {
+        Self { all: empty.clone(), run: empty, added: 0 }
     }
 
     /// Forgets all items.
     pub fn clear(&mut self) {
+        // The present run is empty once its items have been added.
         self.all.clear();
-        self.run.clear();
         self.added = 0;
     }
 
-    /// Adds up to `max_items` more of `items`, which are all items of the sums, with `add_items`.
-    /// Returns their number, 0 once all have been added.
+    /// Adds up to `most` more of `items`, which are all items of the sums, with `add_items`. Returns
+    /// their number, 0 once all have been added.
     pub fn add_some(
         &mut self,
         items: &[BuildItem],
-        max_items: usize,
-        add_items: impl FnOnce(&mut T, &[BuildItem]),
+        most: usize,
+        add_items: impl Fn(&mut T, &[BuildItem]) + Sync,
     ) -> usize {
         let first = self.added;
-        let mut end = items.len().min(first.saturating_add(max_items));
-        if has_several_runs(items.len()) {
+        let mut end = items.len().min(first.saturating_add(most));
+        if items.len() <= MAX_SINGLE_RUN {
+            add_items(&mut self.all, &items[first..end]);
+        } else if end - first == items.len() {
+            self.add_runs(items, add_items);
+        } else {
             let run_end = items.len().min((first / RUN + 1) * RUN);
             end = end.min(run_end);
             add_items(&mut self.run, &items[first..end]);
@@ -320,11 +325,27 @@ impl<T: ItemSums> SumsOfRuns<T> {
                 self.all.add(&self.run);
                 self.run.clear();
             }
-        } else {
-            add_items(&mut self.all, &items[first..end]);
         }
         self.added = end;
         end - first
+    }
+
+    /// Adds all items, each run on some thread.
+    fn add_runs(&mut self, items: &[BuildItem], add_items: impl Fn(&mut T, &[BuildItem]) + Sync) {
+        let empty = &self.run;
+        let sums_of = |run: &[BuildItem]| {
+            let mut sums = empty.clone();
+            add_items(&mut sums, run);
+            sums
+        };
+        #[cfg(feature = "parallel")]
+        let runs: Vec<T> = {
+            use rayon::prelude::*;
+            items.par_chunks(RUN).map(sums_of).collect()
+        };
+        #[cfg(not(feature = "parallel"))]
+        let runs: Vec<T> = items.chunks(RUN).map(sums_of).collect();
+        runs.iter().for_each(|run| self.all.add(run));
     }
 
     /// The number of items that have been added.
@@ -336,23 +357,4 @@ impl<T: ItemSums> SumsOfRuns<T> {
     pub fn get(&self) -> &T {
         &self.all
     }
-}
-
-/// Applies a function to each run of items, on several threads. Returns the results in order.
-pub(super) fn map_runs<T: Send>(items: &[BuildItem], function: impl Fn(&[BuildItem]) -> T + Send + Sync) -> Vec<T> {
-    if items.len() <= MAX_SINGLE_RUN {
-        return vec![function(items)];
-    }
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        items.par_chunks(RUN).map(function).collect()
-    }
-    #[cfg(not(feature = "parallel"))]
-    items.chunks(RUN).map(function).collect()
-}
-
-/// Whether this many items make more than one run.
-pub(super) fn has_several_runs(count: usize) -> bool {
-    count > MAX_SINGLE_RUN
 }

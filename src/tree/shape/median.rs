@@ -106,18 +106,6 @@ impl KeyPartition {
     }
 }
 
-/// Moves the `left` items with the smallest keys to the front.
-pub(super) fn divide(items: &mut [BuildItem], axis: usize, left: usize) {
-    let mut selection = Selection::new(axis, left);
-    let limit = loop {
-        selection.count(items);
-        if let Some(limit) = selection.fix_digit() {
-            break limit;
-        }
-    };
-    KeyPartition::new(axis, limit, items.len()).advance(items, usize::MAX);
-}
-
 #[cfg(test)]
 mod tests {
     use glam::Vec3;
@@ -125,6 +113,18 @@ mod tests {
     use super::*;
     use crate::cluster::Cluster;
     use crate::tree::testing::Rng;
+
+    /// Moves the `left` items with the smallest keys to the front.
+    pub(super) fn divide(items: &mut [BuildItem], axis: usize, left: usize) {
+        let mut selection = Selection::new(axis, left);
+        let limit = loop {
+            selection.count(items);
+            if let Some(limit) = selection.fix_digit() {
+                break limit;
+            }
+        };
+        KeyPartition::new(axis, limit, items.len()).advance(items, usize::MAX);
+    }
 
     fn items(positions: impl Iterator<Item = f32>) -> Vec<BuildItem> {
         let cluster = |x: f32| Cluster { mean: Vec3::new(0.0, x, 0.0), ..Cluster::EMPTY };

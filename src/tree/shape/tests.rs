@@ -7,9 +7,11 @@ use glam::{DVec3, Vec3};
 
 use super::costed::TINY_SHARE;
 use super::counts::{FULL, fills_nodes};
+use super::shaping::MAX_COST_DEPTH;
 use super::*;
 use crate::cluster::bounds::Aabb;
 use crate::cluster::{Cluster, MAX_FLUX};
+use crate::tree::node::{EMPTY_SLOT, LEAF, NO_PARENT};
 use crate::tree::testing::Rng;
 
 fn light(at: Vec3, flux: f32) -> Cluster {
@@ -81,6 +83,7 @@ fn check(nodes: &[ShapeNode], clusters: &[Cluster], may_have_gaps: bool) -> u32 
     let boxes = boxes(nodes, clusters, |light| light.aabb);
     let diagonals_sq: Vec<f32> = boxes.iter().map(|aabb| aabb.extent().length_squared()).collect();
     let mut depths = vec![0; nodes.len()];
+    let spans = spans(nodes);
     for (index, node) in nodes.iter().enumerate() {
         let count = node.count as usize;
         assert!((1..=WIDTH).contains(&count));
@@ -98,10 +101,11 @@ fn check(nodes: &[ShapeNode], clusters: &[Cluster], may_have_gaps: bool) -> u32 
             let child = nodes[next];
             assert_eq!(child.parent as usize, index * WIDTH + slot);
             depths[next] = depths[index] + 1;
-            next += child.span as usize;
-            smallest_child = smallest_child.into_iter().chain([(child.count, child.span)]).min();
+            let span = spans[next];
+            next += span;
+            smallest_child = smallest_child.into_iter().chain([(child.count, span)]).min();
         }
-        assert_eq!(next - index, node.span as usize);
+        assert_eq!(next - index, spans[index]);
         // A sparse node is the root, or its children are full of lights and none fits into its
         // room, or it has a tiny child that stayed whole.
         let has_tiny_child = node.children[..count].iter().any(|child| {
@@ -121,10 +125,20 @@ fn check(nodes: &[ShapeNode], clusters: &[Cluster], may_have_gaps: bool) -> u32 
         }
     }
     assert!(has_leaf.iter().all(|has| *has));
-    assert_eq!(nodes.first().map_or(0, |root| root.span as usize), nodes.len());
+    assert_eq!(spans.first().map_or(0, |span| *span), nodes.len());
     let depth = depths.into_iter().max().unwrap_or(0);
     assert!(depth <= MAX_COST_DEPTH + u32::BITS);
     depth
+}
+
+/// The number of nodes in each subtree, the root of it included.
+fn spans(nodes: &[ShapeNode]) -> Vec<usize> {
+    let mut spans = vec![1; nodes.len()];
+    for (index, node) in nodes.iter().enumerate().rev() {
+        let inner = node.children.iter().filter(|child| **child & LEAF == 0);
+        spans[index] += inner.map(|child| spans[*child as usize]).sum::<usize>();
+    }
+    spans
 }
 
 /// The mean number of children.
@@ -212,11 +226,11 @@ fn lights_that_are_brighter_towards_a_point_stay_within_the_depth_limit() {
 fn nodes_below_the_depth_of_cost_splits_are_split_into_halves() {
     let lights = city(50_000, 0.9);
     let mut items = items(&lights);
-    let whole = Group::around(&items);
-    let mut nodes = Vec::new();
-    shape_below(&mut items, &whole, MAX_COST_DEPTH, &mut nodes);
-    link(&mut nodes);
-    assert!(check(&nodes, &lights, true) < 16, "the number 50,000 has 16 bits");
+    let mut shaping = Shaping::default();
+    shaping.sum(&items, usize::MAX);
+    shaping.start_at(MAX_COST_DEPTH);
+    shaping.finish(&mut items);
+    assert!(check(&shaping.nodes, &lights, true) < 16, "the number 50,000 has 16 bits");
 }
 
 #[test]
@@ -316,7 +330,7 @@ fn summed_cost(nodes: &[ShapeNode], lights: &[Cluster]) -> f64 {
     cost / sums[0].cost()
 }
 
-/// The exhaustive counterpart of [`shape_below`]: tries every cut of every axis, in f64.
+/// The exhaustive counterpart of [`shape()`]: tries every cut of every axis, in f64.
 fn sweep_below(lights: &[Cluster], order: &mut [u32], parent: u32, nodes: &mut Vec<ShapeNode>) {
     let own = nodes.len();
     nodes.push(ShapeNode { parent, ..ShapeNode::EMPTY });
@@ -345,7 +359,6 @@ fn sweep_below(lights: &[Cluster], order: &mut [u32], parent: u32, nodes: &mut V
             sweep_below(lights, group, (own * WIDTH) as u32 + slot, nodes);
         }
     }
-    nodes[own].span = (nodes.len() - own) as u32;
 }
 
 /// Sorts the lights for the best cut and returns the number of lights on its left.

@@ -60,7 +60,7 @@ fn built(lights: &[Light], mut max_units: impl FnMut() -> usize) -> (LightTree, 
     }
     assert_eq!((build.units_left(), build.step(&[], 100)), (0, 0));
     assert!(build.has_all_lights());
-    (build.into_tree(), sum)
+    (build.finish(), sum)
 }
 
 fn assert_same(tree: &LightTree, expected: &LightTree, name: impl Fn() -> String) {
@@ -144,14 +144,14 @@ fn each_light_has_the_value_that_it_had_when_it_was_copied() {
     while !build.is_done() {
         build.step(&[], 50);
     }
-    assert_same(&build.into_tree(), &LightTree::build(copied), String::new);
+    assert_same(&build.finish(), &LightTree::build(copied), String::new);
 }
 
 #[test]
 fn a_new_build_allocates_nothing_and_its_debug_text_is_short() {
     let build = TreeBuild::new(1_000_000, None);
-    assert!(!build.has_all_lights() && !build.is_done() && build.shape.is_none());
-    assert_eq!((build.tree.memory_bytes(), build.placed.capacity()), (0, 0));
+    assert!(!build.has_all_lights() && !build.is_done());
+    assert_eq!((build.tree.memory_bytes(), build.placed.capacity(), build.items.capacity()), (0, 0, 0));
     assert!(TreeBuild::new(0, None).has_all_lights() && TreeBuild::new(0, None).is_done());
     let text = format!("{build:?}");
     assert!(text.contains("lights: 1000000") && text.len() < 200, "{text}");
