@@ -106,7 +106,7 @@ fn kind_index(kind: WorkKind) -> usize {
 }
 
 /// The number of lights of the tree that is worked on.
-fn tree_lights(work: Work) -> usize {
+pub(super) fn tree_lights(work: Work) -> usize {
     if let WorkKind::Slice { tree_lights } = work.kind { tree_lights } else { work.lights }
 }
 

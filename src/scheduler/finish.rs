@@ -4,9 +4,9 @@ use std::time::Duration;
 
 use super::clock::{Work, WorkKind};
 use super::constants::MAX_CHARGE_RATIO;
-use super::cost::{self, CostModel, size_class, slice_of, smallest_slice, whole};
+use super::cost::{self, CostModel, size_class, slice_of, smallest_slice, tree_lights, whole};
 use super::ledger::nanos;
-use super::state::{BatchedTree, LongBuild};
+use super::state::{BuildStep, LongBuild};
 use super::{ScheduledTree, Scheduler};
 use crate::keys::TreeKey;
 use crate::tree::WIDTH;
@@ -27,61 +27,51 @@ impl Scheduler {
         whole(self.trees[tree].lights)
     }
 
-    /// The work of a slice of the long build.
-    pub fn work_of_slice(&self, units: usize) -> Work {
-        slice_of(self.long_build.as_ref().map_or(0, |build| build.lights), units)
+    /// Records what the slice that is the job has done: its units, and those that are left of the
+    /// build. Returns its work.
+    pub fn did_slice(&mut self, units: usize, units_left: usize) -> Work {
+        let mut work = smallest_slice(WIDTH);
+        if let Some(build) = &mut self.long_build {
+            build.units_left = units_left;
+            build.is_built = units_left == 0;
+            work = slice_of(build.lights, units);
+        }
+        self.end_if_done();
+        let units = cost::units(work);
+        let nanos = self.costs.nanos(work, units);
+        self.job.iter_mut().for_each(|step| *step = BuildStep { work, units, nanos, ..*step });
+        work
     }
 
-    /// Records the time of the batch, which was rebuilt. It is divided among the trees in
-    /// proportion to their predicted times, and counts as one measurement for each of their classes
-    /// of size. Calls `report` for each tree.
-    pub fn finish_batch(&mut self, took: Duration, mut report: impl FnMut(TreeKey, DoneJob)) {
-        let Self { batch, costs, .. } = self;
-        let predicted: f64 = batch.iter().map(|batched| batched.nanos).sum();
+    /// Records the time of the job, which was done. It is divided among the steps in proportion to
+    /// their predicted times, and counts as one measurement for each of their classes of size. Calls
+    /// `report` for each step.
+    pub fn finish_job(&mut self, took: Duration, mut report: impl FnMut(TreeKey, DoneJob)) {
+        let Self { job, costs, .. } = self;
+        let predicted: f64 = job.iter().map(|step| step.nanos).sum();
         let ratio = nanos(took) / predicted;
         let (mut left, mut units_of_all, mut learned) = (took, 0.0, 0_u64);
-        for (index, BatchedTree { tree, waited, lights, units, nanos }) in batch.iter().enumerate() {
-            let work = whole(*lights);
-            let class = 1 << size_class(*lights);
+        for (index, BuildStep { tree, waited, work, units, nanos }) in job.iter().enumerate() {
+            let class = 1 << size_class(tree_lights(*work));
             if learned & class == 0 {
                 learned |= class;
-                costs.learn_ratio(work, nanos / units, ratio);
+                costs.learn_ratio(*work, nanos / units, ratio);
             }
             units_of_all += units;
-            let is_last = index + 1 == batch.len();
+            let is_last = index + 1 == job.len();
             let took = if is_last { left } else { Duration::from_nanos((nanos * ratio) as u64).min(left) };
             left -= took;
             let predicted = Duration::from_nanos(*nanos as u64);
-            report(*tree, DoneJob { work, predicted, took, waited: *waited });
+            report(*tree, DoneJob { work: *work, predicted, took, waited: *waited });
         }
-        self.finish(took, predicted, units_of_all);
-    }
-
-    fn finish(&mut self, took: Duration, predicted_nanos: f64, units: f64) {
-        self.ledger.charge(took, Duration::from_nanos(predicted_nanos as u64));
-        self.time.min_spent = self.time.min_spent.saturating_add(CostModel::lower_bound(units));
+        self.ledger.charge(took, Duration::from_nanos(predicted as u64));
+        self.time.min_spent = self.time.min_spent.saturating_add(CostModel::lower_bound(units_of_all));
     }
 
     /// Records the time of a rebuild outside of any budget.
     pub fn finish_rebuild_outside(&mut self, tree: TreeKey, took: Duration) {
         let ScheduledTree { lights, units, .. } = self.trees[tree];
         self.costs.learn(whole(lights), units, took);
-    }
-
-    /// Records a slice of the long build: its units, and those that are left.
-    pub fn finish_slice(&mut self, units: usize, units_left: usize, took: Duration) -> DoneJob {
-        let frame = self.frame;
-        let (mut waited, mut work) = (0, smallest_slice(WIDTH));
-        if let Some(build) = &mut self.long_build {
-            build.units_left = units_left;
-            build.is_built = units_left == 0;
-            (waited, work) = (frame - build.since_frame, slice_of(build.lights, units));
-        }
-        self.end_if_done();
-        let units = cost::units(work);
-        let predicted = self.costs.learn(work, units, took);
-        self.finish(took, nanos(predicted), units);
-        DoneJob { work, predicted, took, waited }
     }
 
     /// Records that the long build goes on in the background, and returns its work. The ledger pays

@@ -4,22 +4,13 @@ use std::time::Duration;
 
 use super::clock::WorkKind;
 use super::constants::{LEDGER_CAPACITY, MAX_PASSED_OVER, MAX_UNSPENT_SHARE, MIN_SLICE_UNITS, SLICE};
-use super::cost::{smallest_slice, whole};
+use super::cost::{slice_of, smallest_slice, whole};
 use super::ledger::nanos;
 use super::queue::QueueEntry;
-use super::state::{BatchedTree, FrameTime, LongBuild};
+use super::state::{BuildStep, FrameTime, LongBuild};
 use super::{ScheduledTree, Scheduler};
 use crate::keys::TreeKey;
 use crate::tree::{MAX_EXTRA_UNITS, WIDTH, units_of_build};
-
-/// What to do next.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Job {
-    /// Rebuild the trees of [`Scheduler::batch`], one after the other.
-    Rebuild,
-    /// Go on with the long build, or begin it, and do at most about this many units of work.
-    Slice { tree: TreeKey, units: usize },
-}
 
 impl Scheduler {
     /// Starts the jobs of a frame, at time `now` of the clock.
@@ -33,26 +24,27 @@ impl Scheduler {
         !self.queue.is_empty() || self.long_build.is_some()
     }
 
-    /// Returns the next job, or `None` at the end of the frame.
+    /// Chooses the next [job](Scheduler::job). Returns whether there is one; there is none at the end
+    /// of the frame.
     ///
     /// 1. The tree or the long build with the greatest priority comes first.
-    /// 2. A tree that fits into the rest of the frame is rebuilt. Small trees are rebuilt in
-    ///    batches of at most a slice.
+    /// 2. A tree that fits into the rest of the frame is rebuilt. Several small trees are one job.
     /// 3. A tree that exceeds even the whole budget of the frame gets a *long build*, if there is none:
     ///    from now on it is built in slices. Any other tree that does not fit is passed over. The
     ///    search ends after [`MAX_PASSED_OVER`] such trees, or once no rebuild fits any more.
     /// 4. The time that is left at the end goes to the long build. If there is none, a long build of
     ///    the first tree that was passed over begins, if the upper bound of its time exceeds 1 /
     ///    [`MAX_UNSPENT_SHARE`] of the budget and there is time for a slice.
-    pub fn next_job(&mut self, now: Duration) -> Option<Job> {
+    pub fn next_job(&mut self, now: Duration) -> bool {
+        self.job.clear();
         if self.time.budget.is_zero() {
-            return None;
+            return false;
         }
         while self.queue.passed_over() < MAX_PASSED_OVER {
             let left = self.left(now);
-            self.fill_batch(left);
-            if !self.batch.is_empty() {
-                return Some(Job::Rebuild);
+            self.take_whole_builds(left);
+            if !self.job.is_empty() {
+                return true;
             }
             // The first tree does not fit, or the long build comes first.
             let Some(tree) = self.first() else {
@@ -75,16 +67,17 @@ impl Scheduler {
         let min_cost = self.time.budget / MAX_UNSPENT_SHARE;
         let passed_over = self.queue.restore().filter(|tree| self.upper_bound(*tree) > min_cost);
         if self.long_build.is_none() && self.left(now) >= self.costs.upper_bound(smallest_slice(WIDTH)) {
-            self.begin_long_build(passed_over?);
+            let Some(tree) = passed_over else { return false };
+            self.begin_long_build(tree);
         }
         self.pay();
-        self.slice(now)
+        self.job.extend(self.slice(now));
+        !self.job.is_empty()
     }
 
-    /// Fills the batch with the trees that come first and fit into the time that is left. The first
-    /// of them may be of any size.
-    fn fill_batch(&mut self, left: Duration) {
-        self.batch.clear();
+    /// Takes the trees that come first and fit into the time that is left. The first of them may be of
+    /// any size, and all together take no more than a slice.
+    fn take_whole_builds(&mut self, left: Duration) {
         let left = nanos(left) / self.costs.margin(WorkKind::Rebuild);
         let max_nanos = left.min(nanos(SLICE));
         let mut sum = 0.0;
@@ -93,19 +86,20 @@ impl Scheduler {
             // As it is predicted now: the times of earlier batches may have changed that.
             let units = units_of_build(lights);
             let nanos = self.costs.nanos(whole(lights), units);
-            let max_nanos = if self.batch.is_empty() { left } else { max_nanos };
+            let max_nanos = if self.job.is_empty() { left } else { max_nanos };
             if sum + nanos > max_nanos {
                 break;
             }
             sum += nanos;
-            self.batch.push(BatchedTree { tree, waited: self.frame - since_frame, lights, units, nanos });
+            self.job.push(BuildStep { tree, waited: self.frame - since_frame, work: whole(lights), units, nanos });
             self.queue.hide(tree);
         }
     }
 
-    /// The trees to rebuild next.
-    pub fn batch(&self) -> &[BatchedTree] {
-        &self.batch
+    /// What to do next, or was done last: one step or, as reading the clock takes about 50 ns and the
+    /// build of ten lights 2 µs, the builds of several small trees.
+    pub fn job(&self) -> &[BuildStep] {
+        &self.job
     }
 
     /// The first tree that waits, if it comes before the long build and its priority has reached 0.
@@ -147,7 +141,7 @@ impl Scheduler {
     }
 
     /// The next slice of the long build, if there is time for it.
-    fn slice(&self, now: Duration) -> Option<Job> {
+    fn slice(&self, now: Duration) -> Option<BuildStep> {
         let build = self.long_build.as_ref().filter(|build| build.unpaid.is_none())?;
         // A slice may take more units than it is given. On a slow machine even the smallest one is
         // longer than `SLICE`.
@@ -159,7 +153,9 @@ impl Scheduler {
         let saved = self.costs.upper_bound(smallest_slice(build.lights)).min(LEDGER_CAPACITY);
         let is_saved = is_first && self.ledger.balance() >= saved;
         let is_enough = units >= MIN_SLICE_UNITS.min(build.units_left) || is_saved;
-        is_enough.then_some(Job::Slice { tree: build.tree?, units: units.max(MIN_SLICE_UNITS) })
+        let units = units.max(MIN_SLICE_UNITS);
+        let (tree, waited, work) = (build.tree?, self.frame - build.since_frame, slice_of(build.lights, units));
+        is_enough.then(|| BuildStep { tree, waited, work, units: units as f64, nanos: 0.0 })
     }
 
     /// Pays for the long build in the background, as far as the ledger can. Returns whether nothing

@@ -66,7 +66,6 @@ pub(crate) use clock::sealed;
 pub use clock::{Clock, SystemClock, VirtualClock, Work, WorkKind};
 pub(crate) use finish::DoneJob;
 pub(crate) use forecast::TreeFeatures;
-pub(crate) use jobs::Job;
 pub use replay::{ClockEvent, RecordingClock, ReplayClock};
 
 use std::time::Duration;
@@ -79,14 +78,14 @@ use cost::CostModel;
 use decay::Decay;
 use ledger::Ledger;
 use queue::Queue;
-use state::{BatchedTree, FrameTime, LongBuild};
+pub(crate) use state::BuildStep;
+use state::{FrameTime, LongBuild};
 
 /// Decides which tree is rebuilt next.
 ///
 /// The scheduler knows no trees and no world. It is told what has changed
 /// ([`Scheduler::has_changed`], [`Scheduler::set_request`]) and what jobs took
-/// ([`Scheduler::finish_batch`], [`Scheduler::finish_slice`]), and is asked for the next job
-/// ([`Scheduler::next_job`]).
+/// ([`Scheduler::finish_job`]), and is asked for the next job ([`Scheduler::next_job`]).
 ///
 /// Each tree that waits has a *priority*, in doublings:
 ///
@@ -106,8 +105,8 @@ use state::{BatchedTree, FrameTime, LongBuild};
 pub(crate) struct Scheduler {
     trees: SecondaryMap<TreeKey, ScheduledTree>,
     queue: Queue,
-    /// The trees to rebuild next, or that were rebuilt last.
-    batch: Vec<BatchedTree>,
+    /// What to do next, or was done last.
+    job: Vec<BuildStep>,
     long_build: Option<LongBuild>,
     ledger: Ledger,
     costs: CostModel,

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::clock::Work;
 use crate::keys::TreeKey;
 
 /// The time that the jobs of one frame may take.
@@ -23,15 +24,14 @@ impl FrameTime {
     }
 }
 
-/// A tree that is rebuilt in a batch. Reading the clock takes about 50 ns and the rebuild of ten
-/// lights 2 µs, so small trees are rebuilt in batches between two readings.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct BatchedTree {
+/// A step of the build of a tree: all of it, or a slice of the long build.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct BuildStep {
     pub tree: TreeKey,
     /// Frames since the tree began to wait.
     pub waited: u64,
-    pub lights: usize,
-    /// The units of its rebuild.
+    pub work: Work,
+    /// The units of the work; of a slice that was not done yet, the most that it may have.
     pub units: f64,
     /// The predicted time.
     pub nanos: f64,

@@ -124,8 +124,8 @@ impl Simulation {
         self.scheduler.start_jobs(budget, start);
         let mut time = start;
         let before = self.scheduler.ledger.charged();
-        while let Some(job) = self.scheduler.next_job(time) {
-            time += self.work(job, time);
+        while self.scheduler.next_job(time) {
+            time += self.work(time);
         }
         // While a build that is paid for still runs in the background, no other can begin.
         let is_blocked = self.scheduler.long_build.as_ref().is_some_and(|build| build.unpaid == Some(0.0));
@@ -135,43 +135,43 @@ impl Simulation {
         self.worst_overrun = self.worst_overrun.max((time - start).saturating_sub(budget));
     }
 
-    /// Does a job, and returns the time that it took.
-    fn work(&mut self, job: Job, time: Duration) -> Duration {
-        match job {
-            Job::Rebuild => {
-                let batch: Vec<TreeKey> = self.scheduler.batch().iter().map(|batched| batched.tree).collect();
-                let mut took = Duration::ZERO;
-                for key in batch {
-                    let units = units_of_build(self.tree(key).lights);
-                    took += self.time(units);
-                    self.was_rebuilt(key);
-                }
-                let mut sum = Duration::ZERO;
-                self.scheduler.finish_batch(took, |_, done| sum += done.took);
-                assert_eq!(sum, took, "the time of a batch is divided among its trees");
-                took
-            }
-            Job::Slice { tree, units } => {
-                let all = units_of_build(self.tree(tree).lights) as usize;
-                let done = self.long_build.take().filter(|(of, _)| *of == tree).map_or(0, |(_, done)| done);
-                // A tenth of the build is the copy of the lights, after which a thread goes on.
-                let end = if self.has_thread { all.div_ceil(10) } else { all };
-                let units = units.min(end - done);
-                let took = self.time(units as f64);
-                if done + units < end {
-                    self.long_build = Some((tree, done + units));
-                } else if self.has_thread {
-                    let work = self.scheduler.go_on_in_background();
-                    let build = self.time(all as f64);
-                    self.background = Some((tree, work, build, time + build));
-                }
-                self.scheduler.finish_slice(units, all - done - units, took);
-                if done + units == all {
-                    self.was_rebuilt(tree);
-                }
-                took
+    /// Does the job of the scheduler, and returns the time that it took.
+    fn work(&mut self, time: Duration) -> Duration {
+        let mut took = Duration::ZERO;
+        for step in self.scheduler.job().to_vec() {
+            let all = units_of_build(self.tree(step.tree).lights);
+            if step.work.kind == WorkKind::Rebuild {
+                took += self.time(all);
+                self.was_rebuilt(step.tree);
+            } else {
+                took += self.slice(&step, all as usize, time);
             }
         }
+        let mut sum = Duration::ZERO;
+        self.scheduler.finish_job(took, |_, done| sum += done.took);
+        assert_eq!(sum, took, "the time of a job is divided among its steps");
+        took
+    }
+
+    /// Does a slice of a build of `all` units.
+    fn slice(&mut self, step: &BuildStep, all: usize, time: Duration) -> Duration {
+        let tree = step.tree;
+        let done = self.long_build.take().filter(|(of, _)| *of == tree).map_or(0, |(_, done)| done);
+        // A tenth of the build is the copy of the lights, after which a thread goes on.
+        let end = if self.has_thread { all.div_ceil(10) } else { all };
+        let units = (step.units as usize).min(end - done);
+        let took = self.time(units as f64);
+        self.scheduler.did_slice(units, all - done - units);
+        if done + units < end {
+            self.long_build = Some((tree, done + units));
+        } else if self.has_thread {
+            let work = self.scheduler.go_on_in_background();
+            let build = self.time(all as f64);
+            self.background = Some((tree, work, build, time + build));
+        } else {
+            self.was_rebuilt(tree);
+        }
+        took
     }
 
     /// Once a tree has waited for so long that no newcomer comes before it, it is served within the

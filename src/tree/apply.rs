@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::edited::make_room;
 use super::node::{NO_LEAF, WIDTH};
+use super::state::TreeState;
 use super::{LightTree, check_indices, check_lights};
 use crate::error::WorldError;
 use crate::light::Light;
@@ -106,7 +107,7 @@ impl LightTree {
             !former.is_removed() && !light.is_removed() && from.distance_squared(to) > least * least
         };
         let leaves_node = |index: u32, light: &Light| {
-            let node = self.refit_data.wide[self.leaves[index as usize] as usize / WIDTH].merged().cluster.aabb;
+            let node = self.state.data().wide[self.leaves[index as usize] as usize / WIDTH].merged().cluster.aabb;
             let to = light.aabb().center();
             // A dark node has no box.
             let away = if node.is_empty() { 0.0 } else { to.distance(to.clamp(node.min, node.max)) };
@@ -157,12 +158,12 @@ impl LightTree {
             self.effects.add(light.effects());
         }
         let place = self.leaves[index as usize] as usize;
-        if self.nodes.len() == 1 {
-            self.is_only_node_dirty = true;
+        if let TreeState::Small { is_dirty, .. } = &mut self.state {
+            *is_dirty = true;
             return;
         }
-        self.refit_data.wide[place / WIDTH].set(place % WIDTH, &light.cluster());
-        self.refit_data.dirty.insert(place / WIDTH);
+        self.state.data_mut().wide[place / WIDTH].set(place % WIDTH, &light.cluster());
+        self.state.data_mut().dirty.insert(place / WIDTH);
     }
 }
 

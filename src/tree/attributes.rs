@@ -48,6 +48,18 @@ impl Attributes {
     }
 }
 
+/// How well a tree groups its lights, now and when it was built.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Quality {
+    pub attributes: Attributes,
+    /// The splitting cost relative to the spread of the lights, when the tree was built.
+    pub built_cost: f32,
+    /// The same as of the last refit with attributes; `built_cost` in a frozen tree.
+    pub cost: f32,
+    /// The attributes, and some of the sums for them, are older than the nodes.
+    pub is_stale: bool,
+}
+
 /// A subtree's part of the sum of each attribute, in metres and lumens. In f64, because a flux
 /// times an area can exceed f32.
 #[derive(Clone, Copy, Debug, Default)]

@@ -10,18 +10,18 @@
 use std::collections::BTreeSet;
 use std::fmt;
 
-use super::LightTree;
 use super::attributes::AttributeSums;
 use super::edited::Edited;
 use super::node::{EMPTY_SLOT, LEAF, NO_LEAF, Node, WIDTH};
 use super::placed::{PlacedLight, build_item};
-use super::refit_data::RefitData;
 use super::shape::{BuildItem, ShapeNode, Shaping};
+use super::state::{RefitData, TreeState};
 use super::units::{
     ALLOCATE_TICKS, REFIT_TICKS, SUM_TICKS, UNIT, build_units, copy_ticks, lay_out_ticks, place_ticks,
     whole_split_ticks,
 };
 use super::wide::WideCluster;
+use super::{LightTree, Maps};
 use crate::cluster::{Cluster, Linear};
 use crate::effects::EffectCounts;
 use crate::light::Light;
@@ -96,8 +96,8 @@ impl LightTree {
     /// indices in `vacant` have no light.
     pub(crate) fn build_for(lights: Vec<Light>, reference: Option<Box<Linear>>, vacant: BTreeSet<u32>) -> Self {
         let mut build = TreeBuild::new(lights.len(), None);
-        let weights = reference.clone();
-        build.tree = Self { lights, reference, weights, edited: Edited::of_build(vacant), ..Self::default() };
+        build.tree =
+            Self { lights, maps: Maps::of_build(reference), edited: Edited::of_build(vacant), ..Self::default() };
         build.finish()
     }
 }
@@ -110,11 +110,7 @@ impl TreeBuild {
             count: lights,
             phase: if lights == 0 { BuildPhase::Done } else { BuildPhase::Allocate },
             next: 0,
-            tree: LightTree {
-                reference: reference.map(|map| Box::new(*map)),
-                weights: reference.map(|map| Box::new(*map)),
-                ..LightTree::default()
-            },
+            tree: LightTree { maps: Maps::of_build(reference.map(|map| Box::new(*map))), ..LightTree::default() },
             placed: Vec::new(),
             items: Vec::new(),
             shaping: Shaping::default(),
@@ -252,7 +248,8 @@ impl TreeBuild {
         }
         #[cfg(not(feature = "parallel"))]
         placed.extend(present().map(place));
-        let item = |(number, light): (u32, &PlacedLight)| build_item(&light.cluster, number, tree.reference.as_deref());
+        let item =
+            |(number, light): (u32, &PlacedLight)| build_item(&light.cluster, number, tree.maps.reference.as_deref());
         self.items.extend((known as u32..).zip(&placed[known..]).map(item));
         present().for_each(|(_, light)| count_effects(&mut tree.effects, light));
         tree.leaves.resize(end, NO_LEAF);
@@ -294,7 +291,7 @@ impl TreeBuild {
         tree.nodes.reserve_exact(count);
         tree.light_counts.reserve_exact(count);
         tree.sides = vec![Cluster::EMPTY; self.shaping.sides].into();
-        tree.refit_data = RefitData::with_room(count).into();
+        tree.state = TreeState::Live(Box::new(RefitData::with_room(count)));
         self.begin(BuildPhase::LayOut, 0);
         4 * ALLOCATE_TICKS
     }
@@ -305,8 +302,8 @@ impl TreeBuild {
         let end = count.min(first.saturating_add(most));
         tree.nodes.resize(end, Node::EMPTY);
         tree.light_counts.resize(end, 0);
-        tree.refit_data.wide.resize(end, WideCluster::EMPTY);
-        tree.refit_data.attribute_sums.resize(end, AttributeSums::default());
+        tree.state.data_mut().wide.resize(end, WideCluster::EMPTY);
+        tree.state.data_mut().attribute_sums.resize(end, AttributeSums::default());
         for node in first..end {
             tree.lay_out_node(&shaping.nodes[node], node, placed);
         }
@@ -347,12 +344,12 @@ impl LightTree {
             if *child & LEAF != 0 {
                 let PlacedLight { index, cluster } = &loaded[slot];
                 self.leaves[*index as usize] = (node * WIDTH + slot) as u32;
-                self.refit_data.wide[node].set(slot, cluster);
+                self.state.data_mut().wide[node].set(slot, cluster);
                 *child = index | LEAF;
             }
         }
         self.nodes[node] = Node { children, parent: shaped.parent, steps: shaped.count << 24, ..Node::EMPTY };
-        self.refit_data.dirty.insert(node);
+        self.state.data_mut().dirty.insert(node);
     }
 
     /// Counts the lights below a node whose child nodes have been counted.
@@ -367,10 +364,10 @@ impl LightTree {
     /// Refits what is not up to date of a tree that was laid out, and computes what depends on all nodes.
     fn finish_build(&mut self) {
         self.follow_marked(true);
-        self.built_cost = self.cost;
-        self.refit_data.refitted.clear();
+        self.quality.built_cost = self.quality.cost;
+        self.state.data_mut().refitted.clear();
         if self.nodes.len() == 1 {
-            self.refit_data.take();
+            self.state = TreeState::default();
         }
     }
 }

@@ -60,7 +60,7 @@ impl LightTree {
             return thawed.check();
         }
         let wide_of_only_node = (self.nodes.len() == 1).then(|| [self.wide_of_only_node()]);
-        let wide = wide_of_only_node.as_ref().map_or(&self.refit_data.wide[..], |wide| wide);
+        let wide = wide_of_only_node.as_ref().map_or_else(|| self.state.wide(), |wide| wide);
         let mut has_leaf = vec![false; self.lights.len()];
         let mut reached = usize::from(!self.nodes.is_empty());
         let mut spares = 0;
@@ -259,6 +259,8 @@ mod tests {
         assert!(
             message(|tree| tree.lights[3] = Light::REMOVED).contains("the leaf is that of a light that was removed")
         );
-        assert!(message(|tree| tree.refit_data.wide[0].axis = [[0.0; WIDTH]; 3]).contains("the cap does not cover"));
+        assert!(
+            message(|tree| tree.state.data_mut().wide[0].axis = [[0.0; WIDTH]; 3]).contains("the cap does not cover")
+        );
     }
 }

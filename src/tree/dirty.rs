@@ -7,7 +7,7 @@ pub(super) const WORD: usize = u32::BITS as usize;
 pub(super) const BLOCK: usize = WORD * WORD;
 
 /// A set of nodes: a bit for each of them.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct DirtyNodes {
     pub words: Vec<u32>,
     /// A bit for each word, set if the word has any. So few nodes of a large tree are found at once.
@@ -16,9 +16,6 @@ pub(super) struct DirtyNodes {
 }
 
 impl DirtyNodes {
-    /// The set of a tree without nodes.
-    pub const EMPTY: Self = Self { words: Vec::new(), filled: Vec::new(), len: 0 };
-
     /// An empty set for a tree of `count` nodes.
     pub fn empty(count: usize) -> Self {
         Self { words: vec![0; count.div_ceil(WORD)], filled: vec![0; count.div_ceil(BLOCK)], len: 0 }

@@ -3,12 +3,11 @@
 
 use super::LightTree;
 use super::node::{NO_LEAF, WIDTH};
-use super::refit_data::RefitData;
-use crate::rare::Rare;
+use super::state::{RefitData, TreeState};
 
 /// The data that only refits need. Nobody reads them: freeing them takes time, and may wait.
 pub struct DroppedData {
-    _data: Rare<RefitData>,
+    _data: TreeState,
 }
 
 impl LightTree {
@@ -30,46 +29,45 @@ impl LightTree {
         if self.is_dirty() {
             self.refit_without_attributes();
         }
-        self.is_frozen = !self.nodes.is_empty();
-        self.cost = self.built_cost;
-        self.is_only_node_refitted = false;
-        DroppedData { _data: self.refit_data.take() }
+        self.quality.cost = self.quality.built_cost;
+        let state = if self.nodes.is_empty() { TreeState::default() } else { TreeState::Frozen };
+        DroppedData { _data: std::mem::replace(&mut self.state, state) }
     }
 
     /// Whether the tree is frozen; never for a tree without lights.
     pub fn is_frozen(&self) -> bool {
-        self.is_frozen
+        matches!(self.state, TreeState::Frozen)
     }
 
     /// Allocates the dropped data and computes them again. The nodes keep their bits, unless the
     /// tree was baked on a machine whose sines and cosines round differently.
     pub(super) fn thaw(&mut self) {
-        if !std::mem::take(&mut self.is_frozen) {
+        if !self.is_frozen() {
             return;
         }
         if let [former] = self.nodes[..] {
-            let attributes = self.attributes;
+            let attributes = self.quality.attributes;
             self.refit_only_node(true);
-            self.attributes = attributes;
-            self.is_only_node_refitted = self.nodes[0] != former;
+            self.quality.attributes = attributes;
+            self.state = TreeState::Small { is_dirty: false, is_refitted: self.nodes[0] != former };
             return;
         }
         let count = self.nodes.len();
         let former = self.nodes.clone();
-        self.refit_data = RefitData::new(count).into();
+        self.state = TreeState::Live(Box::new(RefitData::new(count)));
         for (light, place) in self.lights.iter().zip(&self.leaves) {
             if *place != NO_LEAF {
                 let place = *place as usize;
-                self.refit_data.wide[place / WIDTH].set(place % WIDTH, &light.cluster());
+                self.state.data_mut().wide[place / WIDTH].set(place % WIDTH, &light.cluster());
             }
         }
         self.mark_all();
-        let attributes = self.attributes;
+        let attributes = self.quality.attributes;
         self.refit_marked(true);
-        self.attributes = attributes;
-        self.refit_data.refitted.clear();
+        self.quality.attributes = attributes;
+        self.state.data_mut().refitted.clear();
         if self.nodes != former {
-            self.refit_data.refitted.add_all();
+            self.state.data_mut().refitted.add_all();
         }
     }
 
@@ -137,8 +135,8 @@ mod tests {
                 assert!(frozen.is_frozen() && !plain.is_frozen());
                 frozen.check().expect("the frozen tree is sound");
                 assert_eq!(
-                    format!("{:?} {:?}", frozen.root, frozen.attributes),
-                    format!("{:?} {:?}", plain.root, plain.attributes)
+                    format!("{:?} {:?}", frozen.root, frozen.attributes()),
+                    format!("{:?} {:?}", plain.root, plain.attributes())
                 );
                 for (name, next) in next {
                     let [mut plain, mut frozen] = [plain.clone(), frozen.clone()];

@@ -95,7 +95,7 @@ impl LightTree {
             let child = self.nodes[node].children[choice.slot];
             if own.flux > 0.0 {
                 // Later additions see the box as it will be.
-                self.refit_data.wide[node].set(choice.slot, &choice.merged);
+                self.state.data_mut().wide[node].set(choice.slot, &choice.merged);
             }
             if child & LEAF != 0 {
                 let pair = self.share_node(node * WIDTH + choice.slot, child & !LEAF);
@@ -118,7 +118,7 @@ impl LightTree {
             if is_light && has_room {
                 continue;
             }
-            let cluster = self.refit_data.wide[node].get(slot);
+            let cluster = self.state.data().wide[node].get(slot);
             let merged = merged(&cluster, light);
             let present = cost(&cluster);
             let rise = cost(&merged) - present;
@@ -134,9 +134,9 @@ impl LightTree {
     /// Writes a light to a slot of a node.
     fn put_leaf(&mut self, node: usize, slot: usize, index: u32, cluster: &Cluster) {
         self.nodes[node].children[slot] = index | LEAF;
-        self.refit_data.wide[node].set(slot, cluster);
+        self.state.data_mut().wide[node].set(slot, cluster);
         self.place_leaf(index, node * WIDTH + slot);
-        self.refit_data.dirty.insert(node);
+        self.state.data_mut().dirty.insert(node);
     }
 
     /// Puts a new node in the place of a light, which becomes its first child. There is room for the
@@ -157,13 +157,13 @@ impl LightTree {
     fn new_node_after(&mut self, node: usize) -> usize {
         self.edited.take_node_after(node).unwrap_or_else(|| {
             make_room(&mut self.nodes);
-            make_room(&mut self.refit_data.wide);
-            make_room(&mut self.refit_data.attribute_sums);
+            make_room(&mut self.state.data_mut().wide);
+            make_room(&mut self.state.data_mut().attribute_sums);
             self.nodes.push(Node::EMPTY);
-            self.refit_data.wide.push(WideCluster::EMPTY);
+            self.state.data_mut().wide.push(WideCluster::EMPTY);
             self.light_counts.push(0);
-            self.refit_data.attribute_sums.push(AttributeSums::default());
-            self.refit_data.dirty.grow(self.nodes.len());
+            self.state.data_mut().attribute_sums.push(AttributeSums::default());
+            self.state.data_mut().dirty.grow(self.nodes.len());
             self.edited.append_node();
             self.nodes.len() - 1
         })
@@ -195,8 +195,10 @@ impl LightTree {
             for slot in 0..self.nodes[node].count() {
                 match self.nodes[node].children[slot] {
                     light if light & LEAF != 0 => {
-                        lights
-                            .push(PlacedLight { index: light & !LEAF, cluster: self.refit_data.wide[node].get(slot) });
+                        lights.push(PlacedLight {
+                            index: light & !LEAF,
+                            cluster: self.state.data().wide[node].get(slot),
+                        });
                     }
                     child => below.push(child as usize),
                 }
@@ -211,7 +213,7 @@ impl LightTree {
             places[i] = self.new_node_after(places[i - 1]);
         }
         self.nodes[root] = Node { parent: self.nodes[root].parent, ..Node::EMPTY };
-        self.refit_data.wide[root] = WideCluster::EMPTY;
+        self.state.data_mut().wide[root] = WideCluster::EMPTY;
         for (shaped, node) in shape.iter().zip(&places) {
             self.nodes[*node].set_count(shaped.count as usize);
             for (slot, child) in shaped.children[..shaped.count as usize].iter().enumerate() {
@@ -224,16 +226,16 @@ impl LightTree {
                     self.nodes[child].parent = (*node * WIDTH + slot) as u32;
                 }
             }
-            self.refit_data.dirty.insert(*node);
+            self.state.data_mut().dirty.insert(*node);
         }
         for node in places.into_iter().rev() {
             self.count_lights(node);
             self.edited.was_built(node, self.light_counts[node]);
             let (cluster, place) = (
-                self.refit_data.wide[node].merged_for(self.weights.as_deref()).cluster,
+                self.state.data().wide[node].merged_for(self.maps.weights.as_deref()).cluster,
                 self.nodes[node].parent as usize,
             );
-            self.refit_data.wide[place / WIDTH].set(place % WIDTH, &cluster);
+            self.state.data_mut().wide[place / WIDTH].set(place % WIDTH, &cluster);
         }
     }
 }

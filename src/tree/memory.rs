@@ -44,8 +44,8 @@ impl LightTree {
     /// The memory of the tree on the heap, by use. Each index in a set of removed lights counts as
     /// 4 bytes. O(1).
     pub fn memory(&self) -> TreeMemory {
-        let Self { lights, leaves, nodes, refit_data, light_counts, sides, .. } = self;
-        let maps = [&self.reference, &self.weights].into_iter().flatten().count();
+        let Self { lights, leaves, nodes, state, light_counts, sides, .. } = self;
+        let maps = [&self.maps.reference, &self.maps.weights].into_iter().flatten().count();
         let reference = maps * size_of::<Linear>();
         TreeMemory {
             nodes: size_of::<Node>() * nodes.capacity()
@@ -56,7 +56,7 @@ impl LightTree {
                 + size_of::<u32>() * leaves.capacity()
                 + self.effects.memory_bytes()
                 + self.edited.memory_bytes(),
-            refits: refit_data.memory_bytes(),
+            refits: state.memory_bytes(),
         }
     }
 

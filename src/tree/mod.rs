@@ -17,13 +17,13 @@ mod pack;
 mod placed;
 mod rebuild;
 mod refit;
-mod refit_data;
 mod refitted;
 mod remove;
 mod openings;
 #[cfg(feature = "bake")]
 mod ordered;
 mod shape;
+mod state;
 mod units;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -53,8 +53,9 @@ pub(crate) use wide::{Lanes, WideCluster};
 use std::collections::BTreeSet;
 use std::fmt;
 
+use attributes::Quality;
 use edited::Edited;
-use refit_data::RefitData;
+use state::TreeState;
 
 use crate::cluster::{Cluster, Linear};
 use crate::effects::EffectCounts;
@@ -80,21 +81,8 @@ pub struct LightTree {
     nodes: Vec<Node>,
     /// The number of lights in each node's subtree.
     light_counts: Vec<u32>,
-    refit_data: Rare<RefitData>,
-    /// The splitting cost relative to the spread of the lights, when the tree was built.
-    built_cost: f32,
-    /// The same as of the last refit with attributes; `built_cost` in a frozen tree.
-    cost: f32,
-    /// The attributes, and some of the sums for them, are older than the nodes.
-    has_stale_sums: bool,
-    /// The lights have not changed since [`LightTree::freeze`]. Never in a tree without lights.
-    is_frozen: bool,
-    /// In a tree of one node: whether lights have changed since the last refit. Other trees list the
-    /// nodes of such lights.
-    is_only_node_dirty: bool,
-    /// In a tree of one node: whether a refit has written it since [`LightTree::forget_refitted`] was
-    /// last called. Other trees list such nodes.
-    is_only_node_refitted: bool,
+    state: TreeState,
+    quality: Quality,
     /// What additions and removals of lights have changed since the build.
     edited: Rare<Edited>,
     /// The builds of the whole tree so far.
@@ -104,12 +92,22 @@ pub struct LightTree {
     /// The clusters of the sides, which are the children of the root; empty if the tree is not
     /// divided by direction.
     sides: Box<[Cluster]>,
-    /// The map of the instance that builds are made for, if it stretches or scales: they divide the
-    /// lights as they lie in the world.
+    maps: Maps,
+}
+
+/// The maps of the instance for which a tree is made, if it stretches or scales.
+#[derive(Clone, Default)]
+struct Maps {
+    /// Builds divide the lights as they lie in the world.
     reference: Option<Box<Linear>>,
-    /// The map as of the last build: refits weigh the lights as they shine in the world.
+    /// The same as of the last build: refits weigh the lights as they shine in the world.
     weights: Option<Box<Linear>>,
-    attributes: Attributes,
+}
+
+impl Maps {
+    fn of_build(reference: Option<Box<Linear>>) -> Self {
+        Self { weights: reference.clone(), reference }
+    }
 }
 
 /// The flux of a tree in lumens, separated by how a transform changes it.
@@ -177,7 +175,7 @@ impl LightTree {
     /// The four attributes of SS as of the last build or refit.
     /// [`LightTree::refit_without_attributes`] does not update them.
     pub fn attributes(&self) -> Attributes {
-        self.attributes
+        self.quality.attributes
     }
 
     /// The flux of all lights by kind, in lumens.
@@ -211,15 +209,12 @@ impl LightTree {
 
     /// The nodes that refits have written since [`LightTree::forget_refitted`] was last called.
     pub(crate) fn refitted(&self) -> Refitted<'_> {
-        if self.is_only_node_refitted { Refitted::All } else { self.refit_data.refitted.get() }
+        self.state.refitted()
     }
 
     /// Empties the lists of [`LightTree::refitted`] nodes and of [`LightTree::moved_leaves`].
     pub(crate) fn forget_refitted(&mut self) {
-        self.is_only_node_refitted = false;
-        if self.refit_data.refitted.get() != Refitted::Some(&[]) {
-            self.refit_data.refitted.clear();
-        }
+        self.state.forget_refitted();
         self.forget_moved();
     }
 
@@ -231,7 +226,7 @@ impl LightTree {
 
     /// The map for which builds divide and weigh the lights; `None` for the tree's own space.
     pub(crate) fn reference(&self) -> Option<&Linear> {
-        self.reference.as_deref()
+        self.maps.reference.as_deref()
     }
 
     /// The number of builds of the whole tree so far.
@@ -242,12 +237,12 @@ impl LightTree {
     /// The map that refits weigh the lights for; `None` for the tree's own space.
     #[cfg(feature = "gpu-plan")]
     pub(crate) fn weights(&self) -> Option<&Linear> {
-        self.weights.as_deref()
+        self.maps.weights.as_deref()
     }
 
     /// Sets that map for later builds.
     pub(crate) fn set_reference(&mut self, reference: Option<Linear>) {
-        self.reference = reference.map(Box::new);
+        self.maps.reference = reference.map(Box::new);
     }
 }
 
@@ -260,7 +255,7 @@ impl fmt::Debug for LightTree {
             .field("is_frozen", &self.is_frozen())
             .field("effects", &*self.effects)
             .field("cluster", &self.root)
-            .field("attributes", &self.attributes)
+            .field("attributes", &self.quality.attributes)
             .finish_non_exhaustive()
     }
 }

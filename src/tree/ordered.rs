@@ -3,7 +3,7 @@
 use super::LightTree;
 use super::edited::Edited;
 use super::node::{ChildRef, LEAF, NO_LEAF, NO_PARENT, WIDTH};
-use crate::rare::Rare;
+use super::state::TreeState;
 
 impl LightTree {
     /// The frozen tree with the same nodes depth first and no spare ones. Every light keeps its probability.
@@ -36,9 +36,8 @@ impl LightTree {
         Self {
             leaves: self.leaves.iter().map(leaf).collect(),
             light_counts: order.iter().map(|node| self.light_counts[*node]).collect(),
-            is_frozen: !nodes.is_empty(),
             nodes,
-            refit_data: Rare::default(),
+            state: if self.light_count() > 0 { TreeState::Frozen } else { TreeState::default() },
             edited: Edited::of_build(self.vacant_indices().clone()),
             ..self.clone()
         }

@@ -8,7 +8,7 @@ impl LightTree {
     pub fn rebuild(&mut self) {
         let vacant = self.edited.vacant().clone();
         let builds = self.builds;
-        *self = Self::build_for(std::mem::take(&mut self.lights), self.reference.take(), vacant);
+        *self = Self::build_for(std::mem::take(&mut self.lights), self.maps.reference.take(), vacant);
         self.builds = builds.wrapping_add(1);
     }
 
@@ -19,10 +19,10 @@ impl LightTree {
     /// Unlike [`Attribute::SplittingCost`](super::Attribute) it does not depend on the box around
     /// all lights, which a single stray light stretches.
     pub fn cost_rise(&self) -> f32 {
-        if self.is_frozen || self.built_cost <= 0.0 {
+        if self.is_frozen() || self.quality.built_cost <= 0.0 {
             return 0.0;
         }
-        self.cost / self.built_cost.max(f32::MIN_POSITIVE) - 1.0
+        self.quality.cost / self.quality.built_cost.max(f32::MIN_POSITIVE) - 1.0
     }
 
     /// Replaces this tree by one that was built from an earlier state of its lights. Lights that

@@ -9,7 +9,7 @@ use super::LightTree;
 use super::attributes::AttributeSums;
 use super::dirty::{BLOCK, WORD};
 use super::node::{ChildRef, LEAF, NO_PARENT, Node, WIDTH};
-use super::refit_data::RefitData;
+use super::state::{RefitData, TreeState};
 use super::wide::WideCluster;
 use crate::cluster::{Cluster, Linear};
 use crate::math::simd::{VectorJob, with_vectors};
@@ -29,11 +29,11 @@ impl LightTree {
     /// refits. O(changed lights · depth), and at most O(nodes). Allocates nothing, except what
     /// rayon needs to share a large tree among threads, and the dropped data of a frozen tree.
     pub fn refit(&mut self) {
-        if self.is_frozen() && !self.has_stale_sums {
+        if self.is_frozen() && !self.quality.is_stale {
             return;
         }
         self.thaw();
-        if std::mem::take(&mut self.has_stale_sums) {
+        if std::mem::take(&mut self.quality.is_stale) {
             self.mark_all();
         }
         self.refit_marked(true);
@@ -43,7 +43,7 @@ impl LightTree {
     /// keep their values until the next [`LightTree::refit`], which then visits all nodes. The
     /// nodes have the same bits as after [`LightTree::refit`].
     pub fn refit_without_attributes(&mut self) {
-        self.has_stale_sums |= self.is_dirty();
+        self.quality.is_stale |= self.is_dirty();
         self.refit_marked(false);
     }
 
@@ -56,17 +56,18 @@ impl LightTree {
 
     /// Whether lights have changed since the last refit.
     pub(super) fn is_dirty(&self) -> bool {
-        self.is_only_node_dirty || self.refit_data.dirty.len() > 0
+        self.state.is_dirty()
     }
 
     /// Marks all nodes that have children.
     pub(super) fn mark_all(&mut self) {
-        if self.nodes.len() == 1 {
-            self.is_only_node_dirty = true;
-            return;
-        }
-        for (index, _) in self.nodes.iter().enumerate().filter(|(_, node)| node.count() > 0) {
-            self.refit_data.dirty.insert(index);
+        match &mut self.state {
+            TreeState::Frozen => {}
+            TreeState::Small { is_dirty, .. } => *is_dirty = !self.nodes.is_empty(),
+            TreeState::Live(data) => {
+                let used = self.nodes.iter().enumerate().filter(|(_, node)| node.count() > 0);
+                used.for_each(|(node, _)| data.dirty.insert(node));
+            }
         }
     }
 
@@ -75,32 +76,36 @@ impl LightTree {
         if !self.is_dirty() {
             return;
         }
-        if self.nodes.len() == 1 { self.refit_only_node(measures) } else { self.follow_marked(measures) }
+        match self.state {
+            TreeState::Live(_) => self.follow_marked(measures),
+            _ => self.refit_only_node(measures),
+        }
     }
 
     /// [`LightTree::refit_marked`] for a tree that has its data for refits.
     pub(super) fn follow_marked(&mut self, measures: bool) {
-        if self.refit_data.dirty.len() >= self.nodes.len().div_ceil(NODES_PER_LISTED) {
-            self.refit_data.refitted.add_all();
+        let data = self.state.data_mut();
+        if data.dirty.len() >= self.nodes.len().div_ceil(NODES_PER_LISTED) {
+            data.refitted.add_all();
             #[cfg(feature = "parallel")]
             self.refit_in_pieces(measures);
         }
         self.follow(self.nodes.len(), usize::MAX, measures);
-        self.refit_data.dirty.were_taken();
-        let Self { refit_data, sides, .. } = self;
-        (0..).zip(sides).for_each(|(slot, side)| *side = refit_data.wide[0].get(slot));
+        let data = self.state.data_mut();
+        data.dirty.were_taken();
+        (0..).zip(&mut self.sides).for_each(|(slot, side)| *side = data.wide[0].get(slot));
         if measures {
-            let sums = self.refit_data.attribute_sums[0];
+            let sums = data.attribute_sums[0];
             self.set_attributes(&sums);
         }
     }
 
     /// Refits up to `limit` marked nodes before `end`, behind which none is marked.
     pub(super) fn follow(&mut self, end: usize, limit: usize, measures: bool) {
-        let Self { nodes, refit_data, weights, root, .. } = self;
-        let RefitData { wide, attribute_sums: sums, dirty, refitted } = &mut **refit_data;
+        let Self { nodes, state, maps, root, .. } = self;
+        let RefitData { wide, attribute_sums: sums, dirty, refitted } = state.data_mut();
         let (words, filled) = (&mut dirty.words[..], &mut dirty.filled[..]);
-        let slices = NodeSlices { base: 0, nodes, wide, sums, words, filled, weights: weights.as_deref() };
+        let slices = NodeSlices { base: 0, nodes, wide, sums, words, filled, weights: maps.weights.as_deref() };
         let follow = Follow { slices, end, limit, measures, visit: |node| refitted.add(node) };
         *root = with_vectors(follow).unwrap_or(*root);
     }
@@ -114,9 +119,9 @@ impl LightTree {
         if size >= self.nodes.len() {
             return;
         }
-        let Self { nodes, refit_data, weights, root, .. } = self;
-        let RefitData { wide, attribute_sums: sums, dirty, .. } = &mut **refit_data;
-        let weights = weights.as_deref();
+        let Self { nodes, state, maps, root, .. } = self;
+        let RefitData { wide, attribute_sums: sums, dirty, .. } = state.data_mut();
+        let weights = maps.weights.as_deref();
         let marks = dirty.words.par_chunks_mut(size / WORD).zip(dirty.filled.par_chunks_mut(size / BLOCK));
         let lists = wide.par_chunks_mut(size).zip(sums.par_chunks_mut(size));
         let pieces = nodes.par_chunks_mut(size).zip(lists).zip(marks).enumerate();
@@ -142,19 +147,19 @@ impl LightTree {
     /// Refits a tree of one node, from its lights alone.
     pub(super) fn refit_only_node(&mut self, measures: bool) {
         let (wide, sums) = (&mut [self.wide_of_only_node()], &mut [AttributeSums::default()]);
-        let (nodes, weights, words, filled) = (&mut self.nodes[..], self.weights.as_deref(), &mut [1], &mut [1]);
+        let (nodes, weights, words, filled) = (&mut self.nodes[..], self.maps.weights.as_deref(), &mut [1], &mut [1]);
         let slices = NodeSlices { base: 0, nodes, wide, sums, words, filled, weights };
         let follow = Follow { slices, end: 1, limit: 1, measures, visit: |_| {} };
         self.root = with_vectors(follow).unwrap_or(self.root);
         if measures {
             self.set_attributes(&sums[0]);
         }
-        (self.is_only_node_dirty, self.is_only_node_refitted) = (false, true);
+        self.state = TreeState::Small { is_dirty: false, is_refitted: true };
     }
 
     fn set_attributes(&mut self, sums: &AttributeSums) {
-        self.attributes = sums.relative_to(&self.root);
-        self.cost = sums.cost_per_spread(&self.root);
+        self.quality.attributes = sums.relative_to(&self.root);
+        self.quality.cost = sums.cost_per_spread(&self.root);
     }
 }
 
@@ -289,13 +294,16 @@ mod tests {
         let mut plain = tree.clone();
         tree.refit_marked(true);
         let (end, limit, measures, visit) = (plain.nodes.len(), usize::MAX, true, |_| {});
-        let RefitData { wide, attribute_sums: sums, dirty, .. } = &mut *plain.refit_data;
+        let RefitData { wide, attribute_sums: sums, dirty, .. } = plain.state.data_mut();
         let (nodes, words, filled) = (&mut plain.nodes[..], &mut dirty.words[..], &mut dirty.filled[..]);
         let slices = NodeSlices { base: 0, nodes, wide, sums, words, filled, weights: None };
         plain.root = Follow { slices, end, limit, measures, visit }.run().expect("the root was refitted");
         assert_eq!(tree.nodes, plain.nodes);
-        assert_eq!(format!("{:?}", tree.refit_data.wide), format!("{:?}", plain.refit_data.wide));
-        assert_eq!(format!("{:?}", tree.refit_data.attribute_sums), format!("{:?}", plain.refit_data.attribute_sums));
+        assert_eq!(format!("{:?}", tree.state.data().wide), format!("{:?}", plain.state.data().wide));
+        assert_eq!(
+            format!("{:?}", tree.state.data().attribute_sums),
+            format!("{:?}", plain.state.data().attribute_sums)
+        );
         assert_eq!(tree.root, plain.root);
         tree.check().expect("the tree is sound");
     }

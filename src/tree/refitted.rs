@@ -4,7 +4,7 @@
 ///
 /// A refit of few lights lists its nodes. One that sweeps over all nodes, or a list that outgrows
 /// its memory, counts as a refit of all.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct RefittedNodes {
     /// In no order; a node may occur several times.
     nodes: Vec<u32>,
@@ -24,9 +24,6 @@ const NODES_PER_LISTED: usize = 4;
 const LEAST_LISTED: usize = 16;
 
 impl RefittedNodes {
-    /// The list of a tree without nodes.
-    pub const EMPTY: Self = Self { nodes: Vec::new(), are_all: false };
-
     /// An empty list for a tree of `count` nodes, with memory for all that it may hold.
     pub fn empty(count: usize) -> Self {
         Self { nodes: Vec::with_capacity(count.min(LEAST_LISTED + count / NODES_PER_LISTED)), are_all: false }

@@ -66,8 +66,8 @@ impl LightTree {
         let record = &mut self.nodes[node];
         record.children[last] = EMPTY_SLOT;
         record.set_count(last);
-        self.refit_data.wide[node].set(last, &Cluster::EMPTY);
-        self.refit_data.dirty.insert(node);
+        self.state.data_mut().wide[node].set(last, &Cluster::EMPTY);
+        self.state.data_mut().dirty.insert(node);
     }
 
     /// Puts the child of a node that has no other into the place of the node, which becomes spare.
@@ -75,21 +75,21 @@ impl LightTree {
         let place = self.nodes[node].parent as usize;
         self.move_child(node * WIDTH, place);
         self.free_node(node);
-        self.refit_data.dirty.insert(place / WIDTH);
+        self.state.data_mut().dirty.insert(place / WIDTH);
     }
 
     /// Moves a child from one place to another, whose former child is gone.
     fn move_child(&mut self, from: usize, to: usize) {
         let child = self.nodes[from / WIDTH].children[from % WIDTH];
-        let cluster = self.refit_data.wide[from / WIDTH].get(from % WIDTH);
+        let cluster = self.state.data().wide[from / WIDTH].get(from % WIDTH);
         self.nodes[to / WIDTH].children[to % WIDTH] = child;
-        self.refit_data.wide[to / WIDTH].set(to % WIDTH, &cluster);
+        self.state.data_mut().wide[to / WIDTH].set(to % WIDTH, &cluster);
         if child & LEAF != 0 {
             self.place_leaf(child & !LEAF, to);
         } else {
             self.nodes[child as usize].parent = to as u32;
             // So that the node is sent with its new link.
-            self.refit_data.dirty.insert(child as usize);
+            self.state.data_mut().dirty.insert(child as usize);
         }
     }
 
@@ -102,10 +102,10 @@ impl LightTree {
     /// Makes a node spare.
     pub(super) fn free_node(&mut self, node: usize) {
         self.nodes[node] = Node::EMPTY;
-        self.refit_data.wide[node] = WideCluster::EMPTY;
-        self.refit_data.attribute_sums[node] = AttributeSums::default();
+        self.state.data_mut().wide[node] = WideCluster::EMPTY;
+        self.state.data_mut().attribute_sums[node] = AttributeSums::default();
         self.light_counts[node] = 0;
-        self.refit_data.dirty.remove(node);
+        self.state.data_mut().dirty.remove(node);
         self.edited.free(node);
     }
 }

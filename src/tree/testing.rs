@@ -1,7 +1,7 @@
 //! Random numbers and comparisons for the unit tests of trees.
 
 use super::LightTree;
-use super::refit_data::RefitData;
+use super::state::TreeState;
 use crate::cluster::Cluster;
 
 pub(crate) use testbed::common::split_mix::Rng;
@@ -15,10 +15,11 @@ pub(crate) struct State {
 
 /// The complete state of a tree but for its lights.
 pub(crate) fn state_of(tree: &LightTree) -> State {
-    let LightTree { nodes, leaves, refit_data, light_counts, built_cost, cost, .. } = tree;
-    let LightTree { has_stale_sums, is_frozen, is_only_node_dirty, .. } = tree;
-    let RefitData { wide, attribute_sums, dirty, .. } = &**refit_data;
-    let LightTree { root, sides, attributes, effects, .. } = tree;
+    let LightTree { nodes, leaves, state, light_counts, quality, root, sides, effects, .. } = tree;
+    let (wide, sums_and_marks) = match state {
+        TreeState::Live(data) => (&data.wide[..], format!("{:?} {:?}", data.attribute_sums, data.dirty)),
+        _ => (&[][..], format!("{} {}", tree.is_frozen(), tree.is_dirty())),
+    };
     let bits = |floats: &[f32]| floats.iter().map(|v| v.to_bits()).collect::<Vec<u32>>();
     let wide = wide.iter().flat_map(|lanes| {
         let vectors = [lanes.min, lanes.max, lanes.mean, lanes.axis];
@@ -31,13 +32,11 @@ pub(crate) fn state_of(tree: &LightTree) -> State {
         leaves.clone(),
         wide.collect(),
         light_counts.clone(),
-        vec![built_cost.to_bits(), cost.to_bits()],
+        vec![quality.built_cost.to_bits(), quality.cost.to_bits()],
         cluster_bits(root),
         sides.iter().flat_map(cluster_bits).collect(),
     ];
-    let text = format!(
-        "{attribute_sums:?} {has_stale_sums} {dirty:?} {is_only_node_dirty} {is_frozen} {attributes:?} {effects:?}"
-    );
+    let text = format!("{sums_and_marks} {} {:?} {effects:?}", quality.is_stale, quality.attributes);
     State { words, text }
 }
 

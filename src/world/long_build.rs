@@ -1,67 +1,54 @@
 //! The build of a tree that does not fit into one frame. It goes on in slices, or in the background
 //! once all lights are copied.
 
-use std::time::Duration;
-
 use super::rebuilds::{LongBuildState, LongBuilder, Rebuilds};
 use super::reports::FrameReport;
-use super::scene::{Scene, TreeEntry};
+use super::scene::{Scene, Successor, TreeEntry};
 use crate::keys::TreeKey;
+use crate::scheduler::BuildStep;
 use crate::tree::TreeBuild;
 
 impl Rebuilds {
-    /// Does a slice of the long build, and begins it if need be. Returns the time at the end. The
-    /// entry has a successor once the build is done.
-    pub fn go_on(
-        &mut self,
-        tree: TreeKey,
-        entry: &mut TreeEntry,
-        units: usize,
-        begin: Duration,
-        report: &mut FrameReport,
-    ) -> Duration {
-        let mut build = match std::mem::take(&mut self.long_builder.state) {
-            LongBuildState::InFrames(of, build) if of == tree => build,
+    /// Does a slice of the long build, and begins it if need be. The entry has a successor once the
+    /// build is done.
+    pub fn go_on(&mut self, step: &BuildStep, entry: &mut TreeEntry, report: &mut FrameReport) {
+        let tree = step.tree;
+        let (mut build, since) = match std::mem::take(&mut self.long_builder.state) {
+            LongBuildState::InFrames(of, build, since) if of == tree => (build, since),
             _ => {
-                entry.build_since = entry.log.revision();
-                Box::new(TreeBuild::new(entry.tree.lights().len(), entry.tree.reference()))
+                let build = TreeBuild::new(entry.tree.lights().len(), entry.tree.reference());
+                (Box::new(build), entry.log.revision())
             }
         };
         let LongBuilder { state, thread, is_kept_in_frames } = &mut self.long_builder;
         let goes_to_background = !*is_kept_in_frames && thread.is_available();
-        let lights = entry.tree.lights();
+        let (lights, units) = (entry.tree.lights(), step.units as usize);
         let units = if goes_to_background { build.copy_lights(lights, units) } else { build.step(lights, units) };
-        let units_left = build.units_left();
-        self.clock.worked(self.scheduler.work_of_slice(units));
-        let mut end = self.clock.now();
+        self.clock.worked(self.scheduler.did_slice(units, build.units_left()));
         if build.is_done() {
-            entry.successor = Some(Box::new(build.finish()));
+            entry.successor = Some(Successor { tree: Box::new(build.finish()), since });
         } else if goes_to_background && build.has_all_lights() {
             let work = self.scheduler.go_on_in_background();
-            *state = LongBuildState::InBackground(Some(tree), thread.start(*build, work, end));
+            let running = thread.start(*build, work, self.clock.now());
+            *state = LongBuildState::InBackground(Some(tree), running, since);
             report.background.started += 1;
-            end = self.clock.now();
         } else {
-            *state = LongBuildState::InFrames(tree, build);
+            *state = LongBuildState::InFrames(tree, build, since);
         }
-        let took = end.saturating_sub(begin);
-        let done = self.scheduler.finish_slice(units, units_left, took);
-        report.add_job(&mut self.jobs, tree, done);
-        end
     }
 
     /// Passes a build that has ended in the background to its tree, if the clock allows it. Returns
     /// the tree.
     pub fn take_finished_build(&mut self, scene: &mut Scene, report: &mut FrameReport) -> Option<TreeKey> {
-        let (tree, running) = match std::mem::take(&mut self.long_builder.state) {
-            LongBuildState::InBackground(tree, running) => (tree, running),
+        let (tree, running, since) = match std::mem::take(&mut self.long_builder.state) {
+            LongBuildState::InBackground(tree, running, since) => (tree, running, since),
             other => {
                 self.long_builder.state = other;
                 return None;
             }
         };
         let Some(took) = self.clock.background(running.started, running.work, running.done()) else {
-            self.long_builder.state = LongBuildState::InBackground(tree, running);
+            self.long_builder.state = LongBuildState::InBackground(tree, running, since);
             return None;
         };
         report.longest_wait = report.longest_wait.max(self.scheduler.long_build_wait());
@@ -69,7 +56,7 @@ impl Rebuilds {
         self.scheduler.finish_background(running.work, took);
         match (tree, running.wait()) {
             (Some(tree), Some(built)) => {
-                scene.trees[tree].successor = Some(Box::new(built));
+                scene.trees[tree].successor = Some(Successor { tree: Box::new(built), since });
                 report.background.taken += 1;
                 Some(tree)
             }
@@ -88,11 +75,11 @@ impl Rebuilds {
     pub fn take_long_build(&mut self, tree: TreeKey) -> Option<Box<TreeBuild>> {
         self.scheduler.cancel(tree);
         match &mut self.long_builder.state {
-            LongBuildState::InFrames(of, _) if *of == tree => match std::mem::take(&mut self.long_builder.state) {
-                LongBuildState::InFrames(_, build) => return Some(build),
+            LongBuildState::InFrames(of, ..) if *of == tree => match std::mem::take(&mut self.long_builder.state) {
+                LongBuildState::InFrames(_, build, _) => return Some(build),
                 other => self.long_builder.state = other,
             },
-            LongBuildState::InBackground(of, _) if *of == Some(tree) => *of = None,
+            LongBuildState::InBackground(of, ..) if *of == Some(tree) => *of = None,
             _ => {}
         }
         None

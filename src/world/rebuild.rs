@@ -7,7 +7,7 @@ use super::rebuilds::Rebuilds;
 use super::reports::{FrameReport, JobReport, RebuildState};
 use crate::keys::TreeKey;
 use crate::policy::AttributeHistory;
-use crate::scheduler::{Job, TreeFeatures};
+use crate::scheduler::{BuildStep, TreeFeatures, WorkKind};
 use crate::span::span;
 
 impl LightWorld {
@@ -48,12 +48,8 @@ impl LightWorld {
         let start = self.rebuilds.clock.now();
         self.rebuilds.scheduler.start_jobs(report.budget, start);
         let mut now = start;
-        while let Some(job) = self.rebuilds.scheduler.next_job(now) {
-            let begin = self.rebuilds.clock.now();
-            now = match job {
-                Job::Rebuild => self.rebuild_batch(begin, report),
-                Job::Slice { tree, units } => self.go_on(tree, units, begin, report),
-            };
+        while self.rebuilds.scheduler.next_job(now) {
+            now = self.do_job(report);
         }
         let elapsed = self.rebuilds.clock.now().saturating_sub(start);
         report.deciding = elapsed.saturating_sub(report.spent);
@@ -66,18 +62,22 @@ impl LightWorld {
         report.background.running = usize::from(self.rebuilds.long_builder.is_in_background());
     }
 
-    /// Rebuilds the trees that the scheduler has chosen. Returns the time at the end.
-    fn rebuild_batch(&mut self, begin: Duration, report: &mut FrameReport) -> Duration {
-        let count = self.rebuilds.scheduler.batch().len();
-        for index in 0..count {
-            let tree = self.rebuilds.scheduler.batch()[index].tree;
-            self.rebuild(tree);
-            self.rebuilds.clock.worked(self.rebuilds.scheduler.work_of_rebuild(tree));
+    /// Does the job that the scheduler has chosen. Returns the time at the end.
+    fn do_job(&mut self, report: &mut FrameReport) -> Duration {
+        let begin = self.rebuilds.clock.now();
+        for index in 0..self.rebuilds.scheduler.job().len() {
+            let step = self.rebuilds.scheduler.job()[index];
+            if step.work.kind == WorkKind::Rebuild {
+                self.rebuild(step.tree);
+                self.rebuilds.clock.worked(step.work);
+                report.rebuilt_trees += 1;
+            } else {
+                self.go_on(&step, report);
+            }
         }
         let end = self.rebuilds.clock.now();
         let Rebuilds { scheduler, jobs, .. } = &mut self.rebuilds;
-        scheduler.finish_batch(end.saturating_sub(begin), |tree, done| report.add_job(jobs, tree, done));
-        report.rebuilt_trees += count;
+        scheduler.finish_job(end.saturating_sub(begin), |tree, done| report.add_job(jobs, tree, done));
         end
     }
 
@@ -106,17 +106,16 @@ impl LightWorld {
         took
     }
 
-    /// Does a slice of the long build. Returns the time at the end.
-    fn go_on(&mut self, tree: TreeKey, units: usize, begin: Duration, report: &mut FrameReport) -> Duration {
+    /// Does a slice of the long build.
+    fn go_on(&mut self, step: &BuildStep, report: &mut FrameReport) {
         span!("rebuild");
-        let entry = &mut self.scene.trees[tree];
-        let end = self.rebuilds.go_on(tree, entry, units, begin, report);
+        let entry = &mut self.scene.trees[step.tree];
+        self.rebuilds.go_on(step, entry, report);
         if entry.successor.is_some() {
             // The refit of the next update installs it.
-            self.edits.pending.insert(tree);
+            self.edits.pending.insert(step.tree);
             entry.recount(&mut self.sums);
         }
-        end
     }
 
     /// Passes a build that has ended in the background to its tree, if the clock allows it. The

@@ -58,14 +58,14 @@ pub(super) struct LongBuilder {
     pub is_kept_in_frames: bool,
 }
 
-/// How far the long build is.
+/// How far the long build is, and the revision of the tree's log at which it was begun.
 #[derive(Debug, Default)]
 pub(super) enum LongBuildState {
     #[default]
     None,
-    InFrames(TreeKey, Box<TreeBuild>),
+    InFrames(TreeKey, Box<TreeBuild>, u64),
     /// No tree if the tree does not need the build any more.
-    InBackground(Option<TreeKey>, RunningBuild),
+    InBackground(Option<TreeKey>, RunningBuild, u64),
 }
 
 impl LongBuilder {

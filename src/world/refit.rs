@@ -3,6 +3,7 @@
 use super::LightWorld;
 use super::change_log::ChangeLog;
 use super::reports::FrameReport;
+use super::scene::Successor;
 use super::staged::StagedLights;
 use crate::effects::EffectCounts;
 use crate::keys::{TreeKey, slot_of};
@@ -92,7 +93,6 @@ impl LightWorld {
                 log: std::mem::take(&mut entry.log),
                 refit_nodes: 0,
                 successor,
-                build_since: entry.build_since,
                 former: None,
                 swap: None,
                 is_newly_measured: false,
@@ -186,9 +186,7 @@ struct RefitJob {
     /// The nodes that were refitted.
     refit_nodes: usize,
     /// The tree that was built in slices or in the background and replaces this one.
-    successor: Option<Box<LightTree>>,
-    /// See [`TreeEntry::build_since`](super::scene::TreeEntry::build_since).
-    build_since: u64,
+    successor: Option<Successor>,
     /// The tree that was replaced.
     former: Option<LightTree>,
     /// What the replacement changed.
@@ -226,10 +224,10 @@ impl RefitJob {
 
     fn run(&mut self) {
         let before = self.tree.attributes();
-        if let Some(built) = self.successor.take() {
+        if let Some(Successor { tree: built, since }) = self.successor.take() {
             let features = TreeFeatures::of(&built);
             let history = AttributeHistory::start(built.attributes());
-            let changed = self.log.since(self.build_since).map(|changes| changes.lights);
+            let changed = self.log.since(since).map(|changes| changes.lights);
             let (former, is_outdated) = self.tree.succeed(*built, changed);
             self.former = Some(former);
             self.swap = Some(Swap { features, history, is_outdated });

@@ -77,13 +77,18 @@ pub(crate) struct TreeEntry {
     pub crowd: f32,
     /// Where the top level leads into the tree, in the order of their places; none of a whole tree.
     pub openings: Box<[Opening]>,
-    /// The tree that was built in slices or in the background. It replaces this one at the next
-    /// refit.
-    pub successor: Option<Box<LightTree>>,
-    /// The revision of the log at which that build was begun.
-    pub build_since: u64,
+    /// The result of a build in slices or in the background.
+    pub successor: Option<Successor>,
     /// What the sums over all trees hold of this one.
     pub(super) counted: TreeTerms,
+}
+
+/// A tree that was built in slices or in the background. It replaces that of its entry at the next
+/// refit.
+pub(crate) struct Successor {
+    pub tree: Box<LightTree>,
+    /// The revision of the log at which the build was begun.
+    pub since: u64,
 }
 
 /// The version of a tree that the GPU holds.
@@ -144,7 +149,6 @@ impl TreeEntry {
             crowd: 0.0,
             openings: Box::default(),
             successor: None,
-            build_since: 0,
             counted: TreeTerms::default(),
         }
     }
@@ -173,7 +177,7 @@ impl TreeEntry {
     fn present_terms(&self) -> TreeTerms {
         TreeTerms {
             memory: self.tree.memory(),
-            successor: self.successor.as_ref().map_or(0, |tree| size_of_val(&**tree) + tree.memory_bytes()),
+            successor: self.successor.as_ref().map_or(0, |built| size_of::<LightTree>() + built.tree.memory_bytes()),
             edits: self.staged.memory_bytes() + self.log.memory_bytes(),
             lists: size_of::<InstanceKey>() * self.instances.capacity()
                 + size_of::<Opening>() * self.openings.len()

@@ -32,15 +32,15 @@ fn see_best(scheduler: &mut Scheduler, tree: TreeKey) {
     scheduler.withdraw(tree);
 }
 
-/// The first job of a new frame.
-fn first_job(scheduler: &mut Scheduler) -> Option<Job> {
+/// The first step of the first job of a new frame.
+fn first_job(scheduler: &mut Scheduler) -> Option<BuildStep> {
     scheduler.start_frame(BUDGET);
     scheduler.start_jobs(BUDGET, Duration::ZERO);
-    scheduler.next_job(Duration::ZERO)
+    scheduler.next_job(Duration::ZERO).then(|| scheduler.job()[0])
 }
 
-fn is_slice(job: Option<Job>) -> bool {
-    matches!(job, Some(Job::Slice { .. }))
+fn is_slice(step: Option<BuildStep>) -> bool {
+    step.is_some_and(|step| step.work.kind != WorkKind::Rebuild)
 }
 
 #[test]
@@ -105,7 +105,8 @@ fn a_slice_that_ends_a_build_closes_it() {
     let (mut scheduler, [tree]) = scheduler_of([LARGE]);
     ask(&mut scheduler, tree, 1.0);
     assert!(is_slice(first_job(&mut scheduler)));
-    scheduler.finish_slice(100, 0, Duration::from_micros(10));
+    scheduler.did_slice(100, 0);
+    scheduler.finish_job(Duration::from_micros(10), |_, _| {});
     assert!(!scheduler.has_jobs() && !scheduler.waits(tree));
     assert_eq!(scheduler.waiting_nanos, 0);
 }
@@ -129,8 +130,7 @@ fn of_two_trees_that_gain_the_same_the_cheaper_one_comes_first() {
     see_best(&mut scheduler, small);
     ask(&mut scheduler, large, 1.0);
     ask(&mut scheduler, small, 1.0);
-    assert!(matches!(first_job(&mut scheduler), Some(Job::Rebuild)));
-    assert_eq!(scheduler.batch()[0].tree, small);
+    assert_eq!(first_job(&mut scheduler).map(|step| step.tree), Some(small));
 }
 
 #[test]
@@ -158,12 +158,12 @@ fn the_greatest_value_of_late_falls_with_each_round() {
 fn the_time_of_a_batch_is_divided_as_predicted() {
     let (mut scheduler, trees) = scheduler_of([20, 14, 9]);
     trees.iter().for_each(|tree| ask(&mut scheduler, *tree, 1.0));
-    assert!(matches!(first_job(&mut scheduler), Some(Job::Rebuild)));
-    let predicted: Vec<_> = scheduler.batch().iter().map(|batched| batched.nanos).collect();
+    assert!(!is_slice(first_job(&mut scheduler)));
+    let predicted: Vec<_> = scheduler.job().iter().map(|step| step.nanos).collect();
     assert_eq!(predicted.len(), 3);
     let sum = 3.0 * predicted.iter().sum::<f64>();
     let mut done = Vec::new();
-    scheduler.finish_batch(Duration::from_nanos(sum as u64), |_, job| done.push(ledger::nanos(job.took)));
+    scheduler.finish_job(Duration::from_nanos(sum as u64), |_, job| done.push(ledger::nanos(job.took)));
     for (took, predicted) in done.iter().zip(predicted) {
         assert!((took - 3.0 * predicted).abs() < 4.0, "{took} {predicted}");
     }

@@ -32,9 +32,11 @@ mod words;
 
 pub use error::BakeError;
 
-use super::LightTree;
+use super::attributes::Quality;
 use super::edited::Edited;
 use super::node::NO_LEAF;
+use super::state::TreeState;
+use super::{LightTree, Maps};
 use crate::cluster::Linear;
 use crate::effects::EffectCounts;
 use crate::rare::Rare;
@@ -62,7 +64,7 @@ impl LightTree {
             refitted.freeze();
             return refitted.bake();
         }
-        let is_weighted = self.reference().map(|map| map.linear) == self.weights.as_deref().map(|map| map.linear);
+        let is_weighted = self.reference().map(|map| map.linear) == self.maps.weights.as_deref().map(|map| map.linear);
         if self.edited.is_changed() || !is_weighted {
             let mut built = self.clone();
             built.rebuild();
@@ -77,11 +79,11 @@ impl LightTree {
         let counts = Counts { lights: lights.len(), nodes: nodes.len(), sides: sides.len() };
         let header = Header {
             counts,
-            built_cost: self.built_cost,
-            has_stale_sums: self.has_stale_sums,
-            attributes: self.attributes,
+            built_cost: self.quality.built_cost,
+            has_stale_sums: self.quality.is_stale,
+            attributes: self.quality.attributes,
             root: self.root,
-            reference: self.weights.as_deref().map(|map| map.linear),
+            reference: self.maps.weights.as_deref().map(|map| map.linear),
         };
         let mut bytes = Vec::with_capacity(counts.file_bytes() as usize);
         header.write(&mut bytes);
@@ -148,21 +150,14 @@ impl LightTree {
             effects: if effects == EffectCounts::default() { Rare::default() } else { effects.into() },
             leaves,
             nodes: records(sections.nodes, NODE_BYTES, node_record::read),
-            refit_data: Rare::default(),
+            state: if counts.nodes > 0 { TreeState::Frozen } else { TreeState::default() },
             light_counts: numbers(sections.light_counts),
-            built_cost,
-            cost: built_cost,
-            has_stale_sums,
-            is_frozen: counts.nodes > 0,
-            is_only_node_dirty: false,
-            is_only_node_refitted: false,
+            quality: Quality { attributes, built_cost, cost: built_cost, is_stale: has_stale_sums },
             edited: Edited::of_build(vacant),
             builds: 0,
             root,
             sides: sections.sides.chunks_exact(words::CLUSTER_WORDS * words::WORD).map(cluster).collect(),
-            weights: reference.clone(),
-            reference,
-            attributes,
+            maps: Maps::of_build(reference),
         };
         match tree.loading_fault(removed) {
             Some(fault) => Err(BakeError::Tree(fault)),

@@ -20,14 +20,6 @@ pub(crate) trait ChildGroup: Copy {
     fn is_tiny(&self) -> bool;
 }
 
-/// The children of a node, in the order of their lights.
-pub(crate) struct Children<G> {
-    groups: [G; WIDTH],
-    /// The lights of an inlined group are children of the node themselves.
-    is_inlined: [bool; WIDTH],
-    count: usize,
-}
-
 /// The division of a group among the children of a node, one split at a time.
 pub(crate) struct ChildChooser<G> {
     groups: [G; WIDTH],
@@ -80,14 +72,21 @@ impl<G: ChildGroup> ChildChooser<G> {
         self.count += 1;
     }
 
-    /// Ends the division and inlines the smallest groups.
+    /// Starts again with the group `whole`.
     #[inline(always)]
-    pub fn finish(&self) -> Children<G> {
-        let Self { groups, count } = *self;
+    pub fn restart(&mut self, whole: G) {
+        (self.groups[0], self.count) = (whole, 1);
+    }
+
+    /// The children of the node, in the order of their lights, and whether each is inlined: its lights are
+    /// children of the node themselves. The smallest groups are inlined while there is room.
+    #[inline(always)]
+    pub fn children(&self) -> impl Iterator<Item = (&G, bool)> {
+        let Self { groups, count } = self;
         let mut is_inlined = [false; WIDTH];
         let mut room = WIDTH - count;
         // The smallest group first, since it takes the least room; of equals the first.
-        while let Some(place) = (0..count)
+        while let Some(place) = (0..*count)
             .filter(|i| groups[*i].count() > 1 && !groups[*i].is_tiny() && !is_inlined[*i])
             .min_by_key(|i| groups[*i].count())
             && groups[place].count() - 1 <= room
@@ -95,31 +94,7 @@ impl<G: ChildGroup> ChildChooser<G> {
             is_inlined[place] = true;
             room -= groups[place].count() - 1;
         }
-        Children { groups, is_inlined, count }
-    }
-}
-
-impl<G: ChildGroup> Children<G> {
-    /// Children none of which is inlined. There is at least one.
-    pub fn of_groups(groups: impl Iterator<Item = G>) -> Self {
-        let mut groups = groups.peekable();
-        let first = *groups.peek().expect("a node has children");
-        let mut children = Self { groups: [first; WIDTH], is_inlined: [false; WIDTH], count: 0 };
-        for group in groups {
-            children.groups[children.count] = group;
-            children.count += 1;
-        }
-        children
-    }
-
-    /// The number of children.
-    pub fn len(&self) -> usize {
-        self.count
-    }
-
-    /// The groups and whether each is inlined.
-    pub fn iter(&self) -> impl Iterator<Item = (&G, bool)> {
-        self.groups[..self.count].iter().zip(self.is_inlined)
+        groups[..*count].iter().zip(is_inlined)
     }
 }
 
@@ -149,13 +124,13 @@ mod tests {
 
     /// Divides the group `whole`. `split` is given the place of a group's first light below the node and
     /// a group of more than [`WIDTH`] lights, and returns its two parts; `None` ends the division.
-    fn choose(whole: usize, mut split: impl FnMut(usize, &Lights) -> Option<[Lights; 2]>) -> Children<Lights> {
+    fn choose(whole: usize, mut split: impl FnMut(usize, &Lights) -> Option<[Lights; 2]>) -> ChildChooser<Lights> {
         let mut chooser = ChildChooser::new(Lights(whole));
         while let Some(place) = chooser.next_split() {
             let Some(parts) = split(chooser.first_light(place), chooser.group(place)) else { break };
             chooser.replace(place, &parts);
         }
-        chooser.finish()
+        chooser
     }
 
     /// The counts of the children of a node over `whole` lights, inlined ones in parentheses, and the
@@ -170,7 +145,7 @@ mod tests {
         let name = |(group, is_inlined): (&Lights, bool)| {
             if is_inlined { format!("({})", group.0) } else { group.0.to_string() }
         };
-        (children.iter().map(name).collect::<Vec<_>>().join(" "), places)
+        (children.children().map(name).collect::<Vec<_>>().join(" "), places)
     }
 
     #[test]
@@ -196,7 +171,7 @@ mod tests {
     fn a_group_that_cannot_be_split_stays_whole() {
         let children = choose(100, |_, _| None);
         assert_eq!(
-            children.iter().map(|(group, is_inlined)| (group.0, is_inlined)).collect::<Vec<_>>(),
+            children.children().map(|(group, is_inlined)| (group.0, is_inlined)).collect::<Vec<_>>(),
             [(100, false)]
         );
     }

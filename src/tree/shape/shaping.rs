@@ -4,7 +4,7 @@
 //! and the ranges of these children join the list. They are independent, so several threads may shape
 //! them. The shape has the same bits in all cases.
 
-use super::children::{ChildChooser, Children};
+use super::children::ChildChooser;
 use super::costed::CostedGroup;
 use super::group::{BuildItem, Group, SumsOfRuns};
 use super::sides::sides;
@@ -33,8 +33,9 @@ pub(in crate::tree) struct Shaping {
     whole: SumsOfRuns<Group>,
     /// What is left to shape; the last range comes first.
     ranges: Vec<Range>,
-    /// The node whose children are being chosen.
-    choice: Option<Choice>,
+    is_choosing: bool,
+    /// The node whose children are being chosen, or were chosen last.
+    choice: Option<Box<Choice>>,
     /// The state of splits of many items, once there was one.
     split: Option<Box<Splitting>>,
 }
@@ -76,10 +77,11 @@ impl Shaping {
     /// divided into sides if its lights disagree in direction.
     pub fn start_tree(&mut self, items: &mut [BuildItem]) {
         match sides(items) {
-            Some(children) => {
-                self.sides = children.len();
+            Some(sides) => {
+                self.sides = sides.len();
                 self.nodes.push(ShapeNode::EMPTY);
-                self.add_children(0, 0, 0, &children, items);
+                let root = Range { group: *self.whole.get(), first: 0, depth: 0, place: NO_PARENT };
+                root.list_children(0, sides.iter().map(|side| (side, false)), items, &mut self.nodes, &mut self.ranges);
             }
             None => self.start(),
         }
@@ -97,14 +99,14 @@ impl Shaping {
 
     /// Whether all nodes are complete.
     pub fn is_done(&self) -> bool {
-        self.ranges.is_empty() && self.choice.is_none()
+        self.ranges.is_empty() && !self.is_choosing
     }
 
     /// Shapes what is left, on several threads if that is much.
     pub fn finish(&mut self, items: &mut [BuildItem]) {
         while !self.is_done() {
             #[cfg(feature = "parallel")]
-            if self.choice.is_none()
+            if !self.is_choosing
                 && self.ranges.len() > 1
                 && self.ranges.iter().map(|range| range.group.count).sum::<usize>() >= PARALLEL_ITEMS
             {
@@ -151,7 +153,8 @@ impl Shaping {
 
     /// Does a step: begins a node, or splits a group, on about `most` items. Returns the ticks.
     pub fn advance(&mut self, items: &mut [BuildItem], most: usize) -> usize {
-        let Some(Choice { range, chooser, splitting, .. }) = &mut self.choice else { return self.begin(items) };
+        let Some(choice) = self.choice.as_deref_mut().filter(|_| self.is_choosing) else { return self.begin(items) };
+        let Choice { range, chooser, splitting, .. } = choice;
         let Some(place) = splitting.or_else(|| chooser.next_split()) else { return self.finish_choice(items) };
         let (group, halve) = (chooser.group(place).group, range.depth >= MAX_COST_DEPTH);
         let items = &mut items[range.first + chooser.first_light(place)..][..group.count];
@@ -183,43 +186,64 @@ impl Shaping {
         if range.group.count <= WIDTH {
             self.nodes[node].push_leaves(&items[range.first..][..range.group.count]);
         } else {
-            let chooser = ChildChooser::new(CostedGroup::whole(&range.group));
-            self.choice = Some(Choice { node, range, chooser, splitting: None });
+            let whole = CostedGroup::whole(&range.group);
+            self.is_choosing = true;
+            match &mut self.choice {
+                Some(choice) => {
+                    choice.chooser.restart(whole);
+                    (choice.node, choice.range, choice.splitting) = (node, range, None);
+                }
+                none => {
+                    let chooser = ChildChooser::new(whole);
+                    *none = Some(Box::new(Choice { node, range, chooser, splitting: None }));
+                }
+            }
         }
         NODE_TICKS
     }
 
     /// Completes the node whose children are chosen. Returns the ticks.
     fn finish_choice(&mut self, items: &[BuildItem]) -> usize {
-        if let Some(Choice { node, range, chooser, .. }) = self.choice.take() {
-            self.add_children(node, range.first, range.depth, &chooser.finish(), items);
+        let Self { choice, nodes, ranges, .. } = self;
+        let before = nodes.len();
+        if let Some(choice) = choice {
+            let children = choice.chooser.children().map(|(child, is_inlined)| (&child.group, is_inlined));
+            choice.range.list_children(choice.node, children, items, nodes, ranges);
         }
-        NODE_TICKS
+        self.is_choosing = false;
+        NODE_TICKS * (1 + self.nodes.len() - before)
     }
+}
 
-    /// Gives a node its children, the items of which begin at `first`, and lists their ranges.
-    fn add_children(
-        &mut self,
+impl Range {
+    /// Gives the node over this range its children, of which some are inlined, and lists their ranges.
+    fn list_children<'g>(
+        &self,
         node: usize,
-        mut first: usize,
-        depth: u32,
-        children: &Children<CostedGroup>,
+        children: impl Iterator<Item = (&'g Group, bool)>,
         items: &[BuildItem],
+        nodes: &mut Vec<ShapeNode>,
+        ranges: &mut Vec<Self>,
     ) {
-        let listed = self.ranges.len();
-        for (child, is_inlined) in children.iter() {
-            let own = &mut self.nodes[node];
-            let group = child.group;
+        let (listed, mut first) = (ranges.len(), self.first);
+        for (group, is_inlined) in children {
+            let own = &items[first..][..group.count];
+            let place = (node * WIDTH) as u32 + nodes[node].count;
             if is_inlined || group.count == 1 {
-                own.push_leaves(&items[first..][..group.count]);
+                nodes[node].push_leaves(own);
+            } else if group.count <= WIDTH && ranges.len() == listed {
+                // No range comes before it, so it need not wait. Most nodes are made here.
+                let leaves = nodes.len() as u32;
+                nodes[node].push(leaves);
+                nodes.push(ShapeNode { parent: place, ..ShapeNode::EMPTY });
+                nodes[leaves as usize].push_leaves(own);
             } else {
-                let place = (node * WIDTH) as u32 + own.count;
-                own.push(EMPTY_SLOT);
-                self.ranges.push(Range { group, first, depth: depth + 1, place });
+                nodes[node].push(EMPTY_SLOT);
+                ranges.push(Self { group: *group, first, depth: self.depth + 1, place });
             }
             first += group.count;
         }
-        self.ranges[listed..].reverse();
+        ranges[listed..].reverse();
     }
 }
 

@@ -5,8 +5,6 @@
 //! receive light from all of them. Where the lights of an object disagree, the children of its root
 //! are therefore its sides, and each side becomes a leaf of the top level (docs/decisions.md, 49).
 
-use super::children::Children;
-use super::costed::CostedGroup;
 use super::group::{BuildItem, Group};
 use crate::tree::WIDTH;
 
@@ -62,7 +60,7 @@ fn counts(items: &[BuildItem], has_beams: bool) -> [usize; MAX_SIDES] {
 /// Sorts the lights of an object by side and returns the sides, which become the children of its
 /// root. `None`, and no change, if the object is not to be divided. O(n log n) from
 /// [`MIN_DIVIDED`] to [`MAX_DIVIDED`] lights, and O(1) otherwise.
-pub(super) fn sides(items: &mut [BuildItem]) -> Option<Children<CostedGroup>> {
+pub(super) fn sides(items: &mut [BuildItem]) -> Option<Vec<Group>> {
     if !(MIN_DIVIDED..=MAX_DIVIDED).contains(&items.len()) {
         return None;
     }
@@ -82,9 +80,9 @@ pub(super) fn sides(items: &mut [BuildItem]) -> Option<Children<CostedGroup>> {
     let groups = lights.into_iter().filter(|count| *count > 0).map(|count| {
         let (own, others) = rest.split_at(count);
         rest = others;
-        CostedGroup::whole(&Group::around(own))
+        Group::around(own)
     });
-    Some(Children::of_groups(groups))
+    Some(groups.collect())
 }
 
 #[cfg(test)]
