@@ -155,7 +155,7 @@ impl Scheduler {
         let is_enough = units >= MIN_SLICE_UNITS.min(build.units_left) || is_saved;
         let units = units.max(MIN_SLICE_UNITS);
         let (tree, waited, work) = (build.tree?, self.frame - build.since_frame, slice_of(build.lights, units));
-        is_enough.then(|| BuildStep { tree, waited, work, units: units as f64, nanos: 0.0 })
+        is_enough.then_some(BuildStep { tree, waited, work, units: units as f64, nanos: 0.0 })
     }
 
     /// Pays for the long build in the background, as far as the ledger can. Returns whether nothing
