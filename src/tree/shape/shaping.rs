@@ -9,7 +9,6 @@ use super::costed::CostedGroup;
 use super::group::{BuildItem, Group, SumsOfRuns};
 use super::sides::sides;
 use super::split::{MIN_STEPPED, Splitting, split_at_once};
-use super::{ShapeNode, likely_nodes};
 use crate::tree::node::{EMPTY_SLOT, LEAF, NO_PARENT, WIDTH};
 use crate::tree::units::{NODE_TICKS, whole_split_ticks};
 
@@ -21,6 +20,18 @@ const PARALLEL_ITEMS: usize = 4096;
 /// bits of its number of lights. A million lights make 8 or 9 levels; at geometric distances from
 /// 1e-9 m to 1e9 m they make 16.
 pub(super) const MAX_COST_DEPTH: u32 = 32;
+
+/// One node of a shape. Nodes are stored depth first: a parent before its children, and every
+/// subtree contiguous.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ShapeNode {
+    /// [`LEAF`] with an item's index, or a node's index.
+    /// [`EMPTY_SLOT`] from `count` on.
+    pub(crate) children: [u32; WIDTH],
+    pub(crate) count: u32,
+    /// `node * WIDTH + slot`, or [`NO_PARENT`].
+    pub(in crate::tree) parent: u32,
+}
 
 /// A shape in the making.
 #[derive(Default)]
@@ -245,6 +256,24 @@ impl Range {
         }
         ranges[listed..].reverse();
     }
+}
+
+/// Shapes a tree over some items and sorts them into the order of its leaves. The result does not
+/// depend on the number of threads. O(n log n).
+pub(crate) fn shape(items: &mut [BuildItem]) -> Vec<ShapeNode> {
+    let mut shaping = Shaping::default();
+    if !items.is_empty() {
+        shaping.reserve(items.len());
+        shaping.sum(items, usize::MAX);
+        shaping.start();
+        shaping.finish(items);
+    }
+    shaping.nodes
+}
+
+/// Slightly more nodes than most shapes need: nodes usually hold 5.5 to 6 lights.
+fn likely_nodes(items: usize) -> usize {
+    items / 5 + 1
 }
 
 impl ShapeNode {

@@ -11,7 +11,7 @@ use super::shaping::MAX_COST_DEPTH;
 use super::*;
 use crate::cluster::bounds::Aabb;
 use crate::cluster::{Cluster, MAX_FLUX};
-use crate::tree::node::{EMPTY_SLOT, LEAF, NO_PARENT};
+use crate::tree::node::{EMPTY_SLOT, LEAF, NO_PARENT, WIDTH};
 use crate::tree::testing::Rng;
 
 fn light(at: Vec3, flux: f32) -> Cluster {
