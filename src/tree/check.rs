@@ -60,7 +60,10 @@ impl LightTree {
             return thawed.check();
         }
         let wide_of_only_node = (self.nodes.len() == 1).then(|| [self.wide_of_only_node()]);
-        let wide = wide_of_only_node.as_ref().map_or_else(|| self.state.wide(), |wide| wide);
+        let wide = match &wide_of_only_node {
+            Some(wide) => &wide[..],
+            None => self.state.wide(),
+        };
         let mut has_leaf = vec![false; self.lights.len()];
         let mut reached = usize::from(!self.nodes.is_empty());
         let mut spares = 0;

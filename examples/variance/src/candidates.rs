@@ -54,7 +54,7 @@ fn errors(
     });
     // Estimates of more candidates have less noise: each mean is weighted by its number of
     // candidates.
-    let weights = CANDIDATES.map(|count| f64::from(count));
+    let weights = CANDIDATES.map(f64::from);
     let mean = moments.iter().zip(weights).map(|((mean, _), w)| mean * w).sum::<f64>() / weights.iter().sum::<f64>();
     (mean > 0.0).then(|| moments.map(|(sum, square)| (square - sum * sum).max(0.0).sqrt() / mean))
 }
