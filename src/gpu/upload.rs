@@ -5,7 +5,7 @@ use super::error::GpuError;
 use super::memory;
 use super::probe;
 use crate::plan::UploadReport;
-use crate::plan::pool::Growth;
+use crate::plan::draft::Growth;
 use crate::span::span;
 use crate::world::LightWorld;
 

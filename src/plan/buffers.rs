@@ -1,7 +1,8 @@
 //! The names of buffers, which the engine makes and the plans use.
 
-use std::collections::BTreeMap;
 use std::ops::Deref;
+
+use rpds::RedBlackTreeMapSync;
 
 /// The number of a buffer. A planner gives each buffer a number of its own and never uses it again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -69,7 +70,7 @@ impl Ids {
 /// The sizes of the buffers of a planner.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Buffers {
-    bytes: BTreeMap<BufferId, u64>,
+    bytes: RedBlackTreeMapSync<BufferId, u64>,
     total: u64,
 }
 
@@ -78,10 +79,11 @@ impl Buffers {
     pub fn change(&mut self, new: &[NewBuffer], freed: &[BufferId]) {
         for buffer in new {
             self.total += buffer.bytes;
-            self.bytes.insert(buffer.id, buffer.bytes);
+            self.bytes.insert_mut(buffer.id, buffer.bytes);
         }
         for id in freed {
-            self.total -= self.bytes.remove(id).unwrap_or(0);
+            self.total -= self.bytes.get(id).copied().unwrap_or(0);
+            self.bytes.remove_mut(id);
         }
     }
 

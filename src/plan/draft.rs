@@ -3,7 +3,19 @@
 use super::buffers::{BufferId, BufferKind, Ids, NewBuffer};
 use super::error::PlanError;
 use super::frame::FramePlan;
-use super::pool::Growth;
+
+/// How much room a buffer gets that has to grow.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Growth {
+    /// At least twice as much as before, so that growth takes amortised constant time; by larger
+    /// steps if the memory is limited.
+    #[default]
+    Double,
+    /// No more than needed. Short of memory, that may still fit.
+    Exact,
+    /// None.
+    None,
+}
 
 /// A plan that is being made, and how its buffers grow. Every buffer that the plan makes comes from here.
 pub(crate) struct Draft {

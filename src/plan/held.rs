@@ -1,5 +1,7 @@
 //! What the device holds once all plans are played.
 
+use std::sync::Arc;
+
 use super::PlanLimits;
 use super::buffers::{Buffers, Ids, ShaderBuffers};
 use super::changes::UploadReport;
@@ -52,7 +54,7 @@ pub(super) struct WrittenMaps {
     pub sky: u64,
     /// Where the tables of profiles end, in quads.
     pub profiles: u32,
-    pub portals: Vec<PlacedPortal>,
+    pub portals: Arc<[PlacedPortal]>,
 }
 
 impl Held {

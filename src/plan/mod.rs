@@ -86,6 +86,7 @@ pub(crate) mod previous;
 mod ranges;
 mod reserve;
 mod residency;
+mod room;
 mod runs;
 pub(crate) mod scatter;
 pub(crate) mod sort;

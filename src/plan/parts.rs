@@ -10,10 +10,10 @@ use rpds::VectorSync;
 
 use super::buffers::BufferId;
 use super::commands::Commands;
-use super::draft::Draft;
+use super::draft::{Draft, Growth};
 use super::error::PlanError;
 use super::layout::PartRecord;
-use super::pool::{Growth, Pool};
+use super::pool::Pool;
 use super::runs::runs;
 use super::scatter::Scattered;
 
@@ -25,6 +25,9 @@ pub(super) struct PartTable {
     ranges: VectorSync<Range<u32>>,
     /// The records to be written.
     changed: BTreeMap<u32, PartRecord>,
+    /// Ranges that slots had before. They are freed once all slots have theirs, so that parts keep the order of their
+    /// slots where they can: the top level takes parts of crowded cells in the order of the table.
+    former: Vec<Range<u32>>,
     /// The device may lack records that were written, so the next write sends all of them.
     has_lost_records: bool,
 }
@@ -33,7 +36,13 @@ impl PartTable {
     /// An empty table in a buffer of at most `limit_bytes`.
     pub fn new(limit_bytes: u64) -> Self {
         let pool = Pool::new("parts of instances", 64, limit_bytes);
-        Self { pool, ranges: VectorSync::default(), changed: BTreeMap::new(), has_lost_records: false }
+        Self {
+            pool,
+            ranges: VectorSync::default(),
+            changed: BTreeMap::new(),
+            former: Vec::new(),
+            has_lost_records: false,
+        }
     }
 
     /// The parts of a slot.
@@ -60,7 +69,7 @@ impl PartTable {
             return Ok(());
         }
         self.changed.extend(former.clone().map(|part| (part, PartRecord::NONE)));
-        self.pool.free(former);
+        self.former.push(former);
         let range = self.pool.alloc(count, growth)?;
         self.changed.extend(records_of(slot, &range));
         while self.ranges.len() <= slot as usize {
@@ -68,6 +77,11 @@ impl PartTable {
         }
         self.ranges.set_mut(slot as usize, range);
         Ok(())
+    }
+
+    /// Frees the ranges in place of which slots have got others.
+    pub fn free_former(&mut self) {
+        std::mem::take(&mut self.former).into_iter().for_each(|range| self.pool.free(range));
     }
 
     /// Forgets all ranges, so that the parts of all slots are placed anew, without gaps.

@@ -4,19 +4,20 @@
 //! new versions of trees share the bytes of a frame, the most useful first. Until a tree has been
 //! sent, shaders see its stand-ins or its older version.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::changes::FrameChanges;
+use super::draft::Growth;
 use super::error::PlanError;
 use super::layout::{LightRecord, TreeRecord};
 use super::node_record::{NodeRecord, stored_nodes};
-use super::pool::{Demand, Growth, Pool};
+use super::pool::{Demand, Pool};
 use super::residency::{Form, Incoming, NOT_WEIGHED, TreeState, has_room, with_growth};
+use super::room::TreeFrame;
 use super::runs::runs;
 use super::stand_in::{may_stand_in, stand_ins};
 use super::tree_store::TreeStore;
-use super::tree_writes::{Source, TreeRuns, TreeWrite};
+use super::tree_writes::{Source, TreeWrite};
 use crate::keys::{TreeKey, slot_of};
 use crate::tree::LightTree;
 use crate::world::{LightWorld, TreeChanges, TreeEntry};
@@ -65,27 +66,6 @@ const MAX_REFUSALS: usize = 8;
 
 /// The most of them that a frame tries again.
 const MAX_RETRIES: usize = 4;
-
-/// The trees that a frame places, and what it writes of them.
-#[derive(Debug)]
-pub(super) struct TreeFrame {
-    pub growth: Growth,
-    /// The device lacks what it had, which is sent first.
-    is_lost: bool,
-    /// The former states of the trees whose place or form changes, by slot.
-    pub placed: BTreeMap<u32, TreeState>,
-    /// Bytes of new trees that may still be sent: none while all trees start anew as stand-ins, which leaves as much
-    /// room as possible.
-    left: u64,
-    is_anew: bool,
-    pub writes: TreeRuns,
-}
-
-impl TreeFrame {
-    pub fn new(growth: Growth, is_lost: bool, is_anew: bool) -> Self {
-        Self { growth, is_lost, placed: BTreeMap::new(), left: 0, is_anew, writes: TreeRuns::default() }
-    }
-}
 
 /// Stand-ins of a tree, and room for them.
 struct StandIns {

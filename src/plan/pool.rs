@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::buffers::BufferId;
 use super::commands::Commands;
-use super::draft::Draft;
+use super::draft::{Draft, Growth};
 use super::error::PlanError;
 use super::frame::FramePlan;
 use super::ranges::Ranges;
@@ -14,19 +14,6 @@ use super::scatter::Scattered;
 /// Threads take this many records at a time, and share the work of four times as many.
 #[cfg(feature = "parallel")]
 const RECORDS_PER_TASK: usize = 1024;
-
-/// How much room a buffer gets that has to grow.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) enum Growth {
-    /// At least twice as much as before, so that growth takes amortised constant time; by larger
-    /// steps if the memory is limited.
-    #[default]
-    Double,
-    /// No more than needed. Short of memory, that may still fit.
-    Exact,
-    /// None.
-    None,
-}
 
 /// What a range is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,9 +5,8 @@
 
 use super::buffers::BufferId;
 use super::commands::Commands;
-use super::draft::Draft;
+use super::draft::{Draft, Growth};
 use super::layout::ParamsRecord;
-use super::pool::Growth;
 
 /// Quads before the instances: the parameters, and where the lights begin. Twin of `LIGHT_PREVIOUS_HEAD`.
 pub(crate) const HEAD: u32 = size_of::<Head>() as u32 / 16;

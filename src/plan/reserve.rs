@@ -1,20 +1,18 @@
 //! One frame: finds room for what changed, and writes it.
 
 use std::fmt;
-use std::ops::Range;
 
 use super::LightPlanner;
 use super::buffers::NewBuffer;
 use super::changes::FrameChanges;
-use super::draft::{Draft, Shortage};
+use super::draft::{Draft, Growth, Shortage};
 use super::error::PlanError;
 use super::frame::FramePlan;
 use super::held::Held;
 use super::layout::{PartRecord, TreeRecord};
-use super::place::TreeFrame;
-use super::pool::Growth;
+use super::room::{Frame, STRIDES, TreeFrame};
 use super::runs::add_runs;
-use super::scatter::{MAX_TARGETS, RunCount, Scattered};
+use super::scatter::{MAX_TARGETS, Scattered};
 use super::top::MapQuads;
 use super::tree_writes::written_records;
 use crate::effects::Effects;
@@ -114,20 +112,6 @@ impl LightPlanner {
             };
         }
     }
-}
-
-/// What a frame changes, as far as it was found out before anything is written.
-pub(super) struct Frame<'a> {
-    pub world: &'a LightWorld,
-    pub changes: FrameChanges,
-    pub trees: TreeFrame,
-    /// The runs of slots of the instances that are written.
-    pub instance_runs: Vec<Range<u32>>,
-    /// The runs of records that are written to the pools of nodes, lights, trees and instances, which ones of them
-    /// take their short runs from staged records, and the bytes of these.
-    pub counts: [RunCount; MAX_TARGETS],
-    pub is_scattered: [bool; MAX_TARGETS],
-    pub staged_bytes: u64,
 }
 
 impl Held {
@@ -254,6 +238,7 @@ impl Held {
             let count = tree.map_or(0, |tree| self.trees.residency.get(slot_of(tree)).records.len() as u32);
             self.instances.parts.place(*slot, count, draft.growth)?;
         }
+        self.instances.parts.free_former();
         let (parts, maps) = (self.instances.parts.count(), MapQuads::of(frame.world));
         let nodes = self.top.fitting(frame.world.partition(), parts, maps).len() as u32;
         self.top.reserve(parts, nodes, maps, draft)
@@ -301,7 +286,7 @@ impl Held {
         }
         add_runs(&mut frame.instance_runs, frame.changes.instances.as_slice().iter().copied(), 0);
         frame.instance_runs.iter().for_each(|run| instances.add(run));
-        let staged = std::array::from_fn(|i| frame.counts[i].staged_bytes(super::write::STRIDES[i]));
+        let staged = std::array::from_fn(|i| frame.counts[i].staged_bytes(STRIDES[i]));
         let bytes: u64 = staged.iter().sum();
         let most = self.trees.limits.largest_buffer;
         if bytes > 0 && bytes <= most {
@@ -316,7 +301,7 @@ impl Held {
     pub(super) fn lists(&self, frame: &Frame<'_>, draft: &mut Draft) -> [Scattered; MAX_TARGETS] {
         let (mut writes, mut bytes) = (MORE_COMMANDS, frame.staged_bytes + MORE_BYTES);
         let lists = std::array::from_fn(|i| {
-            let (count, stride, is_scattered) = (&frame.counts[i], super::write::STRIDES[i], frame.is_scattered[i]);
+            let (count, stride, is_scattered) = (&frame.counts[i], STRIDES[i], frame.is_scattered[i]);
             let (runs, bytes_of_runs) = count.written(stride, is_scattered);
             writes += runs;
             bytes += bytes_of_runs;

@@ -20,6 +20,7 @@ mod partition;
 mod stage;
 
 use std::borrow::Cow;
+use std::sync::Arc;
 
 pub(crate) use buffers::MapQuads;
 use buffers::{Capacity, TopBuffers, TopPass, most_nodes, most_parts};
@@ -29,11 +30,10 @@ pub(super) use stage::NODE_LANES;
 
 use super::buffers::BufferId;
 use super::commands::{CommandSizes, Commands};
-use super::draft::Draft;
+use super::draft::{Draft, Growth};
 use super::error::PlanError;
 use super::kernel::{Binding, Kernel, UNIFORM_ALIGNMENT};
 use super::layout::ParamsRecord;
-use super::pool::Growth;
 use super::sort::SortBuffers;
 use crate::top::partition::Partition;
 use crate::tree::WIDTH;
@@ -80,7 +80,7 @@ pub(crate) struct TopBuild {
     buffers: Option<TopBuffers>,
     uniforms: Option<BufferId>,
     /// The passes as they were sent: of the first stages, then one for each stage of divided nodes.
-    passes: Vec<TopPass>,
+    passes: Arc<[TopPass]>,
     partition: SentPartition,
     /// Something has changed since the last build.
     pub(super) is_due: bool,
@@ -96,7 +96,7 @@ impl TopBuild {
             most_parts: None,
             buffers: None,
             uniforms: None,
-            passes: Vec::new(),
+            passes: Arc::default(),
             partition: SentPartition::default(),
             is_due: true,
             sizes: CommandSizes::default(),
@@ -157,7 +157,7 @@ impl TopBuild {
         let partition = self.buffers.as_ref().filter(|present| present.capacity.nodes == capacity.nodes);
         let new = TopBuffers::new(capacity, partition.map(|present| present.partition), maps, draft);
         draft.plan.upload.zero(new.nodes, 0..new.nodes_bytes);
-        self.passes.clear();
+        self.passes = Arc::default();
         let partition = new.partition;
         let former = self.buffers.replace(new);
         if former.as_ref().is_none_or(|former| former.partition != partition) {
@@ -169,7 +169,7 @@ impl TopBuild {
 
     /// The device may lack what was written, so the next [`TopBuild::prepare`] sends all of it.
     pub(crate) fn lose(&mut self) {
-        self.passes.clear();
+        self.passes = Arc::default();
         self.partition.lose();
         if let Some(buffers) = &mut self.buffers {
             buffers.sort.lose();
@@ -202,7 +202,7 @@ impl TopBuild {
             ..TopPass::default()
         };
         let roots = buffers.capacity.nodes * (size_of::<PlanesRecord>() / 4) as u32;
-        let passes: Vec<TopPass> = std::iter::once(first)
+        let passes: Arc<[TopPass]> = std::iter::once(first)
             .chain(stages.iter().map(|stage| TopPass {
                 blocks: roots + stage.first,
                 block_count: stage.count,

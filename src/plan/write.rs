@@ -10,9 +10,8 @@ use super::frame::FramePlan;
 use super::held::Held;
 use super::layout::{Bases, InstanceRecord, LightRecord, ParamsRecord, STAND_IN, TreeRecord, stored_place};
 use super::node_record::{NodeRecord, stored_nodes};
-use super::pool::Pool;
-use super::reserve::Frame;
 use super::residency::Form;
+use super::room::{Frame, STRIDES};
 use super::scatter::{MAX_TARGETS, Scattered, scatter};
 use super::top::MapQuads;
 use super::tree_writes::{Source, TreeWrite, written_records};
@@ -23,20 +22,11 @@ use crate::profile::for_each_table;
 use crate::tree::{ChildRef, LEAF, Node};
 use crate::world::{LightWorld, birth_of_directional, birth_of_instance};
 
-/// The bytes of a record of each pool that takes short runs from staged records: of nodes, lights, trees and
-/// instances.
-pub(super) const STRIDES: [u64; MAX_TARGETS] = [
-    Pool::<NodeRecord>::STRIDE,
-    Pool::<LightRecord>::STRIDE,
-    Pool::<TreeRecord>::STRIDE,
-    Pool::<InstanceRecord>::STRIDE,
-];
-
 impl Held {
     /// Writes what changed, for which there is room. `before` are the buffers that shaders bound.
     pub(super) fn write(&mut self, frame: Frame<'_>, before: Option<ShaderBuffers>, draft: &mut Draft) {
-        let is_replaced = self.replace_params(before, draft);
         let former = self.uniforms.params;
+        let is_replaced = self.replace_params(before, draft);
         let mut lists = self.lists(&frame, draft);
         let FramePlan { upload, top, report, .. } = &mut draft.plan;
         *report = UploadReport {
@@ -182,8 +172,8 @@ impl Held {
     fn write_maps(&mut self, commands: &mut Commands, world: &LightWorld, is_new: bool) {
         let (buffer, quads, sky_map) = (self.top.nodes(), self.top.map_quads(), self.top.sky_map());
         let portals = world.placed_portals();
-        if quads.portals > 0 && (is_new || self.maps.portals != portals) {
-            self.maps.portals = portals.to_vec();
+        if quads.portals > 0 && (is_new || *self.maps.portals != *portals) {
+            self.maps.portals = portals.into();
             let quads = portal_quads(portals);
             let first = self.top.parts() - quads.len() as u32;
             commands.write(buffer, 16 * u64::from(first), bytemuck::cast_slice(&quads));

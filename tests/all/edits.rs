@@ -57,8 +57,8 @@ fn one_changed_light_sends_itself_and_the_nodes_above_it() {
             // Nodes between two that changed may be sent along.
             assert!((nodes..=3 * nodes).contains(&sent.nodes), "{sent:?}");
             assert_eq!((sent.trees, sent.lights, sent.instances), (1, 1, 0));
-            // A light has 32 bytes here, a node 160, and the record of the tree 80.
-            assert_eq!(sent.bytes, 32 + 160 * sent.nodes as u64 + 80);
+            // A light has 64 bytes, a node 224, and the record of the tree 80.
+            assert_eq!(sent.bytes, 64 + 224 * sent.nodes as u64 + 80);
             greatest = greatest.max(sent.bytes);
         }
     }

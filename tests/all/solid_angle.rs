@@ -397,13 +397,13 @@ fn the_setting_is_an_effect_that_costs_one_uniform_and_no_record() {
         assert_eq!(world.effects(), effects | Effects::SOLID_ANGLES);
         assert_eq!(world.effect_counts().of(Effects::SOLID_ANGLES), 1);
     }
-    assert_eq!(upload(&mut world), (64, 0, 0));
+    assert_eq!(upload(&mut world), (48, 0, 0));
     assert_eq!(upload(&mut world), (0, 0, 0));
     for _ in 0..2 {
         world.set_solid_angle_sampling(false);
         assert_eq!(world.effect_counts().of(Effects::SOLID_ANGLES), 0);
     }
-    assert_eq!(upload(&mut world), (64, 0, 0));
+    assert_eq!(upload(&mut world), (48, 0, 0));
     // The effect is held for a while, but shaders sample by area already.
     assert_eq!(world.effects(), effects | Effects::SOLID_ANGLES);
     for _ in 0..EFFECT_HOLD_UPDATES {

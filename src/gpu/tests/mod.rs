@@ -16,8 +16,7 @@ mod upload;
 use super::player::Player;
 use super::testing::{gpu, read};
 use crate::plan::buffers::Ids;
-use crate::plan::draft::Draft;
-use crate::plan::pool::Growth;
+use crate::plan::draft::{Draft, Growth};
 use crate::plan::{BufferId, Commands, NewBuffer};
 
 /// Plays commands of single parts of the planner on the shared device.

@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::Rig;
-use crate::plan::draft::Draft;
-use crate::plan::pool::{Growth, Pool};
+use crate::plan::draft::{Draft, Growth};
+use crate::plan::pool::Pool;
 use crate::plan::scatter::Scattered;
 use crate::plan::{BufferId, PlanError};
 

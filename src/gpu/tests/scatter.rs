@@ -3,7 +3,7 @@
 use super::Rig;
 use super::pool::TestPool;
 use crate::math::dice::hash;
-use crate::plan::pool::Growth;
+use crate::plan::draft::Growth;
 use crate::plan::scatter::{MAX_TARGETS, RunCount, UNIFORM_BYTES, scatter};
 
 /// Two pools of records of different sizes, and two targets without any records.

@@ -3,7 +3,7 @@
 use super::Rig;
 use crate::gpu::testing::gpu;
 use crate::math::dice::hash;
-use crate::plan::pool::Growth;
+use crate::plan::draft::Growth;
 use crate::plan::sort::SortBuffers;
 
 /// The same keys every time, with only the bits of `mask`.

@@ -501,7 +501,7 @@ fn a_film_that_only_the_gpu_has_lights_the_parts_of_a_screen_as_on_the_cpu() {
     // Parts of 8 x 8 texels, and every other one of 4 x 4.
     let corners =
         |size: u32| (0..width * height / (size * size)).map(move |i| [i % (width / size), i / (width / size), size]);
-    let is_cut = |x: u32, y: u32| (x + y) % 2 == 0;
+    let is_cut = |x: u32, y: u32| (x + y).is_multiple_of(2);
     let large = corners(8).filter(|[x, y, _]| !is_cut(*x, *y));
     let small = corners(4).filter(|[x, y, _]| is_cut(x / 2, y / 2));
     let part = |[x, y, size]: [u32; 3]| {

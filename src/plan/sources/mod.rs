@@ -19,6 +19,7 @@ pub use stage::wgsl_of_sources;
 pub(super) use stage::{PARTS, REFIT};
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use rpds::VectorSync;
 
@@ -29,8 +30,8 @@ use super::error::PlanError;
 use super::kernel::{UNIFORM_ALIGNMENT, pass_bytes};
 use super::layout::TreeRecord;
 use super::pool::Pool;
-use super::reserve::Frame;
 use super::residency::{Form, Residency};
+use super::room::Frame;
 use super::scatter::Scattered;
 use crate::effects::Effects;
 use crate::keys::{TreeKey, slot_of};
@@ -58,7 +59,7 @@ pub(super) struct SourceStore {
     /// The source and the part that are read back next.
     next_part: (u32, u32),
     /// The passes of the last plan.
-    passes: Vec<RefitPass>,
+    passes: Arc<[RefitPass]>,
 }
 
 /// A source as the GPU knows it.
@@ -91,7 +92,7 @@ impl SourceStore {
             has_new_uniform: false,
             list: 0..0,
             next_part: (0, 0),
-            passes: Vec::new(),
+            passes: Arc::default(),
         }
     }
 
@@ -238,12 +239,12 @@ impl SourceStore {
         if !changed.is_empty() {
             self.lists.write(commands, none, self.list.clone(), list.into_iter());
         }
-        if (has_new_uniform || passes != self.passes)
+        if (has_new_uniform || *passes != *self.passes)
             && let Some((uniform, _)) = self.uniform
         {
             commands.write(uniform, 0, &pass_bytes(&passes, UNIFORM_ALIGNMENT));
         }
-        self.passes = passes;
+        self.passes = passes.into();
     }
 
     /// The words of the lists, and the passes that read them. The last pass writes the records of parts.
@@ -278,7 +279,7 @@ impl SourceStore {
 
     /// The device may lack what was written.
     pub fn lose(&mut self) {
-        self.passes.clear();
+        self.passes = Arc::default();
         self.states = self.states.iter().map(|state| SourceState { key: None, ..state.clone() }).collect();
     }
 

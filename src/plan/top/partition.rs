@@ -1,5 +1,7 @@
 //! The partition of the top level on the GPU: the records of its divided nodes, and the blocks of each stage.
 
+use std::sync::Arc;
+
 use bytemuck::{Pod, Zeroable};
 
 use super::super::buffers::BufferId;
@@ -51,8 +53,8 @@ pub(super) struct SentPartition {
     id: u64,
     number: u64,
     /// The roots of the blocks of all stages.
-    roots: Vec<u32>,
-    pub stages: Vec<StageBlocks>,
+    roots: Arc<[u32]>,
+    pub stages: Arc<[StageBlocks]>,
     pub nodes: u32,
     pub is_divided: bool,
 }
@@ -82,7 +84,7 @@ impl SentPartition {
             let records: Vec<PlanesRecord> = run.clone().map(record).collect();
             commands.write(buffer, BYTES * u64::from(run.start), bytemuck::cast_slice(&records));
         }
-        let former = std::mem::take(&mut self.roots);
+        let former = self.roots.clone();
         self.list_roots(partition);
         if self.roots != former || self.number == 0 {
             commands.write(buffer, BYTES * u64::from(capacity), bytemuck::cast_slice(&self.roots));
@@ -101,14 +103,15 @@ impl SentPartition {
             }
         }
         roots.sort_unstable();
-        self.stages.clear();
+        let mut stages: Vec<StageBlocks> = Vec::new();
         for (number, _) in &roots {
-            let first = self.stages.iter().map(|stage| stage.count).sum();
-            match self.stages.get_mut(usize::from(*number)) {
+            let first = stages.iter().map(|stage| stage.count).sum();
+            match stages.get_mut(usize::from(*number)) {
                 Some(stage) => stage.count += 1,
-                None => self.stages.push(StageBlocks { first, count: 1 }),
+                None => stages.push(StageBlocks { first, count: 1 }),
             }
         }
+        self.stages = stages.into();
         self.roots = roots.into_iter().map(|(_, node)| node).collect();
     }
 }

@@ -85,7 +85,7 @@ fn forty_million_parts_are_covered_by_dispatches_of_two_dimensions_and_words_of_
     let mut commands = Commands::default();
     let masks = top.masks();
     top.prepare(&mut commands, PARTS, &Partition::default(), params(masks, [0; 3]));
-    top.passes[0].nodes = NODES;
+    top.passes = top.passes.iter().map(|pass| TopPass { nodes: NODES, ..*pass }).collect();
     top.build(&mut commands, ids());
     let mut groups = Vec::new();
     for command in commands.iter() {

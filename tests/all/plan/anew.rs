@@ -243,7 +243,7 @@ fn run(seed: u64, edits: u64) {
         }
         built += u64::from(edited.update());
         if edited.below(50) == 0 {
-            let bytes = [400_000, 600_000, 1_200_000][edited.below(3)];
+            let bytes = [300_000, 600_000, 800_000][edited.below(3)];
             players[1].planner.set_tree_memory(Some(bytes));
         }
         for played in &mut players {

@@ -137,7 +137,7 @@ fn more_instances_than_fit_are_refused_until_some_are_gone() {
 #[test]
 fn a_tree_that_does_not_fit_stands_in_alone() {
     let mut rng = Rng(93);
-    let limits = PlanLimits::new(160_000);
+    let limits = PlanLimits::new(200_000);
     let (mut world, houses) = row(&mut rng, 10, 22);
     let mut played = played(limits);
     let mut stands_in = |count: usize| {

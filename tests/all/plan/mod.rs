@@ -40,7 +40,7 @@ fn nudge(world: &mut LightWorld, key: InstanceKey) {
 }
 
 /// The record of a rigid instance without factor and mask.
-const INSTANCE_BYTES: usize = 80;
+const INSTANCE_BYTES: usize = 160;
 
 #[test]
 fn ten_thousand_scattered_moves_go_up_in_one_write_and_one_pass() {
@@ -97,7 +97,7 @@ fn many_flickering_trees_go_up_in_one_write() {
         // Lights that are near one another are sent together.
         assert_eq!((plan.report.trees, plan.report.nodes, plan.report.lights), (500, 500, 2000));
         // A node, four lights and the record of the tree, each with its place.
-        assert_eq!(plan.report.bytes, 500 * (160 + 4 * 32 + 80 + 6 * 4) + 3 * 16);
+        assert_eq!(plan.report.bytes, 500 * (224 + 4 * 64 + 80 + 6 * 4) + 3 * 16);
         assert_eq!((played.device.writes, played.device.dispatches["scatter"]), (4, 3));
         let mut fresh = Played::new();
         fresh.frame(&world);
@@ -233,9 +233,9 @@ fn buffers_of_an_exact_reservation_are_no_larger_than_needed() {
     let bytes = |buffers: &[girandole::plan::NewBuffer]| {
         buffers.iter().find(|b| b.what == "instances").expect("the instances have grown").bytes
     };
-    assert_eq!(bytes(played.planner.reserve(&world).expect("room").new_buffers()), 256 * 80);
+    assert_eq!(bytes(played.planner.reserve(&world).expect("room").new_buffers()), 256 * 160);
     let exact = played.planner.reserve_exactly(&world).expect("room");
-    assert_eq!(bytes(exact.new_buffers()), 129 * 80);
+    assert_eq!(bytes(exact.new_buffers()), 129 * 160);
 }
 
 #[test]
@@ -301,11 +301,11 @@ fn instances_whose_removal_a_device_missed_are_removed_by_what_sends_everything(
         update(&mut world);
         (world, played)
     };
-    // Free slots hold zeros.
+    // Flags have a bit for slots in use.
     let check = |world: &LightWorld, played: &Played| {
         let records = played.instances(world, INSTANCE_BYTES);
         for (slot, record) in (1..).zip(records.chunks_exact(INSTANCE_BYTES)) {
-            assert_eq!(record.iter().any(|byte| *byte != 0), world.instance_at(slot).is_some(), "slot {slot}");
+            assert_eq!(record[48] & 1 == 1, world.instance_at(slot).is_some(), "slot {slot}");
         }
     };
     // The plan with the removals is not played.
@@ -324,9 +324,9 @@ fn instances_whose_removal_a_device_missed_are_removed_by_what_sends_everything(
 
 #[test]
 fn a_last_frame_that_does_not_fit_into_a_buffer_has_no_lights_and_refuses_nothing() {
-    // 80 bytes of parameters, 80 for each of 1,001 slots and 32 for each light: 131,072, the limit, and 131,104.
-    for (lights, slots) in [(1590, 1001), (1591, 0)] {
-        let (mut world, ..) = lamps(999);
+    // 64 bytes of parameters, 160 for each of 502 slots and 64 for each light: 131,072, the limit, and 131,136.
+    for (lights, slots) in [(791, 502), (792, 0)] {
+        let (mut world, ..) = lamps(500);
         let row = (0..lights).map(|i| Light::point(Vec3::X * i as f32, Vec3::ONE));
         let tree = world.add_tree(LightTree::new(row.collect()).expect("valid"));
         let key = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
@@ -343,7 +343,7 @@ fn a_last_frame_that_does_not_fit_into_a_buffer_has_no_lights_and_refuses_nothin
 }
 
 /// The bytes before the instances of the last frame: the parameters, and where the lights begin.
-const PREVIOUS_HEAD: usize = 80;
+const PREVIOUS_HEAD: usize = 64;
 
 #[test]
 fn after_a_loss_the_last_frame_has_no_lights_until_the_second_plan() {
@@ -391,7 +391,7 @@ fn indices_of_lights_that_never_were_are_sent_as_removed_lights() {
     let lights = |played: &Played| {
         let [_, _, _, _, lights] = played.bound();
         let base = u32::from_le_bytes(played.instances(&world, INSTANCE_BYTES)[60..64].try_into().expect("a word"));
-        played.device.content(lights)[base as usize * 32..][..105 * 32].to_vec()
+        played.device.content(lights)[base as usize * 64..][..105 * 64].to_vec()
     };
     assert!(lights(&played) == lights(&fresh));
 }
@@ -399,7 +399,7 @@ fn indices_of_lights_that_never_were_are_sent_as_removed_lights() {
 #[test]
 fn sizes_are_multiples_of_4_whatever_the_limit_is() {
     let (mut world, _, keys) = lamps(5000);
-    let mut played = Played { planner: LightPlanner::new(PlanLimits::new(740_003)), device: Device::default() };
+    let mut played = Played { planner: LightPlanner::new(PlanLimits::new(1_440_003)), device: Device::default() };
     update(&mut world);
     played.frame(&world);
     let mut rng = Rng(9);
@@ -412,7 +412,7 @@ fn sizes_are_multiples_of_4_whatever_the_limit_is() {
         let plan = played.frame(&world);
         let staged = plan.new_buffers.iter().filter(|buffer| buffer.what == "staged records");
         let staged: Vec<u64> = staged.map(|buffer| buffer.bytes).collect();
-        assert_eq!(staged, [if period == 9 { 4444 * (INSTANCE_BYTES as u64 + 4) } else { 740_000 }]);
+        assert_eq!(staged, [if period == 9 { 4444 * (INSTANCE_BYTES as u64 + 4) } else { 1_440_000 }]);
     }
 }
 
