@@ -147,5 +147,5 @@ fn a_flight_in_which_regions_come_and_go_keeps_all_invariants_and_leaves_nothing
 
 /// Bytes of nodes and lights on the GPU, of points.
 fn bytes(tree: &LightTree) -> u64 {
-    tree.nodes().len() as u64 * 160 + tree.lights().len() as u64 * 32
+    tree.nodes().len() as u64 * 224 + tree.lights().len() as u64 * 64
 }

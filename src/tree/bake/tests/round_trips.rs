@@ -19,7 +19,7 @@ fn a_loaded_tree_is_the_frozen_tree_bit_for_bit_and_bakes_to_the_same_bytes() {
         assert_eq!(loaded.bake(), bytes);
         assert_eq!(loaded.memory_bytes(), frozen(&tree).memory_bytes());
         let records = LIGHT_BYTES * tree.lights().len() + NODE_BYTES * tree.nodes().len();
-        let numbers = 4 * tree.lights().len() + 8 * tree.nodes().len();
+        let numbers = 4 * tree.lights().len() + 4 * tree.nodes().len();
         assert_eq!(bytes.len(), HEADER_BYTES + 72 * tree.sides().len() + records + numbers);
     }
 }
