@@ -142,7 +142,7 @@ pub const KERNELS: &[Kernel] = &[
     sources::PARTS,
 ];
 
-/// What the GPU holds of one [`LightWorld`], and what it has to do to follow the world.
+/// What the GPU holds of one [`LightWorld`](crate::LightWorld), and what it has to do to follow the world.
 ///
 /// Keep one for each world and device. It holds no GPU object and no copy of the world's data: at
 /// most 48 bytes for each tree and 8 bytes for each instance.
@@ -195,7 +195,7 @@ impl LightPlanner {
     }
 
     /// The effects that the text of [`wgsl`] must support to read these buffers: those of
-    /// [`LightWorld::effects`] at the last plan, and all before the first one. Never contains
+    /// [`LightWorld::effects`](crate::LightWorld::effects) at the last plan, and all before the first one. Never contains
     /// [`Effects::MOVING`], on which no shader depends.
     pub fn effects(&self) -> Effects {
         self.held.effects
