@@ -36,7 +36,7 @@ fn the_timings_have_every_row_and_count_bytes_dispatches_and_nodes() {
     assert!(said("date").len() == 10 && !said("commit").is_empty(), "{} {}", said("date"), said("commit"));
 
     let checks = rows("checks");
-    assert!(checks.len() >= 4 && checks.iter().all(|check| check["passed"] == true), "{checks:?}");
+    assert!(checks.len() >= 3 && checks.iter().all(|check| check["passed"] == true), "{checks:?}");
 
     let uploads = rows("upload");
     assert_positive(uploads, &["instances", "percent_moved", "moved", "bytes"]);
@@ -46,7 +46,7 @@ fn the_timings_have_every_row_and_count_bytes_dispatches_and_nodes() {
     // may change two nodes of the top level, of 112 bytes.
     for row in uploads {
         let bytes = number(row, "bytes") / number(row, "moved");
-        assert!((48.0..=128.0 + 4.0 + 2.0 * 112.0).contains(&bytes), "{row}");
+        assert!((160.0..=160.0 + 4.0 + 2.0 * 112.0).contains(&bytes), "{row}");
     }
     assert!(uploads.iter().all(|row| is_time(&row["upload_call"]) && is_time(&row["submit_and_wait"])));
 
