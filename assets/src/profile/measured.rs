@@ -135,8 +135,10 @@ fn angles(numbers: &[Number], [least, most]: [f64; 2]) -> Result<Vec<f64>, Asset
 pub(super) fn value_count(vertical: &[Number], horizontal: &[Number]) -> Result<usize, AssetError> {
     let found = vertical.len() * horizontal.len();
     let line = horizontal.last().map_or(1, |last| last.line);
-    let fault = format_args!("there are {found} intensities; at most {MAX_VALUES} are allowed");
-    if found <= MAX_VALUES { Ok(found) } else { Err(in_line(line, fault)) }
+    if found <= MAX_VALUES {
+        return Ok(found);
+    }
+    Err(in_line(line, format_args!("there are {found} intensities; at most {MAX_VALUES} are allowed")))
 }
 
 /// All planes around the axis, from those that a file has: one for all, a quarter, a half or all of them.

@@ -196,6 +196,7 @@ static void sampling(const GirandoleWorld *world)
     memset(&sample, 0x55, sizeof sample);
     EXPECT(GIRANDOLE_OK, girandole_world_resample(world, 0, &ground, u, 1, &sample));
     REQUIRE(sample.light.kind == GIRANDOLE_ID_NONE);
+    memset(&sample, 0x55, sizeof sample);
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_sample(NULL, &ground, u, 1, &sample));
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_sample(world, NULL, u, 1, &sample));
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_sample(world, &ground, NULL, 1, &sample));
