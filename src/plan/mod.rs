@@ -89,6 +89,7 @@ mod residency;
 mod room;
 mod runs;
 pub(crate) mod scatter;
+mod shared_list;
 pub(crate) mod sort;
 pub(crate) mod sources;
 mod stand_in;
@@ -145,7 +146,7 @@ pub const KERNELS: &[Kernel] = &[
 /// What the GPU holds of one [`LightWorld`](crate::LightWorld), and what it has to do to follow the world.
 ///
 /// Keep one for each world and device. It holds no GPU object and no copy of the world's data: at
-/// most 48 bytes for each tree and 8 bytes for each instance.
+/// most 97 bytes for each tree and 9 bytes for each instance.
 pub struct LightPlanner {
     held: Held,
 }

@@ -6,8 +6,6 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use rpds::VectorSync;
-
 use super::buffers::BufferId;
 use super::commands::Commands;
 use super::draft::{Draft, Growth};
@@ -16,13 +14,14 @@ use super::layout::PartRecord;
 use super::pool::Pool;
 use super::runs::runs;
 use super::scatter::Scattered;
+use super::shared_list::SharedList;
 
 /// The parts of all instances.
 #[derive(Clone)]
 pub(super) struct PartTable {
     pool: Pool<PartRecord>,
     /// The parts of each instance slot; empty for a slot without an instance.
-    ranges: VectorSync<Range<u32>>,
+    ranges: SharedList<Range<u32>>,
     /// The records to be written.
     changed: BTreeMap<u32, PartRecord>,
     /// Ranges that slots had before. They are freed once all slots have theirs, so that parts keep the order of their
@@ -38,7 +37,7 @@ impl PartTable {
         let pool = Pool::new("parts of instances", 64, limit_bytes);
         Self {
             pool,
-            ranges: VectorSync::default(),
+            ranges: SharedList::default(),
             changed: BTreeMap::new(),
             former: Vec::new(),
             has_lost_records: false,
@@ -72,10 +71,7 @@ impl PartTable {
         self.former.push(former);
         let range = self.pool.alloc(count, growth)?;
         self.changed.extend(records_of(slot, &range));
-        while self.ranges.len() <= slot as usize {
-            self.ranges.push_back_mut(0..0);
-        }
-        self.ranges.set_mut(slot as usize, range);
+        self.ranges.set(slot as usize, range);
         Ok(())
     }
 
@@ -87,7 +83,7 @@ impl PartTable {
     /// Forgets all ranges, so that the parts of all slots are placed anew, without gaps.
     pub fn restart(&mut self) {
         self.pool.restart();
-        self.ranges = VectorSync::default();
+        self.ranges = SharedList::default();
     }
 
     /// Makes the next write send all parts again.
@@ -105,7 +101,7 @@ impl PartTable {
         let mut records = std::mem::take(&mut self.changed);
         if std::mem::take(&mut self.has_lost_records) {
             records = (0..self.count()).map(|part| (part, PartRecord::NONE)).collect();
-            (0..).zip(&self.ranges).for_each(|(slot, range)| records.extend(records_of(slot, range)));
+            (0..).zip(self.ranges.iter()).for_each(|(slot, range)| records.extend(records_of(slot, range)));
         }
         // Ranges that were freed may lie beyond those in use.
         for run in runs(records.keys().copied(), 0) {

@@ -2,8 +2,9 @@
 
 use std::ops::Range;
 
-use rpds::{RedBlackTreeMapSync, RedBlackTreeSetSync, VectorSync};
+use rpds::{RedBlackTreeMapSync, RedBlackTreeSetSync};
 
+use super::shared_list::SharedList;
 use crate::keys::TreeKey;
 use crate::tree::Opening;
 use crate::world::TreeEntry;
@@ -43,6 +44,12 @@ pub(super) struct TreeState {
     pub usefulness: u32,
     /// The bytes of the whole tree, if it waits.
     pub bytes: u64,
+}
+
+impl Default for TreeState {
+    fn default() -> Self {
+        Self::NONE
+    }
 }
 
 impl TreeState {
@@ -120,7 +127,7 @@ pub(super) struct Incoming {
 /// The trees of a world as the GPU holds them, by slot.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Residency {
-    trees: VectorSync<TreeState>,
+    trees: SharedList<TreeState>,
     /// The trees that wait and may find room, the most useful last.
     waiting: RedBlackTreeSetSync<(u32, u32)>,
     /// The slots of trees that wait and for which there is no room until something changes.
@@ -241,13 +248,8 @@ impl Residency {
 
     /// Puts a tree in place of the former one of its slot, which is returned.
     pub fn replace(&mut self, slot: u32, state: TreeState) -> TreeState {
-        let index = slot as usize;
-        while self.trees.len() <= index {
-            self.trees.push_back_mut(TreeState::NONE);
-        }
-        let former = self.trees[index].clone();
-        self.trees.set_mut(index, state);
-        let state = &self.trees[index];
+        let former = self.trees.set(slot as usize, state.clone());
+        let state = &state;
         self.is_packed &= former.ranges() == state.ranges();
         if former.waits {
             self.waiting.remove_mut(&(former.usefulness, slot));
@@ -269,9 +271,8 @@ impl Residency {
 
     /// Records that a tree was written up to a revision.
     pub fn was_written(&mut self, slot: u32, revision: u64) {
-        if let Some(state) = self.trees.get_mut(slot as usize) {
-            state.revision = revision;
-        }
+        let state = TreeState { revision, ..self.get(slot).clone() };
+        self.trees.set(slot as usize, state);
     }
 
     /// Forgets the ranges of all trees.
@@ -318,7 +319,7 @@ impl Residency {
     pub fn sort(&mut self) {
         if self.order.is_none() {
             let mut order = Order::default();
-            (0..).zip(&self.trees).for_each(|(slot, state)| order.insert(slot, state));
+            (0..).zip(self.trees.iter()).for_each(|(slot, state)| order.insert(slot, state));
             self.order = Some(order);
         }
     }

@@ -443,3 +443,29 @@ fn sampling_asks_for_no_memory() {
     });
     assert_eq!(asked, 0);
 }
+
+#[test]
+fn a_planner_takes_the_bytes_for_each_tree_and_each_instance_that_its_documentation_states() {
+    on_one_thread(|| {
+        let lamp = || LightTree::new(vec![Light::point(Vec3::ONE, Vec3::ONE)]).expect("valid");
+        let bytes = |trees: u32, instances: u32| {
+            let mut world = LightWorld::new();
+            let keys: Vec<TreeKey> = (0..trees).map(|_| world.add_tree(lamp())).collect();
+            for i in 0..instances {
+                world.add_instance(keys[0], Placement::at(DVec3::X * f64::from(i)), Policy::Static).expect("valid");
+            }
+            world.update(FrameBudget::NONE);
+            let (planner, held) = held_bytes(|| {
+                let mut planner = LightPlanner::new(PlanLimits::new(1 << 30));
+                drop(planner.reserve(&world).expect("room enough").plan());
+                planner
+            });
+            drop(planner);
+            held as f64
+        };
+        let (empty, trees, instances) = (bytes(1, 0), bytes(64_000, 0), bytes(1, 64_000));
+        let [of_tree, of_instance] = [trees, instances].map(|bytes| (bytes - empty) / 64_000.0);
+        assert!(of_tree <= 97.0 && of_instance <= 9.0, "{of_tree} for each tree, {of_instance} for each instance");
+        assert!(of_tree > 64.0 && of_instance > 7.0, "{of_tree} for each tree, {of_instance} for each instance");
+    });
+}

@@ -21,8 +21,6 @@ pub(super) use stage::{PARTS, REFIT};
 use std::ops::Range;
 use std::sync::Arc;
 
-use rpds::VectorSync;
-
 use super::buffers::BufferId;
 use super::commands::Commands;
 use super::draft::Draft;
@@ -33,6 +31,7 @@ use super::pool::Pool;
 use super::residency::{Form, Residency};
 use super::room::Frame;
 use super::scatter::Scattered;
+use super::shared_list::SharedList;
 use crate::effects::Effects;
 use crate::keys::{TreeKey, slot_of};
 use crate::world::{TreeSource, TreeVersion};
@@ -51,7 +50,7 @@ pub(super) struct SourceStore {
     /// The uniform of the passes, and how many it has room for.
     uniform: Option<(BufferId, u32)>,
     /// By the number of the source.
-    states: VectorSync<SourceState>,
+    states: SharedList<SourceState>,
     /// What is to be written: the records of these sources, with their pieces if these are others, and the uniform.
     changed: Vec<(u32, Option<Pieces>)>,
     has_new_uniform: bool,
@@ -87,7 +86,7 @@ impl SourceStore {
             pieces: Pool::new("pieces of sources", FIRST_RECORDS, limit),
             lists: Pool::new("lists of pieces", FIRST_RECORDS, limit),
             uniform: None,
-            states: VectorSync::default(),
+            states: SharedList::default(),
             changed: Vec::new(),
             has_new_uniform: false,
             list: 0..0,
@@ -183,10 +182,7 @@ impl SourceStore {
                 state.passes = pieces.passes.clone();
                 written = Some(pieces);
             }
-            while self.states.len() <= index as usize {
-                self.states.push_back_mut(SourceState::default());
-            }
-            self.states.set_mut(index as usize, state);
+            self.states.set(index as usize, state);
             self.changed.push((index, written));
         }
         let (words, passes) = self.sizes();
@@ -211,7 +207,7 @@ impl SourceStore {
     /// The words of the lists and the number of passes.
     fn sizes(&self) -> (u32, u32) {
         let (mut words, mut passes) = (0, 0);
-        for state in &self.states {
+        for state in self.states.iter() {
             words += state.passes.iter().map(|pass| pass.len() as u32).sum::<u32>();
             words += 2 * state.record.record_count.div_ceil(PART_LANES);
             passes = passes.max(state.passes.len() as u32);
@@ -228,7 +224,7 @@ impl SourceStore {
         }
         let none = &mut Scattered::default();
         for (index, pieces) in &changed {
-            let state = &self.states[*index as usize];
+            let Some(state) = self.states.get(*index as usize) else { continue };
             self.table.write(commands, none, *index..index + 1, [state.record].into_iter());
             if let Some(pieces) = pieces {
                 let pairs = pieces.pairs_from(state.clusters.start);
@@ -257,14 +253,14 @@ impl SourceStore {
         let most = self.states.iter().map(|state| state.passes.len()).max().unwrap_or(0);
         for pass in 0..most {
             let before = list.len();
-            for state in &self.states {
+            for state in self.states.iter() {
                 let starts = state.passes.get(pass).into_iter().flatten();
                 list.extend(starts.map(|start| state.pieces.start + start));
             }
             add(&list, before, 1);
         }
         let before = list.len();
-        for (index, state) in (0..).zip(&self.states) {
+        for (index, state) in (0..).zip(self.states.iter()) {
             let firsts = (0..state.record.record_count).step_by(PART_LANES as usize);
             list.extend(firsts.flat_map(|first| [index, first]));
         }
@@ -313,7 +309,8 @@ impl SourceStore {
     /// [`MeasureReadback`].
     pub fn measures(&self, first: u32, most: u32) -> Option<MeasureReadback> {
         let end = first.saturating_add(most).min(self.states.len() as u32);
-        let versions: Vec<_> = (first..end).map(|index| self.states[index as usize].version).collect();
+        let versions: Vec<_> =
+            (first..end).filter_map(|index| self.states.get(index as usize)).map(|state| state.version).collect();
         let stride = Pool::<MeasureRecord>::STRIDE;
         let (offset, bytes) = (u64::from(first) * stride, versions.len() as u64 * stride);
         self.uniform.filter(|_| bytes > 0 && self.is_active())?;
