@@ -94,7 +94,9 @@ fn time(
                 let moves = scattered(&world, kind, &mut rng);
                 took += frame(&mut world, &moves);
                 world.update(FrameBudget::NONE);
-                assert!(moves.iter().all(|(key, placement)| world.placement(*key) == Some(*placement)));
+                assert!(
+                    moves.iter().all(|(key, placement)| world.instance(*key).map(|i| i.placement) == Some(*placement))
+                );
             }
             took
         });
@@ -332,15 +334,15 @@ fn regions(c: &mut Criterion) {
             group.bench_function(BenchmarkId::new(format!("{stage:?}"), trees), |b| {
                 let mut rng = Rng(9);
                 let mut world = world(10_000, Kind::Translated, &mut rng);
-                let counts = (world.instance_count(), world.light_count());
+                let counts = (world.instances().len(), world.light_count());
                 b.iter_custom(|rounds| {
                     let mut took = [Duration::ZERO; 4];
                     for _ in 0..rounds {
                         let start = Instant::now();
-                        let filled = region(trees, &mut rng);
+                        let mut filled = region(trees, &mut rng);
                         took[Stage::Fill as usize] += start.elapsed();
                         let start = Instant::now();
-                        let key = world.add_region(filled).expect("a valid region");
+                        let key = world.add_region(&mut filled).expect("a valid region");
                         took[Stage::Add as usize] += start.elapsed();
                         let lights = REGION_INSTANCES * (REGION_LIGHTS / trees);
                         assert_eq!(world.light_count(), counts.1 + lights);
@@ -348,7 +350,7 @@ fn regions(c: &mut Criterion) {
                         let start = Instant::now();
                         let removed = world.remove_region(key).expect("it lives");
                         took[Stage::Remove as usize] += start.elapsed();
-                        assert_eq!((world.instance_count(), world.light_count()), counts);
+                        assert_eq!((world.instances().len(), world.light_count()), counts);
                         let start = Instant::now();
                         drop(removed);
                         took[Stage::Free as usize] += start.elapsed();

@@ -165,7 +165,7 @@ pub use effects::{EffectCounts, Effects};
 pub use error::{BudgetError, CellError, LightError, PlacementError, ProfileError, SkyError, WorldError};
 
 pub use glam;
-pub use instance::appearance::MAX_FACTOR;
+pub use instance::appearance::{Appearance, MAX_FACTOR};
 pub use instance::placement::{MAX_DISTANCE, MAX_SCALE, Placement};
 pub use instance::portal::Portal;
 pub use instance::sector::ORIGIN_GRID;
@@ -190,8 +190,8 @@ pub use visibility::{VisibilityOptions, VisibilityTable};
 #[cfg(feature = "gpu")]
 pub use wgpu;
 pub use world::{
-    BackgroundReport, Changes, FrameReport, JobReport, LightWorld, OriginMode, RebuildState, RefusedRegion, Region,
-    RegionInstance, RegionTree, RegionView, RemovedRegion, Revision, TreeSource, WorldMemory,
+    BackgroundReport, Changes, FrameReport, Instance, JobReport, LightWorld, OriginMode, RebuildState, Region,
+    RegionInstance, RegionTree, RegionView, Revision, TreeSource, WorldMemory,
 };
 #[cfg(feature = "bake")]
 pub use world::{DumpError, LeftOut};

@@ -95,7 +95,7 @@ impl Policy {
 }
 
 /// A tree's attributes since its last rebuild.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct AttributeHistory {
     /// The attributes right after the last rebuild.
     pub rebuilt: Attributes,

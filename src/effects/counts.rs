@@ -48,13 +48,19 @@ impl HasEmpty for EffectCounts {
 }
 
 impl EffectCounts {
+    /// The counts of one light, instance or tree.
+    pub(crate) fn one(effects: Effects) -> Self {
+        let mut counts = Self::default();
+        counts.add(effects);
+        counts
+    }
+
     /// Adds one light, instance or tree with these effects.
     pub(crate) fn add(&mut self, effects: Effects) {
         effects.numbers().for_each(|kind| self.counts[kind] += 1);
     }
 
     /// Adds several lights that all have these effects.
-    #[cfg(feature = "bake")]
     pub(crate) fn add_several(&mut self, effects: Effects, count: u64) {
         effects.numbers().for_each(|kind| self.counts[kind] += count);
     }
@@ -113,12 +119,24 @@ impl HeldEffects {
         held.fold(self.counts.effects(), |all, one| all | one) - Effects::MOVING
     }
 
-    /// Changes the counts. An effect whose count falls to 0 is held from now on.
-    pub fn change(&mut self, change: impl FnOnce(&mut EffectCounts)) {
+    /// Counts other things in place of some. An effect whose count falls to 0 is held from now on.
+    pub fn replace(&mut self, former: &EffectCounts, present: &EffectCounts) {
+        if former == present {
+            return;
+        }
         let before = self.counts.effects();
-        change(&mut self.counts);
+        self.counts.add_all(present);
+        self.counts.remove_all(former);
         let gone = before - self.counts.effects();
         gone.numbers().for_each(|kind| self.updates_left[kind] = EFFECT_HOLD_UPDATES);
+    }
+
+    /// Sets the count of an effect.
+    pub fn set(&mut self, effect: Effects, count: usize) {
+        let [mut former, mut present] = [EffectCounts::default(); 2];
+        former.add_several(effect, self.counts.of(effect));
+        present.add_several(effect, count as u64);
+        self.replace(&former, &present);
     }
 
     /// Counts one update.
@@ -134,10 +152,10 @@ mod tests {
     #[test]
     fn an_effect_is_there_at_once_and_is_held_after_it_is_gone() {
         let mut held = HeldEffects::default();
-        held.change(|counts| counts.add(Effects::RANGES | Effects::MOVING));
+        held.replace(&EffectCounts::default(), &EffectCounts::one(Effects::RANGES | Effects::MOVING));
         assert_eq!(held.counts().effects(), Effects::RANGES | Effects::MOVING);
         assert_eq!(held.effects(), Effects::RANGES);
-        held.change(|counts| counts.remove(Effects::RANGES | Effects::MOVING));
+        held.replace(&EffectCounts::one(Effects::RANGES | Effects::MOVING), &EffectCounts::default());
         assert_eq!(held.counts().effects(), Effects::empty());
         for _ in 0..EFFECT_HOLD_UPDATES {
             assert_eq!(held.effects(), Effects::RANGES);

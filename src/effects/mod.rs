@@ -94,10 +94,10 @@ effects! {
     /// segment as the point in its middle.
     SEGMENTS,
     /// An instance that is shown has a factor other than 1: see
-    /// [`LightWorld::set_factor`](crate::LightWorld::set_factor).
+    /// [`Appearance::factor`](crate::Appearance::factor).
     FACTORS,
     /// An instance that is shown has a mask with a bit that is not set: see
-    /// [`LightWorld::set_mask`](crate::LightWorld::set_mask).
+    /// [`Appearance::mask`](crate::Appearance::mask).
     MASKS,
     /// Placements are stored by sector, so that the origin moves without them: see
     /// [`OriginMode`](crate::OriginMode).

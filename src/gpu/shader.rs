@@ -22,7 +22,7 @@ use crate::plan::text;
 /// fn light_surface_point(position: vec3<f32>, normal: vec3<f32>) -> LightShadingPoint // metres; unit
 /// fn light_glossy_point(position: vec3<f32>, normal: vec3<f32>, view: vec3<f32>,
 ///     roughness: f32, specular: f32, diffuse: f32) -> LightShadingPoint // see `Gloss`
-/// // The same point with another mask: see `LightWorld::set_mask`.
+/// // The same point with another mask: see `Appearance::mask`.
 /// fn light_masked_point(shading_point: LightShadingPoint, mask: u32) -> LightShadingPoint
 /// fn light_volume_point(position: vec3<f32>) -> LightShadingPoint
 /// // A segment of a ray through a medium: metres; unit; metres.
@@ -79,7 +79,7 @@ use crate::plan::text;
 /// // Where on a triangle or parallelogram the point of a sample or of a hit is, from 0 to 1 along both edges
 /// // from the first corner: see `LightSampler::place_on_light`.
 /// fn light_place_on(shading_point: LightShadingPoint, s: LightSample) -> vec2<f32>
-/// // The 32 bits that the engine has given to an instance: see `LightWorld::set_user_data`.
+/// // The 32 bits that the engine has given to an instance: see `Appearance::user_data`.
 /// fn light_user_data(instance: u32) -> u32
 /// // With Effects::SEGMENTS only: where on its segment the last sample was taken, in metres from the
 /// // start.

@@ -74,11 +74,11 @@ const LIGHTS: u32 = 130;
 /// Gives an instance what these effects allow.
 fn adorn(world: &mut LightWorld, instance: InstanceKey, i: u32, effects: Effects) {
     if effects.contains(Effects::FACTORS) && i.is_multiple_of(2) {
-        world.set_factor(instance, Vec3::new(0.2, 3.0 * random(i, 30), 1.0)).unwrap();
+        world.set_appearance(instance, |a| a.factor = Vec3::new(0.2, 3.0 * random(i, 30), 1.0)).unwrap();
     }
     // The shading points of these tests have all bits.
     if effects.contains(Effects::MASKS) && i != 1 {
-        world.set_mask(instance, if i == 3 { 0 } else { 0x80 }).unwrap();
+        world.set_appearance(instance, |a| a.mask = if i == 3 { 0 } else { 0x80 }).unwrap();
     }
 }
 

@@ -82,21 +82,6 @@ impl<K: Key, T> LinkedLists<K, T> {
     }
 }
 
-#[cfg(test)]
-impl<K: Key, T> LinkedLists<K, T> {
-    pub fn len(&self) -> usize {
-        self.items.len()
-    }
-
-    pub fn capacity(&self) -> usize {
-        self.items.capacity()
-    }
-
-    pub fn values(&self) -> impl Iterator<Item = &T> {
-        self.items.values().map(|item| &item.value)
-    }
-}
-
 impl<K: Key, T> Index<K> for LinkedLists<K, T> {
     type Output = T;
 

@@ -357,7 +357,7 @@ impl InstanceRecord {
                 rows(&placed.to_local, scales)
             },
             user_data: appearance.user_data,
-            factor: appearance.factor().to_array(),
+            factor: appearance.factor.to_array(),
             mask: appearance.mask,
             sector: sector::number(placed.place.center),
             padding: 0,

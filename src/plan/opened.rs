@@ -54,7 +54,7 @@ impl Opened {
     /// fit, and O(trees · log trees) after a change of the number of parts, instances or trees of a world
     /// whose parts do not.
     pub fn decided(&self, world: &LightWorld, room: u64) -> Option<Self> {
-        let (parts, instances, trees) = (world.part_count(), world.instance_count(), world.tree_count());
+        let (parts, instances, trees) = (world.part_count(), world.instances().len(), world.trees().len());
         let demand = Demand { parts, instances, trees, room };
         if demand == self.demand || self.most == u64::MAX && parts as u64 <= room - room / SPARE {
             return None;

@@ -223,7 +223,7 @@ impl Held {
         self.trees.nodes.keep_limit()?;
         self.trees.lights.keep_limit()?;
         self.trees.place_trees(frame.world, &frame.changes, &mut frame.trees)?;
-        let directionals = frame.world.directional_count() as u32;
+        let directionals = frame.world.directionals().len() as u32;
         if frame.changes.directionals && directionals as usize != self.trees.directionals.len() {
             self.trees.lights.free(std::mem::take(&mut self.trees.directionals));
             self.trees.directionals = self.trees.lights.alloc(directionals, frame.trees.growth)?;
@@ -234,7 +234,7 @@ impl Held {
     fn make_room_of_parts(&mut self, frame: &Frame<'_>, draft: &mut Draft) -> Result<(), PlanError> {
         for slot in frame.changes.parts.as_slice() {
             // As many as the tree has records; none without an instance.
-            let tree = frame.world.instance_at(*slot).and_then(|key| frame.world.instance_tree(key));
+            let tree = frame.world.instance_at(*slot).and_then(|key| frame.world.instance(key).map(|i| i.tree));
             let count = tree.map_or(0, |tree| self.trees.residency.get(slot_of(tree)).records.len() as u32);
             self.instances.parts.place(*slot, count, draft.growth)?;
         }

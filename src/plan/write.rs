@@ -107,7 +107,7 @@ impl Held {
             Source::Tree | Source::Piece if write.is_opened => (&entry.tree, 0, &entry.openings[..]),
             Source::Tree | Source::Piece => (&entry.tree, 0, [].as_slice()),
         };
-        let sky = world.sky().filter(|(key, _)| world.instance_tree(*key).is_some_and(|t| slot_of(t) == write.slot));
+        let sky = world.sky().filter(|(key, _)| world.instance(*key).is_some_and(|i| slot_of(i.tree) == write.slot));
         let sky = sky.map(|(_, sky)| sky);
         let [node_base, light_base] = write.bases;
         for run in node_runs {

@@ -52,7 +52,12 @@ impl LightSampler<'_> {
         let radiance = placed.appearance.arriving(radiance)?;
         let incident = Incident { direction, dist, radiance, pdf, is_delta: false, along: 0.0 };
         let pmf = self.pmf(shading_point, light);
-        Some(LightSample { light, pmf, incident, user_data: self.world.user_data(instance).unwrap_or(0) })
+        Some(LightSample {
+            light,
+            pmf,
+            incident,
+            user_data: self.world.instance(instance).map_or(0, |i| i.appearance.user_data),
+        })
     }
 
     /// Returns where on a triangle or parallelogram the point of a sample or of a hit is: how far it is along both edges

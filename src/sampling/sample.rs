@@ -53,7 +53,7 @@ pub struct LightSample {
     pub pmf: f32,
     /// The light that arrives from the point, and the density of the point's direction.
     pub incident: Incident,
-    /// The user data of the light's instance ([`LightWorld::set_user_data`]); 0 for a directional
+    /// The user data of the light's instance ([`Appearance::user_data`](crate::Appearance::user_data)); 0 for a directional
     /// light.
     pub user_data: u32,
 }
@@ -261,7 +261,7 @@ impl<'a> LightSampler<'a> {
         let LightPick { light, pmf } = pick;
         let incident = self.sample_light(shading_point, light, u)?;
         let user_data = match light {
-            LightId::Local { instance, .. } => self.world.user_data(instance).unwrap_or(0),
+            LightId::Local { instance, .. } => self.world.instance(instance).map_or(0, |i| i.appearance.user_data),
             LightId::Directional(_) => 0,
         };
         Some(LightSample { light, pmf, incident, user_data })

@@ -59,7 +59,7 @@ impl<'a> LightSampler<'a> {
         let (patch, incident) = self.sky_point(placed, shading_point, direction)?;
         let incident = Incident { radiance: instance.appearance.arriving(incident.radiance)?, ..incident };
         let light = LightId::Local { instance: key, light: patch };
-        let user_data = self.world.user_data(key).unwrap_or(0);
+        let user_data = self.world.instance(key).map_or(0, |i| i.appearance.user_data);
         Some(LightSample { light, pmf: self.pmf(shading_point, light), incident, user_data })
     }
 

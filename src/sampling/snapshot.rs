@@ -43,6 +43,6 @@ impl LightSnapshot {
 impl std::fmt::Debug for LightSnapshot {
     /// Counts, not contents.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("LightSnapshot").field("instances", &self.world.instance_count()).finish_non_exhaustive()
+        f.debug_struct("LightSnapshot").field("instances", &self.world.instances().len()).finish_non_exhaustive()
     }
 }

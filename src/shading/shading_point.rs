@@ -31,7 +31,7 @@ pub struct ShadingPoint {
     /// shorter than 1e-9 m, longer than 1e9 m or not finite.
     pub segment: Vec3,
     /// Only lights of instances whose mask has a bit in common with this one reach the point: see
-    /// [`LightWorld::set_mask`](crate::LightWorld::set_mask). All bits are set unless
+    /// [`Appearance::mask`](crate::Appearance::mask). All bits are set unless
     /// [`ShadingPoint::with_mask`] sets others. With 0 only directional lights reach it. Methods of
     /// [`LightTree`](crate::LightTree) ignore it.
     pub mask: u32,

@@ -31,13 +31,6 @@ impl TreeMemory {
         self.lights += other.lights;
         self.refits += other.refits;
     }
-
-    /// Removes a tree that was added.
-    pub(crate) fn remove(&mut self, other: &Self) {
-        self.nodes -= other.nodes;
-        self.lights -= other.lights;
-        self.refits -= other.refits;
-    }
 }
 
 impl LightTree {

@@ -275,7 +275,7 @@ mod tests {
             let mut before = Vec::new();
             for step in 0..120 {
                 let (key, way) = (keys[step % keys.len()], if step % 2 == 0 { DVec3::X } else { DVec3::NEG_X });
-                let place = world.placement(key).expect("it lives");
+                let place = world.instance(key).expect("it lives").placement;
                 let translation = place.translation + 1.0e-3 * way;
                 world.move_instance(key, Placement { translation, ..place }).expect("valid");
                 world.update(FrameBudget::NONE);

@@ -41,7 +41,7 @@ impl LightWorld {
         }
         filing.follow(scene, log);
         if filing.partition.number() != before {
-            log.partition();
+            log.lights();
             top.level.take();
             filing.revision = log.revision(scene.origin.position);
         }

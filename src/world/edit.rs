@@ -2,24 +2,19 @@
 
 use glam::Vec3;
 
+use super::delta::Delta;
+use super::log::InstanceChange;
+use super::rest::Rest;
 use super::{Instance, LightWorld, TreeEntry};
-use crate::effects::Effects;
+use crate::effects::{EffectCounts, Effects};
 use crate::error::WorldError;
 use crate::instance::placement::{Placed, Placement};
-use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
+use crate::keys::{DirectionalKey, InstanceKey, TreeKey};
 use crate::light::{DirectionalLight, Light};
 use crate::policy::{AttributeHistory, Policy};
 use crate::rare::Rare;
 use crate::scheduler::TreeFeatures;
-use crate::tree::{LightTree, TreeBuild, check_distinct, check_light_count, check_lights};
-
-/// A tree that was taken out of a world.
-pub(super) struct RemovedTree {
-    pub entry: TreeEntry,
-    /// Freed with the tree.
-    #[expect(dead_code, reason = "it is kept to be dropped with the tree")]
-    pub build: Option<Box<TreeBuild>>,
-}
+use crate::tree::{LightTree, check_distinct, check_light_count, check_lights};
 
 impl LightWorld {
     /// Takes a tree, which contributes nothing until it has an instance.
@@ -40,14 +35,15 @@ impl LightWorld {
     /// stretched: see [`LightTree::new_for`].
     pub fn add_tree(&mut self, mut tree: LightTree) -> TreeKey {
         tree.refit_changes();
-        self.effects.change(|counts| counts.add_all(tree.effects()));
-        let (features, lights) = (TreeFeatures::of(&tree), tree.light_count());
-        let key = self.scene.trees.insert(TreeEntry::new(tree));
-        let entry = &mut self.scene.trees[key];
+        self.insert_tree(TreeEntry::new(tree))
+    }
+
+    /// Takes a tree whose nodes are up to date. O(1).
+    fn insert_tree(&mut self, entry: TreeEntry) -> TreeKey {
+        let (features, lights) = (TreeFeatures::of(&entry.tree), entry.tree.light_count());
+        let key = self.scene.trees.insert(TreeEntry { rest: Rest::since(&self.rest), ..entry });
         self.rebuilds.scheduler.add(key, features, lights);
-        entry.recount(&mut self.sums);
-        self.wake(key);
-        self.log.tree(slot_of(key));
+        self.record(Delta::Tree(key, &EffectCounts::default()));
         key
     }
 
@@ -64,22 +60,19 @@ impl LightWorld {
         Ok(())
     }
 
-    /// Takes a live tree without instances out of the world, with the build that frames have begun
-    /// for it. Frees nothing. O(1).
-    pub(super) fn take_tree(&mut self, tree: TreeKey) -> RemovedTree {
-        self.remove_rest_timer(tree);
-        let build = self.rebuilds.take_long_build(tree);
-        self.rebuilds.scheduler.remove(tree);
-        let entry = self.scene.trees.remove(tree).expect("a live tree");
+    /// Takes a live tree without instances out of the world. O(1), but for small memory that is freed.
+    pub(super) fn take_tree(&mut self, key: TreeKey) -> LightTree {
+        let build = self.rebuilds.take_long_build(key);
+        self.rebuilds.scheduler.remove(key);
+        let mut entry = self.scene.trees.remove(key).expect("a live tree");
         self.rebuilds.weights.remove(&entry);
-        self.sums.remove(&entry.counted);
-        self.effects.change(|counts| counts.remove_all(entry.tree.effects()));
-        self.edits.pending.remove(tree);
-        if self.scene.sources.remove(tree) {
-            self.effects.change(|counts| counts.remove(Effects::MOVING));
+        if let Some(source) = &entry.source {
+            self.scene.sources[source.number as usize] = None;
         }
-        self.log.tree(slot_of(tree));
-        RemovedTree { entry, build }
+        self.record(Delta::RemovedTree(key, &entry));
+        let tree = std::mem::take(&mut entry.tree);
+        self.rebuilds.long_builder.free((entry, build), tree.nodes().len());
+        tree
     }
 
     /// Changes some lights of a tree, for all its instances, at the next [`LightWorld::update`].
@@ -123,17 +116,12 @@ impl LightWorld {
     /// `lights`, [`WorldError::TooManyLights`] for more than [`MAX_LIGHTS`](crate::tree::MAX_LIGHTS)
     /// indices.
     pub fn add_lights(&mut self, tree: TreeKey, lights: &[Light]) -> Result<Vec<u32>, WorldError> {
-        let entry = self.scene.trees.get_mut(tree).ok_or(WorldError::NoSuchTree(tree))?;
+        self.editable(tree)?;
         check_lights(lights.iter().enumerate())?;
-        if entry.is_static() {
-            return Err(WorldError::StaticTree(tree));
-        }
+        let entry = &mut self.scene.trees[tree];
         check_light_count(entry.staged.index_count_with(lights.len(), &entry.tree))?;
         let indices = lights.iter().map(|light| entry.staged.add(*light, &entry.tree)).collect();
-        if !lights.is_empty() {
-            self.edits.pending.insert(tree);
-        }
-        entry.recount(&mut self.sums);
+        self.await_update(tree);
         Ok(indices)
     }
 
@@ -151,10 +139,11 @@ impl LightWorld {
     /// [`WorldError::RemovedLight`] for a light that was removed, or that occurs twice in `lights`.
     pub fn remove_lights(&mut self, tree: TreeKey, lights: &[u32]) -> Result<(), WorldError> {
         let removed = lights.iter().map(|index| (*index, &Light::REMOVED));
-        let entry = self.entry(tree)?;
+        let entry = self.editable(tree)?;
         entry.staged.check_indices(lights.iter().copied(), &entry.tree)?;
         check_distinct(lights)?;
-        self.stage_checked_lights(tree, removed)
+        self.stage_checked_lights(tree, removed);
+        Ok(())
     }
 
     /// The lights that the last [`LightWorld::update`] removed from trees, as
@@ -195,30 +184,20 @@ impl LightWorld {
         tree: TreeKey,
         changes: impl Iterator<Item = (u32, &'a Light)> + Clone,
     ) -> Result<(), WorldError> {
-        let entry = self.entry(tree)?;
+        let entry = self.editable(tree)?;
         entry.staged.check_indices(changes.clone().map(|(index, _)| index), &entry.tree)?;
         check_lights(changes.clone().map(|(index, light)| (index as usize, light)))?;
-        self.stage_checked_lights(tree, changes)
+        self.stage_checked_lights(tree, changes);
+        Ok(())
     }
 
     /// Stages changes of lights that have been checked.
-    fn stage_checked_lights<'a>(
-        &mut self,
-        tree: TreeKey,
-        changes: impl Iterator<Item = (u32, &'a Light)>,
-    ) -> Result<(), WorldError> {
+    fn stage_checked_lights<'a>(&mut self, tree: TreeKey, changes: impl Iterator<Item = (u32, &'a Light)>) {
         let entry = &mut self.scene.trees[tree];
-        if entry.is_static() {
-            return Err(WorldError::StaticTree(tree));
-        }
         for (index, light) in changes {
             entry.staged.set(index, *light, entry.tree.lights());
         }
-        if !entry.staged.is_empty() {
-            self.edits.pending.insert(tree);
-        }
-        entry.recount(&mut self.sums);
-        Ok(())
+        self.await_update(tree);
     }
 
     /// Replaces all lights of a tree by any number of others, and builds the tree at once. Changes
@@ -229,10 +208,8 @@ impl LightWorld {
     /// [`WorldError::NoSuchTree`], [`WorldError::StaticTree`], [`WorldError::Light`],
     /// [`WorldError::TooManyLights`].
     pub fn replace_lights(&mut self, tree: TreeKey, lights: Vec<Light>) -> Result<(), WorldError> {
-        if self.entry(tree)?.is_static() {
-            return Err(WorldError::StaticTree(tree));
-        }
-        let built = LightTree::with_reference(lights, self.scene.trees[tree].tree.reference().copied())?;
+        let reference = self.editable(tree)?.tree.reference().copied();
+        let built = LightTree::with_reference(lights, reference)?;
         self.exchange(tree, built);
         Ok(())
     }
@@ -250,10 +227,7 @@ impl LightWorld {
     /// # Errors
     /// [`WorldError::NoSuchTree`], [`WorldError::StaticTree`]. The given tree is dropped.
     pub fn replace_tree(&mut self, tree: TreeKey, mut by: LightTree) -> Result<LightTree, WorldError> {
-        let entry = self.entry(tree)?;
-        if entry.is_static() {
-            return Err(WorldError::StaticTree(tree));
-        }
+        let entry = self.editable(tree)?;
         if by.reference().is_none() {
             by.set_reference(entry.tree.reference().copied());
         }
@@ -263,29 +237,18 @@ impl LightWorld {
 
     /// Puts a tree whose nodes are up to date in the place of another one, which is returned.
     pub(super) fn exchange(&mut self, tree: TreeKey, by: LightTree) -> LightTree {
-        let birth = self.scene.births.next();
-        let entry = &mut self.scene.trees[tree];
-        entry.births = Rare::default();
-        entry.replaced = birth;
-        entry.instances.iter().for_each(|key| self.log.altered(slot_of(*key)));
-        self.effects.change(|counts| {
-            counts.add_all(by.effects());
-            counts.remove_all(entry.tree.effects());
-        });
-        entry.history = AttributeHistory::start(by.attributes());
-        self.rebuilds.scheduler.was_replaced(tree, TreeFeatures::of(&by), by.light_count());
-        let former = std::mem::replace(&mut entry.tree, by);
-        entry.staged = Rare::default();
-        entry.has_new_policy = false;
-        self.edits.pending.remove(tree);
         self.cancel_build(tree);
         let entry = &mut self.scene.trees[tree];
-        entry.recount(&mut self.sums);
+        entry.births = Rare::default();
+        entry.replaced = self.scene.births.next();
+        entry.history = AttributeHistory::start(by.attributes());
+        entry.staged = Rare::default();
+        entry.has_new_policy = false;
+        self.rebuilds.scheduler.was_replaced(tree, TreeFeatures::of(&by), by.light_count());
+        let former = std::mem::replace(&mut entry.tree, by);
         self.has_moved(tree);
-        self.whole_tree_changed(tree);
+        self.record(Delta::OtherTree(tree, former.effects()));
         self.open_replaced(tree);
-        self.crowds.look_at_soon(tree);
-        self.top.take();
         former
     }
 
@@ -317,9 +280,7 @@ impl LightWorld {
     pub(super) fn insert_instance(&mut self, instance: Instance) -> InstanceKey {
         let key = self.insert_as_is(instance);
         self.build_for_first(key);
-        let tree = self.scene.instances[key].tree;
-        self.open_if_due(tree, false);
-        self.crowds.look_at_soon(tree);
+        self.open_if_due(self.scene.instances[key].tree, false);
         key
     }
 
@@ -327,12 +288,10 @@ impl LightWorld {
     /// opened. O(1).
     pub(super) fn insert_as_is(&mut self, mut instance: Instance) -> InstanceKey {
         instance.birth = self.scene.births.next();
-        let (tree, policy) = (instance.tree, instance.policy);
-        self.effects.change(|counts| counts.add(instance.effects()));
+        let tree = instance.tree;
         let key = self.scene.instances.insert(instance);
-        self.attach(key, tree, policy);
-        self.log.added(slot_of(key));
-        self.top.take();
+        self.attach(key, tree);
+        self.record(Delta::Instance(key, InstanceChange::Added));
         key
     }
 
@@ -342,12 +301,9 @@ impl LightWorld {
     /// [`WorldError::NoSuchInstance`].
     pub fn remove_instance(&mut self, key: InstanceKey) -> Result<(), WorldError> {
         let instance = self.scene.instances.remove(key).ok_or(WorldError::NoSuchInstance(key))?;
-        self.effects.change(|counts| counts.remove(instance.effects()));
         self.scene.sky.take_if(|(sky, _)| *sky == key);
-        self.detach(instance.tree, instance.index_in_tree, instance.policy);
-        self.crowds.look_at_soon(instance.tree);
-        self.log.removed(slot_of(key));
-        self.top.take();
+        self.detach(&instance);
+        self.record(Delta::RemovedInstance(key, &instance));
         Ok(())
     }
 
@@ -374,7 +330,7 @@ impl LightWorld {
         entry.policies.insert(policy);
         if policy.may_rebuild() && policy != Policy::AlwaysRebuild {
             entry.has_new_policy = true;
-            self.edits.pending.insert(tree);
+            self.await_update(tree);
         }
         self.forget_requests_that_no_policy_allows(tree);
         Ok(())
@@ -387,34 +343,31 @@ impl LightWorld {
     /// # Errors
     /// [`WorldError::NoSuchInstance`].
     pub fn make_unique(&mut self, key: InstanceKey) -> Result<TreeKey, WorldError> {
-        let instance = self.scene.instances.get(key).ok_or(WorldError::NoSuchInstance(key))?;
-        let (shared, index_in_tree, policy) = (instance.tree, instance.index_in_tree, instance.policy);
+        let instance = self.scene.instances.get(key).ok_or(WorldError::NoSuchInstance(key))?.clone();
+        let shared = instance.tree;
         let entry = &self.scene.trees[shared];
         if entry.instances.len() == 1 {
             return Ok(shared);
         }
-        let copy = entry.tree.clone();
-        let (history, staged) = (entry.history, entry.staged.clone());
-        let (births, replaced) = (entry.births.clone(), entry.replaced);
-        let has_new_policy = entry.has_new_policy;
-        let own = self.add_tree(copy);
-        if !staged.is_empty() || has_new_policy {
-            self.edits.pending.insert(own);
-        }
-        let entry = &mut self.scene.trees[own];
-        entry.has_new_policy = has_new_policy;
-        entry.history = history;
-        entry.staged = staged;
-        (entry.births, entry.replaced) = (births, replaced);
-        entry.recount(&mut self.sums);
+        let own = self.insert_tree(TreeEntry {
+            births: entry.births.clone(),
+            replaced: entry.replaced,
+            history: entry.history,
+            staged: entry.staged.clone(),
+            has_new_policy: entry.has_new_policy,
+            ..TreeEntry::new(entry.tree.clone())
+        });
+        self.await_update(own);
         self.rebuilds.scheduler.copy(shared, own);
-        self.detach(shared, index_in_tree, policy);
-        self.attach(key, own, policy);
+        self.detach(&instance);
+        self.record(Delta::Counts(shared));
         self.scene.instances[key].tree = own;
-        self.was_copied(key, own);
+        self.attach(key, own);
+        if let Some(region) = instance.region {
+            self.regions[region].own_trees.push(own);
+        }
+        self.record(Delta::Instance(key, InstanceChange::Shown));
         self.open_if_due(own, false);
-        self.crowds.look_at_soon(own);
-        self.instance_changed(key);
         if self.rebuilds.scheduler.waits(shared) || self.scene.trees[shared].successor.is_some() {
             // The copy needs a rebuild as much as the tree that it was copied from.
             self.rebuilds.update_request(own, &mut self.scene);
@@ -429,9 +382,9 @@ impl LightWorld {
     /// [`WorldError::Directional`].
     pub fn add_directional(&mut self, light: DirectionalLight) -> Result<DirectionalKey, WorldError> {
         check_directional(&light)?;
-        self.log.directionals();
-        self.effects.change(|counts| counts.add(Effects::DIRECTIONAL));
-        Ok(self.scene.directionals.insert(light))
+        let key = self.scene.directionals.insert(light);
+        self.record(Delta::Directionals);
+        Ok(key)
     }
 
     /// Changes a directional light, at once. A value that equals the present one changes nothing.
@@ -443,7 +396,7 @@ impl LightWorld {
         let present = self.scene.directionals.get_mut(key).ok_or(WorldError::NoSuchDirectional(key))?;
         if *present != light {
             *present = light;
-            self.log.directionals();
+            self.record(Delta::Directionals);
         }
         Ok(())
     }
@@ -454,8 +407,7 @@ impl LightWorld {
     /// [`WorldError::NoSuchDirectional`].
     pub fn remove_directional(&mut self, key: DirectionalKey) -> Result<(), WorldError> {
         self.scene.directionals.remove(key).ok_or(WorldError::NoSuchDirectional(key))?;
-        self.log.directionals();
-        self.effects.change(|counts| counts.remove(Effects::DIRECTIONAL));
+        self.record(Delta::Directionals);
         Ok(())
     }
 
@@ -479,7 +431,7 @@ impl LightWorld {
     ///
     /// Source: Arvo, Stratified Sampling of Spherical Triangles (1995).
     pub fn set_solid_angle_sampling(&mut self, is_on: bool) {
-        self.switch(Effects::SOLID_ANGLES, is_on);
+        self.record(Delta::Switch(Effects::SOLID_ANGLES, is_on));
     }
 
     /// Sets whether shaders that are made for this world's [`LightWorld::effects`] choose lights by
@@ -491,7 +443,7 @@ impl LightWorld {
     /// points as matte ones. [`LightSampler`](crate::LightSampler) does not need the setting: it
     /// always follows [`ShadingPoint::gloss`](crate::ShadingPoint::gloss).
     pub fn set_glossy_sampling(&mut self, is_on: bool) {
-        self.switch(Effects::GLOSSY, is_on);
+        self.record(Delta::Switch(Effects::GLOSSY, is_on));
     }
 
     /// Sets whether shaders that are made for this world's [`LightWorld::effects`] choose lights
@@ -502,43 +454,47 @@ impl LightWorld {
     /// the point in its middle. [`LightSampler`](crate::LightSampler) does not need the setting: it
     /// always follows [`ShadingPoint::segment`](crate::ShadingPoint::segment).
     pub fn set_segment_sampling(&mut self, is_on: bool) {
-        self.switch(Effects::SEGMENTS, is_on);
-    }
-
-    /// Sets whether the world itself has an effect, which is nothing else's.
-    pub(super) fn switch(&mut self, effect: Effects, is_on: bool) {
-        if is_on != self.effects.counts().has(effect) {
-            self.effects.change(|counts| if is_on { counts.add(effect) } else { counts.remove(effect) });
-        }
+        self.record(Delta::Switch(Effects::SEGMENTS, is_on));
     }
 
     pub(super) fn entry(&self, tree: TreeKey) -> Result<&TreeEntry, WorldError> {
         self.scene.trees.get(tree).ok_or(WorldError::NoSuchTree(tree))
     }
 
-    fn attach(&mut self, key: InstanceKey, tree: TreeKey, policy: Policy) {
-        let entry = &mut self.scene.trees[tree];
-        self.scene.instances[key].index_in_tree = entry.instances.len() as u32;
+    /// A tree whose lights may change.
+    fn editable(&self, tree: TreeKey) -> Result<&TreeEntry, WorldError> {
+        let entry = self.entry(tree)?;
+        if entry.is_static() { Err(WorldError::StaticTree(tree)) } else { Ok(entry) }
+    }
+
+    /// Lets the next update look at a tree, because edits of its lights, another policy or a build wait. O(1).
+    pub(super) fn await_update(&mut self, tree: TreeKey) {
+        if !std::mem::replace(&mut self.scene.trees[tree].is_pending, true) {
+            self.edits.pending.push(tree);
+        }
+    }
+
+    /// Puts an instance on the list of its tree.
+    fn attach(&mut self, key: InstanceKey, tree: TreeKey) {
+        let (entry, instance) = (&mut self.scene.trees[tree], &mut self.scene.instances[key]);
+        instance.index_in_tree = entry.instances.len() as u32;
         if entry.instances.is_empty() {
             // Most trees of large worlds have one instance.
             entry.instances.reserve_exact(1);
         }
         entry.instances.push(key);
-        entry.policies.insert(policy);
-        entry.recount(&mut self.sums);
+        entry.policies.insert(instance.policy);
     }
 
-    /// Removes the instance at an index of its tree's list; the last instance of the list takes the
-    /// index. O(1).
-    fn detach(&mut self, tree: TreeKey, index: u32, policy: Policy) {
-        let entry = &mut self.scene.trees[tree];
-        entry.instances.swap_remove(index as usize);
-        if let Some(moved) = entry.instances.get(index as usize) {
-            self.scene.instances[*moved].index_in_tree = index;
+    /// Removes an instance from the list of its tree; the last instance of the list takes its index. O(1).
+    fn detach(&mut self, instance: &Instance) {
+        let entry = &mut self.scene.trees[instance.tree];
+        entry.instances.swap_remove(instance.index_in_tree as usize);
+        if let Some(moved) = entry.instances.get(instance.index_in_tree as usize) {
+            self.scene.instances[*moved].index_in_tree = instance.index_in_tree;
         }
-        entry.policies.remove(policy);
-        entry.recount(&mut self.sums);
-        self.forget_requests_that_no_policy_allows(tree);
+        entry.policies.remove(instance.policy);
+        self.forget_requests_that_no_policy_allows(instance.tree);
     }
 
     /// Withdraws the request of a tree, and drops its long build, if none of its policies can
@@ -548,18 +504,6 @@ impl LightWorld {
             self.rebuilds.scheduler.withdraw(tree);
             self.cancel_build(tree);
         }
-    }
-
-    /// Records that all nodes and lights of a tree changed.
-    pub(super) fn whole_tree_changed(&mut self, key: TreeKey) {
-        self.scene.trees[key].log.restart();
-        self.log.tree(slot_of(key));
-    }
-
-    /// Records that an instance was shown or hidden, or got another tree.
-    pub(super) fn instance_changed(&mut self, key: InstanceKey) {
-        self.log.shown(slot_of(key));
-        self.top.take();
     }
 }
 

@@ -38,8 +38,9 @@ pub(super) struct TopCache {
 
 impl TopCache {
     /// Forgets all, since the world changes.
-    pub fn take(&mut self) {
-        *self = Self::default();
+    pub fn clear(&mut self) {
+        self.level.take();
+        self.late.take();
     }
 }
 

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use glam::Vec3;
 
-use super::scene::{Scene, TreeVersion};
+use super::scene::{Scene, TreeEntry, TreeVersion};
 use crate::cluster::{Aabb, Cluster};
 use crate::keys::{InstanceKey, TreeKey};
 use crate::light::{Light, MAX_COORDINATE};
@@ -114,6 +114,6 @@ impl KernelParts {
 /// Whether kernels still write a tree, and it has so many parts.
 fn is_present(scene: &Scene, version: TreeVersion, count: usize) -> bool {
     let tree = version.tree;
-    let is_same = scene.version(tree) == Some(version) && scene.sources.get(tree).is_some();
-    is_same && scene.trees[tree].part_count() == count
+    let is_written = |entry: &TreeEntry| entry.source.is_some() && entry.part_count() == count;
+    scene.version(tree) == Some(version) && is_written(&scene.trees[tree])
 }

@@ -4,7 +4,6 @@ use std::fmt;
 
 use glam::DVec3;
 
-use super::slot_set::SlotSet;
 use super::stamps::{Stamps, count_after, slots_after};
 
 /// A point in the history of one [`LightWorld`](crate::LightWorld): how far a reader has followed
@@ -62,15 +61,16 @@ impl<'w> Changes<'w> {
     /// appearance or lights changed, and the change of all positions by a new origin
     /// ([`Changes::origin_shift`]).
     pub fn moved_instances(&self) -> impl Iterator<Item = u32> + use<'w> {
-        let (log, number) = (self.log, self.since.number);
-        let is_same = move |slot: &u32| log.added.get(*slot) <= number && log.removed.get(*slot) <= number;
-        slots_after([&log.moved], number).filter(is_same)
+        let [added, removed, moved, ..] = &self.log.instances;
+        let number = self.since.number;
+        let is_same = move |slot: &u32| added.get(*slot) <= number && removed.get(*slot) <= number;
+        slots_after([moved], number).filter(is_same)
     }
 
     /// The slots whose instance was added.
     pub fn added_instances(&self) -> impl Iterator<Item = u32> + use<'w> {
-        let log = self.log;
-        slots_after([&log.added], self.since.number).filter(|slot| log.removed.get(*slot) < log.added.get(*slot))
+        let [added, removed, ..] = &self.log.instances;
+        slots_after([added], self.since.number).filter(|slot| removed.get(*slot) < added.get(*slot))
     }
 
     /// The slots that an instance was removed from. A sample that was kept from before and names
@@ -78,7 +78,8 @@ impl<'w> Changes<'w> {
     ///
     /// Listed are also instances that were both added and removed.
     pub fn removed_instances(&self) -> impl Iterator<Item = u32> + use<'w> {
-        slots_after([&self.log.removed], self.since.number)
+        let [_, removed, ..] = &self.log.instances;
+        slots_after([removed], self.since.number)
     }
 
     /// The slots of trees that were added, edited, rebuilt or removed.
@@ -88,14 +89,13 @@ impl<'w> Changes<'w> {
 
     /// The slots of instances whose record on a GPU changed.
     pub(crate) fn instance_records(&self) -> impl Iterator<Item = u32> + use<'w> {
-        let WorldLog { added, removed, moved, shown, altered, user_data, .. } = self.log;
-        slots_after([added, removed, moved, shown, altered, user_data], self.since.number)
+        slots_after(self.log.instances.each_ref(), self.since.number)
     }
 
     /// The slots of instances that may have another tree, or none.
     #[cfg(feature = "gpu-plan")]
     pub(crate) fn instance_trees(&self) -> impl Iterator<Item = u32> + use<'w> {
-        let WorldLog { added, removed, altered, .. } = self.log;
+        let [added, removed, _, _, altered, _] = &self.log.instances;
         slots_after([added, removed, altered], self.since.number)
     }
 
@@ -130,6 +130,19 @@ impl fmt::Debug for Changes<'_> {
     }
 }
 
+/// How an instance changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum InstanceChange {
+    Added,
+    Removed,
+    Moved,
+    /// It was shown or hidden by its appearance, or got another tree.
+    Shown,
+    /// Its record is stale for another reason.
+    Altered,
+    UserData,
+}
+
 /// When each slot of a world changed last, and how.
 ///
 /// A change is a number that is greater than those of all changes before. The log knows the last
@@ -147,33 +160,14 @@ pub(super) struct WorldLog {
     sky: u64,
     /// Trees that were added, edited, rebuilt or removed.
     trees: Stamps,
-    added: Stamps,
-    removed: Stamps,
-    moved: Stamps,
-    /// Instances that were shown or hidden by their appearance, or got another tree.
-    shown: Stamps,
-    /// Instances whose record is stale for another reason.
-    altered: Stamps,
-    user_data: Stamps,
+    /// By [`InstanceChange`].
+    instances: [Stamps; 6],
 }
 
 impl Default for WorldLog {
     fn default() -> Self {
-        let none = Stamps::default;
-        Self {
-            number: 1,
-            updated: 1,
-            lights: 1,
-            directionals: 1,
-            sky: 1,
-            trees: none(),
-            added: none(),
-            removed: none(),
-            moved: none(),
-            shown: none(),
-            altered: none(),
-            user_data: none(),
-        }
+        let (trees, instances) = Default::default();
+        Self { number: 1, updated: 1, lights: 1, directionals: 1, sky: 1, trees, instances }
     }
 }
 
@@ -188,8 +182,9 @@ impl WorldLog {
         Changes { log: self, since, present: self.revision(origin) }
     }
 
-    /// The number of a change of lights.
-    fn next(&mut self) -> u64 {
+    /// Records a change of lights that no list names, such as that the top level is divided otherwise. Returns its
+    /// number.
+    pub fn lights(&mut self) -> u64 {
         self.number += 1;
         self.lights = self.number;
         self.number
@@ -197,77 +192,38 @@ impl WorldLog {
 
     /// Records that the tree of a slot was added, edited, rebuilt or removed.
     pub fn tree(&mut self, slot: u32) {
-        let number = self.next();
+        let number = self.lights();
         self.trees.set(slot, number);
     }
 
     /// Records that some directional light was added, changed or removed.
     pub fn directionals(&mut self) {
-        self.directionals = self.next();
-    }
-
-    /// Records that the top level is divided otherwise.
-    pub fn partition(&mut self) {
-        self.next();
+        self.directionals = self.lights();
     }
 
     /// Records that the map of the sky changed.
     pub fn sky(&mut self) {
-        self.sky = self.next();
+        self.sky = self.lights();
     }
 
-    /// Records that an instance was added in a slot.
-    pub fn added(&mut self, slot: u32) {
-        let number = self.next();
-        self.added.set(slot, number);
-    }
-
-    /// Records that the instance of a slot was removed.
-    pub fn removed(&mut self, slot: u32) {
-        let number = self.next();
-        self.removed.set(slot, number);
-    }
-
-    /// Records that the instance of a slot was moved.
-    pub fn moved(&mut self, slot: u32) {
-        let number = self.next();
-        self.moved.set(slot, number);
-    }
-
-    /// Records that the instances of some slots were moved. Empties the set.
-    pub fn all_moved(&mut self, slots: &mut SlotSet) {
-        let number = self.next();
-        slots.drain(|slot| self.moved.set(slot, number));
-    }
-
-    /// Records that the instance of a slot was shown or hidden by its appearance, or got another
-    /// tree.
-    pub fn shown(&mut self, slot: u32) {
-        let number = self.next();
-        self.shown.set(slot, number);
-    }
-
-    /// Records that the record of the instance of a slot is stale for another reason.
-    pub fn altered(&mut self, slot: u32) {
-        let number = self.next();
-        self.altered.set(slot, number);
-    }
-
-    /// Records that the user data of the instance of a slot changed.
-    pub fn user_data(&mut self, slot: u32) {
+    /// Records that the instance of a slot changed.
+    pub fn instance(&mut self, slot: u32, change: InstanceChange) {
         self.number += 1;
-        self.user_data.set(slot, self.number);
+        if change != InstanceChange::UserData {
+            self.lights = self.number;
+        }
+        self.instances[change as usize].set(slot, self.number);
     }
 
     /// Returns how many instances were added, moved, shown, hidden or removed since the last call.
     pub fn count_moved(&mut self) -> usize {
         let since = std::mem::replace(&mut self.updated, self.number);
-        count_after([&self.added, &self.removed, &self.moved, &self.shown], since)
+        let [added, removed, moved, shown, ..] = &self.instances;
+        count_after([added, removed, moved, shown], since)
     }
 
     /// The size in bytes.
     pub fn memory_bytes(&self) -> usize {
-        let Self { trees, added, removed, moved, shown, altered, user_data, .. } = self;
-        [trees, added, removed, moved, shown, altered, user_data].map(Stamps::memory_bytes).into_iter().sum()
+        self.instances.iter().chain([&self.trees]).map(Stamps::memory_bytes).sum()
     }
 }

@@ -2,7 +2,7 @@
 
 use super::LightWorld;
 use super::scene::TreeVersion;
-use super::source_table::TreeSource;
+use super::source::TreeSource;
 use crate::keys::TreeKey;
 use crate::policy::RebuildRequest;
 use crate::scheduler::TreeFeatures;
@@ -29,15 +29,13 @@ impl LightWorld {
     /// request a rebuild, for which the present lights are needed. O(1).
     pub(crate) fn measure(&mut self, version: TreeVersion, measure: &SourceMeasure) -> bool {
         let tree = version.tree;
-        let Some(source) = self.scene.sources.trees.get_mut(&tree) else { return false };
+        let present = self.version(tree);
+        let Some(entry) = self.scene.trees.get_mut(tree) else { return false };
+        let Some(source) = &mut entry.source else { return false };
         let (last, total) = source.refused;
         let more = measure.refused.checked_sub(last).unwrap_or(measure.refused);
         source.refused = (measure.refused, total + u64::from(more));
-        if source.by != TreeSource::GpuMesh || self.version(tree) != Some(version) {
-            return false;
-        }
-        let entry = &mut self.scene.trees[tree];
-        if !entry.policies.may_rebuild() {
+        if source.by != TreeSource::GpuMesh || present != Some(version) || !entry.policies.may_rebuild() {
             return false;
         }
         entry.history.observe(&measure.attributes);
@@ -51,17 +49,17 @@ impl LightWorld {
 
     /// The number of numbers of sources, in use or not.
     pub(crate) fn source_numbers(&self) -> u32 {
-        self.scene.sources.numbers.len() as u32
+        self.scene.sources.len() as u32
     }
 
     /// The tree whose source has a number.
     pub(crate) fn source_tree(&self, number: u32) -> Option<TreeKey> {
-        *self.scene.sources.numbers.get(number as usize)?
+        *self.scene.sources.get(number as usize)?
     }
 
     /// The same, with who writes its lights.
     pub(crate) fn source_at(&self, number: u32) -> Option<(TreeKey, TreeSource)> {
         let tree = self.source_tree(number)?;
-        self.scene.sources.get(tree).map(|source| (tree, source.by))
+        self.light_source(tree).map(|(source, _)| (tree, source))
     }
 }

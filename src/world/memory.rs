@@ -1,6 +1,10 @@
 //! The memory that a world takes.
 
-use crate::tree::TreeMemory;
+use super::region_view::RegionView;
+use super::scene::Scene;
+use super::{LightWorld, TreeEntry};
+use crate::keys::InstanceKey;
+use crate::tree::{LightTree, Opening, TreeMemory};
 
 /// The memory of a [`LightWorld`](crate::LightWorld) on the heap of the CPU, in bytes: the capacities
 /// of its arrays times the sizes of their elements.
@@ -32,18 +36,28 @@ impl WorldMemory {
     pub fn total(&self) -> usize {
         self.trees.total() + self.successors + self.edits + self.lists + self.tables
     }
+}
 
-    pub(super) fn add(&mut self, other: &Self) {
-        self.trees.add(&other.trees);
-        self.successors += other.successors;
-        self.edits += other.edits;
-        self.lists += other.lists;
-    }
-
-    pub(super) fn remove(&mut self, other: &Self) {
-        self.trees.remove(&other.trees);
-        self.successors -= other.successors;
-        self.edits -= other.edits;
-        self.lists -= other.lists;
+impl LightWorld {
+    /// The memory that the world takes on the heap of the CPU, by use. O(trees), about 10 ns for each.
+    ///
+    /// Once all instances, regions and trees have been removed, everything but the tables is 0.
+    pub fn memory(&self) -> WorldMemory {
+        let Scene { trees, instances, .. } = &self.scene;
+        let regions = size_of::<(u64, RegionView)>() * (self.regions.capacity() + 1);
+        let mut memory = WorldMemory {
+            tables: trees.memory_bytes() + instances.memory_bytes() + regions + self.log.memory_bytes(),
+            lists: self.regions.values().map(RegionView::memory_bytes).sum(),
+            ..WorldMemory::default()
+        };
+        for TreeEntry { tree, successor, staged, log, instances, openings, births, .. } in trees.values() {
+            memory.trees.add(&tree.memory());
+            memory.successors += successor.as_ref().map_or(0, |built| size_of::<LightTree>() + built.tree.memory_bytes());
+            memory.edits += staged.memory_bytes() + log.memory_bytes();
+            memory.lists += size_of::<InstanceKey>() * instances.capacity()
+                + size_of::<Opening>() * openings.len()
+                + births.memory_bytes();
+        }
+        memory
     }
 }

@@ -7,13 +7,13 @@ mod births;
 mod build_thread;
 mod change_log;
 mod crowds;
+mod delta;
 mod divide;
 #[cfg(feature = "bake")]
 mod dump;
 mod edit;
 mod filing;
 mod kernel_parts;
-mod key_set;
 mod log;
 #[cfg(feature = "gpu-plan")]
 mod measures;
@@ -23,25 +23,23 @@ mod long_build;
 mod opening;
 mod origin;
 mod parts;
-mod placing;
 mod rebuild;
 mod rebuilds;
 mod reference;
 mod refit;
 mod region;
-mod region_table;
+mod region_view;
 mod regions;
 mod reports;
 mod rest;
-mod rest_timers;
 mod scene;
 mod sky;
-mod slot_set;
+mod settle;
 mod slot_table;
 mod snapshot;
 mod staged;
 mod stamps;
-mod source_table;
+mod source;
 mod sources;
 mod sums;
 mod update;
@@ -51,6 +49,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use glam::Vec3;
+use slotmap::SlotMap;
 
 pub(crate) use births::birth_of_directional;
 #[cfg(feature = "gpu-plan")]
@@ -66,70 +65,72 @@ pub use log::{Changes, Revision};
 pub(crate) use measures::SourceMeasure;
 pub use memory::WorldMemory;
 pub use origin::OriginMode;
-pub use region::{RefusedRegion, Region, RegionInstance, RegionTree};
-pub use region_table::RegionView;
-pub use regions::RemovedRegion;
+pub use region::{Region, RegionInstance, RegionTree};
+pub use region_view::RegionView;
 pub use reports::{BackgroundReport, FrameReport, JobReport, RebuildState};
+pub use scene::Instance;
+pub(crate) use scene::TreeEntry;
 #[cfg(feature = "gpu-plan")]
 pub(crate) use scene::TreeVersion;
-pub(crate) use scene::{Instance, TreeEntry};
-pub use source_table::TreeSource;
+pub use source::TreeSource;
 
 use crate::cluster::Cluster;
 use crate::effects::{EffectCounts, Effects, HeldEffects};
 use crate::instance::part::Part;
-use crate::instance::placement::Placement;
-use crate::keys::{DirectionalKey, InstanceKey, LightId, TreeKey, slot_of};
+use crate::keys::{DirectionalKey, InstanceKey, LightId, RegionKey, TreeKey, slot_of};
 use crate::light::DirectionalLight;
-use crate::policy::Policy;
-use crate::scheduler::{Clock, SystemClock};
+use crate::scheduler::Clock;
 use crate::top::TopLevel;
 use crate::tree::{LightTree, Node, Opening};
 use crowds::Crowds;
 use filing::{Filing, TopCache};
 use log::WorldLog;
-use placing::MoveScratch;
 use rebuilds::Rebuilds;
-use region_table::Regions;
-use rest_timers::RestTimers;
+use rest::RestRound;
 use scene::Scene;
 use staged::Edits;
 use sums::Sums;
 
 /// All lights of a scene: light trees, instances of them, and directional lights.
 ///
+/// Most programs need ten calls:
+///
+/// | to | call |
+/// |---|---|
+/// | add lights of an object, and the object | [`add_tree`](Self::add_tree), [`add_instance`](Self::add_instance) |
+/// | add sun and sky | [`add_directional`](Self::add_directional), [`set_sky`](Self::set_sky) |
+/// | move an object, dim or hide its lights, remove it | [`move_instance`](Self::move_instance), [`set_appearance`](Self::set_appearance), [`remove_instance`](Self::remove_instance) |
+/// | change lights within a tree | [`set_lights`](Self::set_lights) |
+/// | end the edits of a frame | [`update`](Self::update) |
+/// | sample on the CPU | [`sampler`](Self::sampler) |
+///
 /// A call that returns an error has changed nothing. Lights that are changed, added or removed follow
 /// at the next [`LightWorld::update`]; moves, additions and removals of instances and trees take
 /// effect at once.
+#[derive(Default)]
 pub struct LightWorld {
     scene: Scene,
     sums: Sums,
     effects: HeldEffects,
-    /// When trees stop counting as moving, and when they are frozen.
-    rest_timers: RestTimers,
+    rest: RestRound,
     edits: Edits,
     log: WorldLog,
-    move_scratch: MoveScratch,
+    /// Memory of [`LightWorld::move_instances`], kept for the next call: slots and numbers of moves.
+    move_order: Vec<(u32, u32)>,
     rebuilds: Rebuilds,
     crowds: Crowds,
-    regions: Regions,
+    regions: SlotMap<RegionKey, RegionView>,
     filing: Filing,
     top: TopCache,
-}
-
-impl Default for LightWorld {
-    fn default() -> Self {
-        Self::new()
-    }
 }
 
 impl fmt::Debug for LightWorld {
     /// Counts, not contents.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("LightWorld")
-            .field("trees", &self.tree_count())
-            .field("instances", &self.instance_count())
-            .field("regions", &self.region_count())
+            .field("trees", &self.scene.trees.len())
+            .field("instances", &self.scene.instances.len())
+            .field("regions", &self.regions.len())
             .field("directionals", &self.scene.directionals.len())
             .field("lights", &self.light_count())
             .field("effects", &self.effects())
@@ -141,40 +142,14 @@ impl fmt::Debug for LightWorld {
 impl LightWorld {
     /// Creates an empty world that measures its work with the machine's clock.
     pub fn new() -> Self {
-        Self::with_clock(Arc::new(SystemClock::default()))
+        Self::default()
     }
 
     /// Creates an empty world with a given clock, for tests and replays.
     pub fn with_clock(clock: Arc<dyn Clock>) -> Self {
-        Self {
-            scene: Scene::default(),
-            sums: Sums::default(),
-            effects: HeldEffects::default(),
-            rest_timers: RestTimers::default(),
-            edits: Edits::default(),
-            log: WorldLog::default(),
-            move_scratch: MoveScratch::default(),
-            rebuilds: Rebuilds::new(clock),
-            crowds: Crowds::default(),
-            regions: Regions::default(),
-            filing: Filing::default(),
-            top: TopCache::default(),
-        }
-    }
-
-    /// The number of trees, with or without instances.
-    pub fn tree_count(&self) -> usize {
-        self.scene.trees.len()
-    }
-
-    /// The number of instances, hidden ones included.
-    pub fn instance_count(&self) -> usize {
-        self.scene.instances.len()
-    }
-
-    /// The number of directional lights.
-    pub fn directional_count(&self) -> usize {
-        self.scene.directionals.len()
+        let mut world = Self::default();
+        world.rebuilds.clock = clock;
+        world
     }
 
     /// The number of lights that have a [`LightId`](crate::LightId): the lights of each tree once
@@ -206,22 +181,9 @@ impl LightWorld {
         self.effects.effects()
     }
 
-    /// Whether rectangles and triangles that are large or near are sampled by solid angle. False
-    /// until [`LightWorld::set_solid_angle_sampling`] is called.
-    pub fn solid_angle_sampling(&self) -> bool {
+    /// Whether rectangles and triangles that are large or near are sampled by solid angle.
+    pub(crate) fn solid_angle_sampling(&self) -> bool {
         self.effects.counts().has(Effects::SOLID_ANGLES)
-    }
-
-    /// Whether shaders that are made for this world know glossy surfaces. False until
-    /// [`LightWorld::set_glossy_sampling`] is called.
-    pub fn glossy_sampling(&self) -> bool {
-        self.effects.counts().has(Effects::GLOSSY)
-    }
-
-    /// Whether shaders that are made for this world know segments of rays. False until
-    /// [`LightWorld::set_segment_sampling`] is called.
-    pub fn segment_sampling(&self) -> bool {
-        self.effects.counts().has(Effects::SEGMENTS)
     }
 
     /// A tree as of the last update; `None` for a stale key.
@@ -230,12 +192,12 @@ impl LightWorld {
     }
 
     /// The keys of all trees.
-    pub fn trees(&self) -> impl Iterator<Item = TreeKey> {
+    pub fn trees(&self) -> impl ExactSizeIterator<Item = TreeKey> {
         self.scene.trees.keys()
     }
 
     /// The keys of all instances, hidden ones included.
-    pub fn instances(&self) -> impl Iterator<Item = InstanceKey> {
+    pub fn instances(&self) -> impl ExactSizeIterator<Item = InstanceKey> {
         self.scene.instances.keys()
     }
 
@@ -245,7 +207,7 @@ impl LightWorld {
     }
 
     /// The keys of all directional lights.
-    pub fn directionals(&self) -> impl Iterator<Item = DirectionalKey> {
+    pub fn directionals(&self) -> impl ExactSizeIterator<Item = DirectionalKey> {
         self.scene.directionals.keys()
     }
 
@@ -254,19 +216,9 @@ impl LightWorld {
         self.scene.directionals.iter()
     }
 
-    /// The placement of an instance; `None` for a stale key.
-    pub fn placement(&self, instance: InstanceKey) -> Option<Placement> {
-        self.scene.instances.get(instance).map(|i| i.placement)
-    }
-
-    /// The tree of an instance; `None` for a stale key.
-    pub fn instance_tree(&self, instance: InstanceKey) -> Option<TreeKey> {
-        self.scene.instances.get(instance).map(|i| i.tree)
-    }
-
-    /// The policy of an instance; `None` for a stale key.
-    pub fn policy(&self, instance: InstanceKey) -> Option<Policy> {
-        self.scene.instances.get(instance).map(|i| i.policy)
+    /// An instance with its tree, placement, policy and appearance; `None` for a stale key.
+    pub fn instance(&self, instance: InstanceKey) -> Option<&Instance> {
+        self.scene.instances.get(instance)
     }
 
     /// The number by which shaders refer to an instance; `None` for a stale key.
@@ -380,10 +332,6 @@ impl LightWorld {
         self.rebuilds.weights.error_of_stand_ins(tree, &self.scene)
     }
 
-    pub(crate) fn instance(&self, instance: InstanceKey) -> Option<&Instance> {
-        self.scene.instances.get(instance)
-    }
-
     /// The top level on the CPU, built when it is first needed after a change.
     ///
     /// It is built outside of any lock. Built inside `OnceLock::get_or_init`, it could deadlock:
@@ -406,16 +354,5 @@ impl LightWorld {
     /// [`LightWorld::sampler`].
     pub fn top_nodes(&self) -> &[Node] {
         &self.top_level().nodes
-    }
-
-    /// The memory that the world takes on the heap of the CPU, by use. O(1): the sums follow every
-    /// change.
-    ///
-    /// Once all instances, regions and trees have been removed, everything but the tables is 0.
-    pub fn memory(&self) -> WorldMemory {
-        let Scene { trees, instances, .. } = &self.scene;
-        let tables =
-            trees.memory_bytes() + instances.memory_bytes() + self.regions.memory_bytes() + self.log.memory_bytes();
-        WorldMemory { tables, ..self.sums.memory }
     }
 }

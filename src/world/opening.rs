@@ -11,8 +11,10 @@
 
 use super::LightWorld;
 use super::crowds;
+use super::delta::Delta;
 use super::scene::TreeEntry;
-use crate::keys::{TreeKey, slot_of};
+use super::source::TreeSource;
+use crate::keys::TreeKey;
 use crate::tree::{Opening, WIDTH};
 
 /// A tree becomes loose once it has this many lights of others for each of its own, in the mean over its instances.
@@ -27,9 +29,14 @@ const STILL_CROWDED: f32 = 0.5 * CROWDED;
 pub(super) const MAX_OPENINGS: usize = 1 << 20;
 
 impl TreeEntry {
+    /// Whether kernels make the tree loose.
+    fn has_particles(&self) -> bool {
+        self.source.as_ref().is_some_and(|source| source.by == TreeSource::GpuParticles)
+    }
+
     /// Whether a crowd can make the tree loose.
     pub(super) fn may_be_loose(&self) -> bool {
-        self.tree.light_count() > 1 && !self.has_particles
+        self.tree.light_count() > 1 && !self.has_particles()
     }
 
     fn is_crowded(&self) -> bool {
@@ -40,7 +47,7 @@ impl TreeEntry {
     /// The openings that the tree should have, in the order of their places. O(openings · log openings).
     pub(super) fn openings_due(&self) -> Box<[Opening]> {
         match () {
-            () if self.is_loose || self.has_particles => self.tree.all_lights(),
+            () if self.is_loose || self.has_particles() => self.tree.all_lights(),
             () if self.tree.sides().is_empty() => Box::default(),
             () => self.tree.below_root(),
         }
@@ -103,8 +110,9 @@ impl LightWorld {
         let is_crowded = entry.is_crowded() || was_loose && entry.may_be_loose() && !may_close;
         entry.is_loose = is_crowded && all <= MAX_OPENINGS;
         entry.is_held_back = is_crowded && !entry.is_loose;
-        entry.recount(sums);
-        entry.is_loose != was_loose
+        let has_changed = entry.is_loose != was_loose;
+        self.record(Delta::Counts(tree));
+        has_changed
     }
 
     fn set_openings(&mut self, key: TreeKey, openings: Box<[Opening]>) {
@@ -127,9 +135,8 @@ impl LightWorld {
         nodes.dedup();
         let records = tree.nodes().len() + tree.lights().len();
         entry.log.add(&nodes, lights.into_iter(), records);
-        entry.recount(&mut self.sums);
-        self.log.tree(slot_of(key));
-        self.top.take();
+        let effects = *tree.effects();
+        self.record(Delta::Tree(key, &effects));
     }
 }
 

@@ -48,12 +48,14 @@ pub(super) struct Origin {
 }
 
 impl Origin {
+    /// Whether the origin lies on the grid, so that instances do not depend on it.
+    pub fn is_on_grid(&self) -> bool {
+        self.mode != OriginMode::Free
+    }
+
     /// What translations of instances are stored relative to.
     pub fn anchor(&self) -> Anchor {
-        match self.mode {
-            OriginMode::Free => Anchor::Point(self.position),
-            OriginMode::Grid | OriginMode::Following => Anchor::Sector,
-        }
+        if self.is_on_grid() { Anchor::Sector } else { Anchor::Point(self.position) }
     }
 
     /// The origin at another place, in another mode.

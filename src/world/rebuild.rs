@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::LightWorld;
+use super::delta::Delta;
 use super::rebuilds::Rebuilds;
 use super::reports::{FrameReport, JobReport, RebuildState};
 use crate::keys::TreeKey;
@@ -87,12 +88,10 @@ impl LightWorld {
         entry.tree.rebuild();
         let features = TreeFeatures::of(&entry.tree);
         entry.history = AttributeHistory::start(entry.tree.attributes());
-        self.whole_tree_changed(key);
-        self.open_replaced(key);
-        self.wake(key);
-        self.top.take();
         self.rebuilds.scheduler.was_rebuilt(key, features);
-        self.scene.trees[key].recount(&mut self.sums);
+        self.wake(key);
+        self.record(Delta::WholeTree(key));
+        self.open_replaced(key);
     }
 
     /// Rebuilds a tree outside of any budget, and returns the time that it took.
@@ -113,8 +112,7 @@ impl LightWorld {
         self.rebuilds.go_on(step, entry, report);
         if entry.successor.is_some() {
             // The refit of the next update installs it.
-            self.edits.pending.insert(step.tree);
-            entry.recount(&mut self.sums);
+            self.await_update(step.tree);
         }
     }
 
@@ -122,17 +120,13 @@ impl LightWorld {
     /// refit that follows installs it.
     pub(super) fn take_finished_build(&mut self, report: &mut FrameReport) {
         if let Some(tree) = self.rebuilds.take_finished_build(&mut self.scene, report) {
-            self.edits.pending.insert(tree);
-            self.scene.trees[tree].recount(&mut self.sums);
+            self.await_update(tree);
         }
     }
 
     /// Forgets the long build of a tree, and its result.
     pub(super) fn cancel_build(&mut self, tree: TreeKey) {
         drop(self.rebuilds.take_long_build(tree));
-        let entry = &mut self.scene.trees[tree];
-        if entry.successor.take().is_some() {
-            entry.recount(&mut self.sums);
-        }
+        self.scene.trees[tree].successor = None;
     }
 }

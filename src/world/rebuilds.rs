@@ -8,7 +8,7 @@ use super::reports::JobReport;
 use super::scene::Scene;
 use crate::keys::TreeKey;
 use crate::policy::RebuildRequest;
-use crate::scheduler::{Clock, Scheduler};
+use crate::scheduler::{Clock, Scheduler, SystemClock};
 use crate::tree::TreeBuild;
 
 /// Which trees are rebuilt next, and the builds that are under way.
@@ -21,11 +21,11 @@ pub(super) struct Rebuilds {
     pub jobs: Vec<JobReport>,
 }
 
-impl Rebuilds {
-    pub fn new(clock: Arc<dyn Clock>) -> Self {
+impl Default for Rebuilds {
+    fn default() -> Self {
         Self {
             scheduler: Scheduler::default(),
-            clock,
+            clock: Arc::new(SystemClock::default()),
             weights: ViewWeights::default(),
             long_builder: LongBuilder::default(),
             jobs: Vec::new(),

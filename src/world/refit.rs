@@ -2,11 +2,12 @@
 
 use super::LightWorld;
 use super::change_log::ChangeLog;
+use super::delta::Delta;
 use super::reports::FrameReport;
 use super::scene::Successor;
 use super::staged::StagedLights;
 use crate::effects::EffectCounts;
-use crate::keys::{TreeKey, slot_of};
+use crate::keys::TreeKey;
 use crate::light::Light;
 use crate::policy::AttributeHistory;
 use crate::rare::Rare;
@@ -35,12 +36,12 @@ impl LightWorld {
         let start = self.rebuilds.clock.now();
         self.edits.added.clear();
         self.edits.removed.clear();
-        let pending: Vec<TreeKey> = self.edits.pending.drain().collect();
+        let mut pending = std::mem::take(&mut self.edits.pending);
+        pending.retain(|tree| self.scene.trees.contains_key(*tree));
         for trees in pending.chunks(TREES_AT_ONCE) {
             self.refit_trees(trees, report);
         }
         if report.refit_trees > 0 {
-            self.top.take();
             self.rebuilds.clock.worked(Work { kind: WorkKind::Refit, lights: report.refit_lights });
         }
         report.refit_time = self.rebuilds.clock.now().saturating_sub(start);
@@ -75,6 +76,7 @@ impl LightWorld {
         let job = |key: &TreeKey| {
             let key = *key;
             let entry = &mut trees[key];
+            entry.is_pending = false;
             let successor = entry.successor.take();
             let has_new_policy = std::mem::take(&mut entry.has_new_policy);
             // Otherwise all edits were taken back.
@@ -113,12 +115,6 @@ impl LightWorld {
             let nodes = former.nodes().len();
             self.rebuilds.long_builder.free(former, nodes);
         }
-        if *tree.effects() != former_effects {
-            self.effects.change(|counts| {
-                counts.add_all(tree.effects());
-                counts.remove_all(&former_effects);
-            });
-        }
         let (is_thawed, is_replaced) = (!tree.is_frozen(), swap.is_some());
         let entry = &mut self.scene.trees[key];
         entry.tree = tree;
@@ -153,19 +149,17 @@ impl LightWorld {
             self.rebuilds.update_request(key, &mut self.scene);
         }
         if changes_nodes {
-            self.log.tree(slot_of(key));
+            self.record(Delta::Tree(key, &former_effects));
             if is_replaced {
                 self.open_replaced(key)
             } else if !added.is_empty() || !removed.is_empty() || have_leaves_moved {
                 self.open(key)
             }
+        } else {
+            self.record(Delta::Counts(key));
         }
-        self.scene.trees[key].recount(&mut self.sums);
         self.edits.added.extend(added.into_iter().map(|light| (key, light)));
         self.edits.removed.extend(removed.into_iter().map(|light| (key, light)));
-        if lights != former_lights {
-            self.crowds.look_at_soon(key);
-        }
     }
 }
 

@@ -5,10 +5,11 @@ use slotmap::SlotMap;
 use super::births::{BirthCounter, Births};
 use super::change_log::ChangeLog;
 use super::origin::Origin;
+use super::rest::Rest;
 use super::slot_table::SlotTable;
-use super::source_table::Sources;
+use super::source::Source;
 use super::staged::StagedLights;
-use super::sums::{Sums, TreeTerms};
+use super::sums::TreeTerms;
 use crate::effects::Effects;
 use crate::instance::appearance::Appearance;
 use crate::instance::placement::{Placed, Placement};
@@ -32,7 +33,8 @@ pub(super) struct Scene {
     /// The same relative to the origin.
     pub placed_portals: Vec<PlacedPortal>,
     pub births: BirthCounter,
-    pub sources: Sources,
+    /// The trees that have a source, by its number.
+    pub sources: Vec<Option<TreeKey>>,
     pub origin: Origin,
 }
 
@@ -51,6 +53,7 @@ impl Scene {
 }
 
 /// A tree of a world.
+#[derive(Default)]
 pub(crate) struct TreeEntry {
     pub tree: LightTree,
     pub births: Rare<Births>,
@@ -63,11 +66,14 @@ pub(crate) struct TreeEntry {
     pub log: ChangeLog,
     pub history: AttributeHistory,
     pub(super) staged: Rare<StagedLights>,
+    pub(super) rest: Rest,
+    /// The next update looks at the tree.
+    pub is_pending: bool,
     /// A policy changed since the last update, so that the tree may request a rebuild although no
     /// light changes.
     pub has_new_policy: bool,
-    /// Kernels make it loose: see [`TreeSource::GpuParticles`](super::TreeSource).
-    pub has_particles: bool,
+    /// The kernel that writes its lights, if one does.
+    pub(super) source: Option<Box<Source>>,
     /// Its crowd makes it loose, so that each light is an opening.
     pub is_loose: bool,
     /// Its crowd would make it loose, but the openings would be too many.
@@ -109,48 +115,37 @@ pub(crate) struct TreeWeight {
     pub computed_at: Option<u64>,
 }
 
-/// An instance of a world.
-#[derive(Clone)]
-pub(crate) struct Instance {
+/// An instance of a [`LightWorld`](crate::LightWorld).
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Instance {
+    /// Its tree.
     pub tree: TreeKey,
+    /// Where it is.
     pub placement: Placement,
+    /// When its tree requests a rebuild.
     pub policy: Policy,
+    /// What it changes about the lights of its tree.
     pub appearance: Appearance,
-    /// `None` while the instance is hidden by its placement. [`Instance::shown`] tells whether
-    /// its lights shine.
-    pub placed: Option<Placed>,
-    /// The number of the edit that added it.
-    pub birth: u32,
-    /// Its index in its tree's list of instances.
-    pub index_in_tree: u32,
     /// The region that it was added with.
     pub region: Option<RegionKey>,
+    /// `None` while the instance is hidden by its placement. [`Instance::shown`] tells whether
+    /// its lights shine.
+    pub(crate) placed: Option<Placed>,
+    /// The number of the edit that added it.
+    pub(crate) birth: u32,
+    /// Its index in its tree's list of instances.
+    pub(super) index_in_tree: u32,
+    /// The effects that the counts of the world have of it.
+    pub(super) counted: Effects,
     /// Its lights are patches of the sky, at a distance of 1 from every shading point. It is no part of the top
     /// level.
-    pub is_sky: bool,
+    pub(crate) is_sky: bool,
 }
 
 impl TreeEntry {
     pub fn new(tree: LightTree) -> Self {
-        Self {
-            births: Rare::default(),
-            replaced: 0,
-            history: AttributeHistory::start(tree.attributes()),
-            tree,
-            instances: Vec::new(),
-            policies: PolicySet::default(),
-            log: ChangeLog::default(),
-            staged: Rare::default(),
-            has_new_policy: false,
-            has_particles: false,
-            is_loose: false,
-            is_held_back: false,
-            weight: TreeWeight::default(),
-            crowd: 0.0,
-            openings: Box::default(),
-            successor: None,
-            counted: TreeTerms::default(),
-        }
+        Self { history: AttributeHistory::start(tree.attributes()), tree, ..Self::default() }
     }
 
     /// Some instance has a policy that can request a rebuild.
@@ -166,25 +161,14 @@ impl TreeEntry {
         if is_pointless { RebuildRequest::None } else { request }
     }
 
-    /// Brings the sums over all trees up to date with this one. O(1).
-    pub(super) fn recount(&mut self, sums: &mut Sums) {
-        let present = self.present_terms();
-        let former = std::mem::replace(&mut self.counted, present);
-        sums.replace(&former, &present);
-    }
-
-    /// The present terms of this tree in the sums.
-    fn present_terms(&self) -> TreeTerms {
+    /// The present terms of the tree in the sums over all trees.
+    pub(super) fn terms(&self) -> TreeTerms {
         TreeTerms {
-            memory: self.tree.memory(),
-            successor: self.successor.as_ref().map_or(0, |built| size_of::<LightTree>() + built.tree.memory_bytes()),
-            edits: self.staged.memory_bytes() + self.log.memory_bytes(),
-            lists: size_of::<InstanceKey>() * self.instances.capacity()
-                + size_of::<Opening>() * self.openings.len()
-                + self.births.memory_bytes(),
             lights: self.tree.light_count() as u32,
             instances: self.instances.len() as u32,
             openings: self.openings.len() as u32,
+            moving: u8::from(self.rest.is_moving()) + u8::from(self.source.is_some()),
+            is_awake: self.rest.is_awake(),
             is_held_back: self.is_held_back,
         }
     }
@@ -197,19 +181,29 @@ impl TreeEntry {
 
 impl Instance {
     /// An instance that the world does not have yet, with the lights as the tree has them.
-    pub fn new(tree: TreeKey, placement: Placement, policy: Policy, placed: Option<Placed>) -> Self {
-        let (appearance, region) = (Appearance::default(), None);
-        Self { tree, placement, policy, appearance, placed, birth: 0, index_in_tree: 0, region, is_sky: false }
+    pub(super) fn new(tree: TreeKey, placement: Placement, policy: Policy, placed: Option<Placed>) -> Self {
+        Self {
+            tree,
+            placement,
+            policy,
+            appearance: Appearance::default(),
+            region: None,
+            placed,
+            birth: 0,
+            index_in_tree: 0,
+            counted: Effects::empty(),
+            is_sky: false,
+        }
     }
 
     /// Where the lights shine; `None` if they do not, because its placement hides the instance or
     /// because of its appearance.
-    pub fn shown(&self) -> Option<&Placed> {
+    pub(crate) fn shown(&self) -> Option<&Placed> {
         self.placed.as_ref().filter(|_| self.appearance.is_shown())
     }
 
     /// The effects that the instance has; none if it is not shown.
-    pub fn effects(&self) -> Effects {
+    pub(crate) fn effects(&self) -> Effects {
         let sky = if self.is_sky { Effects::SKY } else { Effects::empty() };
         self.shown().map_or(Effects::empty(), |placed| placed.effects() | self.appearance.effects() | sky)
     }

@@ -1,7 +1,7 @@
 //! The sky of a world: an instance of a tree of patches, beside the top level.
 
+use super::delta::Delta;
 use super::{Instance, LightWorld};
-use crate::effects::Effects;
 use crate::error::SkyError;
 use crate::instance::placement::{Placed, Placement};
 use crate::instance::portal::{MAX_PORTALS, PlacedPortal, Portal};
@@ -15,7 +15,7 @@ impl LightWorld {
     ///
     /// The sky is an instance, whose lights are patches of the map, and it stays the same instance when another
     /// map comes. Its placement turns the map ([`move_instance`](Self::move_instance); the translation counts for
-    /// nothing), a [factor](Self::set_factor) makes it brighter or darker, and a [mask](Self::set_mask) chooses
+    /// nothing), a [factor](crate::Appearance::factor) makes it brighter or darker, and a [mask](crate::Appearance::mask) chooses
     /// who sees it. [`remove_instance`](Self::remove_instance) removes it.
     ///
     /// | for a sample of the sky | |
@@ -35,7 +35,7 @@ impl LightWorld {
     ///
     /// let mut world = LightWorld::new();
     /// let sky = world.set_sky(Sky::equirectangular(32, &vec![Vec3::splat(800.0); 32 * 16])?);
-    /// world.set_factor(sky, Vec3::new(0.8, 0.9, 1.0))?;
+    /// world.set_appearance(sky, |a| a.factor = Vec3::new(0.8, 0.9, 1.0))?;
     ///
     /// // The illuminance of the ground by an even sky is pi times its radiance.
     /// let ground = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
@@ -51,11 +51,11 @@ impl LightWorld {
     /// ```
     pub fn set_sky(&mut self, mut sky: Sky) -> InstanceKey {
         sky.renew();
-        self.log.sky();
         let patches = LightTree::new(sky.lights()).unwrap_or_default();
         if let Some((key, present)) = &mut self.scene.sky {
             let key = *key;
             *present = sky;
+            self.record(Delta::Sky);
             self.exchange(self.scene.instances[key].tree, patches);
             return key;
         }
@@ -65,6 +65,7 @@ impl LightWorld {
         let instance = Instance { is_sky: true, ..Instance::new(tree, placement, Policy::Static, placed) };
         let key = self.insert_instance(instance);
         self.scene.sky = Some((key, sky));
+        self.record(Delta::Sky);
         key
     }
 
@@ -85,8 +86,8 @@ impl LightWorld {
     ) -> Result<(), SkyError> {
         let (key, sky) = self.scene.sky.as_mut().ok_or(SkyError::NoSky)?;
         sky.set_part(corner, size, pixels)?;
-        self.log.sky();
         let (key, lights) = (*key, sky.lights());
+        self.record(Delta::Sky);
         self.exchange(self.scene.instances[key].tree, LightTree::new(lights).unwrap_or_default());
         Ok(())
     }
@@ -134,8 +135,7 @@ impl LightWorld {
         }
         self.scene.portals = portals.to_vec();
         self.scene.place_portals();
-        self.log.sky();
-        self.switch(Effects::PORTALS, !portals.is_empty());
+        self.record(Delta::Sky);
         Ok(())
     }
 

@@ -80,20 +80,15 @@ impl<K: Key, T> SlotTable<K, T> {
     }
 
     /// In the order of their slots, as all iterators here.
-    pub fn keys(&self) -> impl Iterator<Item = K> {
-        self.slots.iter().flatten().map(|(key, _)| *key)
+    pub fn keys(&self) -> impl ExactSizeIterator<Item = K> {
+        self.keys.keys()
     }
 
     pub fn values(&self) -> impl Iterator<Item = &T> {
         self.slots.iter().flatten().map(|(_, value)| value)
     }
 
-    pub fn values_mut(&mut self) -> impl Iterator<Item = &mut T> {
-        self.slots.iter_mut().flatten().map(|(_, value)| value)
-    }
-
     /// What each slot holds.
-    #[cfg(feature = "parallel")]
     pub fn slots_mut(&mut self) -> &mut [Option<(K, T)>] {
         &mut self.slots
     }

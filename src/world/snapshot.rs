@@ -1,7 +1,5 @@
 //! A world without trees, for those who keep the lights of one moment.
 
-use std::sync::Arc;
-
 use super::LightWorld;
 use super::scene::{Instance, Scene, TreeEntry};
 use crate::tree::LightTree;
@@ -22,7 +20,6 @@ impl LightWorld {
             origin: *origin,
             ..Scene::default()
         };
-        let empty = Self::with_clock(Arc::clone(&self.rebuilds.clock));
-        Self { scene, effects: self.effects.clone(), ..empty }
+        Self { scene, effects: self.effects.clone(), ..Self::default() }
     }
 }

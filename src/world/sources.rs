@@ -1,7 +1,9 @@
 //! Trees whose lights a kernel of the engine writes on the GPU.
 
 use super::LightWorld;
-use super::source_table::TreeSource;
+use super::delta::Delta;
+use super::scene::Scene;
+use super::source::{Source, TreeSource};
 use crate::effects::Effects;
 use crate::error::WorldError;
 use crate::keys::TreeKey;
@@ -33,41 +35,36 @@ impl LightWorld {
     /// [`WorldError::NoSuchTree`]; [`WorldError::ProfileOnGpu`] if a light of the tree has a profile. While a
     /// later edit gives it such a light, writes of the kernel do nothing.
     pub fn set_light_source(&mut self, tree: TreeKey, source: TreeSource) -> Result<(), WorldError> {
-        let has_profiles = self.entry(tree)?.tree.effects().has(Effects::PROFILES);
-        let former = self.scene.sources.of(tree).map_or(TreeSource::Cpu, |(source, _)| source);
-        if source == former {
+        let Scene { trees, sources, .. } = &mut self.scene;
+        let entry = trees.get_mut(tree).ok_or(WorldError::NoSuchTree(tree))?;
+        let (former, is_cpu) = (entry.source.as_ref(), source == TreeSource::Cpu);
+        if source == former.map_or(TreeSource::Cpu, |former| former.by) {
             return Ok(());
         }
-        if has_profiles && source != TreeSource::Cpu {
+        if !is_cpu && entry.tree.effects().has(Effects::PROFILES) {
             return Err(WorldError::ProfileOnGpu);
         }
-        if source == TreeSource::Cpu {
-            self.scene.sources.remove(tree);
-            self.effects.change(|counts| counts.remove(Effects::MOVING));
-        } else {
-            self.scene.sources.set(tree, source);
-            if former == TreeSource::Cpu {
-                self.effects.change(|counts| counts.add(Effects::MOVING));
-            }
-        }
-        self.scene.trees[tree].has_particles = source == TreeSource::GpuParticles;
-        self.whole_tree_changed(tree);
+        let free = || sources.iter().position(Option::is_none).unwrap_or(sources.len());
+        let number = former.map_or_else(free, |former| former.number as usize);
+        sources.resize(sources.len().max(number + 1), None);
+        sources[number] = (!is_cpu).then_some(tree);
+        entry.source = (!is_cpu).then(|| Box::new(Source { by: source, number: number as u32, refused: (0, 0) }));
+        self.record(Delta::WholeTree(tree));
         self.open(tree);
         self.crowds.look_at_soon(tree);
-        self.top.take();
         Ok(())
     }
 
     /// Who writes the lights of a tree, with the number by which kernels know its source; `None` for a stale
     /// key and for a tree whose lights the CPU writes. The number stays the same while the tree has a source.
     pub fn light_source(&self, tree: TreeKey) -> Option<(TreeSource, u32)> {
-        self.scene.sources.of(tree)
+        self.scene.trees.get(tree)?.source.as_ref().map(|source| (source.by, source.number))
     }
 
     /// How many writes of lights of a tree kernels were refused, as far as the GPU has told so far: see
     /// [`wgsl_of_sources`](crate::plan::wgsl_of_sources). 0 for a tree without a source.
     pub fn refused_writes(&self, tree: TreeKey) -> u64 {
-        self.scene.sources.get(tree).map_or(0, |source| source.refused.1)
+        self.scene.trees.get(tree).and_then(|entry| entry.source.as_ref()).map_or(0, |source| source.refused.1)
     }
 }
 

@@ -1,6 +1,5 @@
 //! Edits of lights that wait for the next update.
 
-use super::key_set::KeySet;
 use crate::error::WorldError;
 use crate::keys::TreeKey;
 use crate::light::Light;
@@ -131,8 +130,11 @@ impl StagedLights {
 /// What edits of lights have asked for, and what the last update did of it.
 #[derive(Debug, Default)]
 pub(super) struct Edits {
-    /// Trees that the next update refits, or whose rebuild request it updates.
-    pub pending: KeySet<TreeKey>,
+    /// Trees that the next update refits, or whose rebuild request it updates: see [`TreeEntry::is_pending`]. Some may
+    /// be gone.
+    ///
+    /// [`TreeEntry::is_pending`]: super::TreeEntry
+    pub pending: Vec<TreeKey>,
     /// The lights that the last update added to trees.
     pub added: Vec<(TreeKey, u32)>,
     /// The lights that the last update removed from trees.

@@ -1,6 +1,7 @@
 //! When each slot changed last.
 
-use super::slot_set::{BITS, bits_of};
+/// The bits of a word.
+const BITS: usize = u64::BITS as usize;
 
 /// The number of the last change of each slot, 0 before the first one.
 ///
@@ -50,6 +51,15 @@ fn later(numbers: &[u64], than: u64) -> u64 {
     // The sign of the difference: comparisons of 64 bits are slow on older machines. Eight are independent.
     let eight = |numbers: &[u64]| (0..8).fold(0, |bits, i| bits | ((than.wrapping_sub(numbers[i]) >> 63) << i));
     numbers.chunks_exact(8).rev().fold(0, |bits, numbers| (bits << 8) | eight(numbers))
+}
+
+/// The numbers of the bits that are set, in ascending order.
+fn bits_of(mut bits: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let bit = (bits != 0).then(|| bits.trailing_zeros() as usize)?;
+        bits &= bits - 1;
+        Some(bit)
+    })
 }
 
 /// As [`Stamps::below`] for several kinds of changes.

@@ -63,7 +63,7 @@ impl LightWorld {
             self.renew_partition();
         }
         self.effects.count_update();
-        self.freeze_resting();
+        self.let_rest();
         report.opened_instances = self.sums.opened;
         report.held_back_instances = self.sums.held_back;
         report.parts = self.sums.parts;

@@ -3,12 +3,13 @@
 use glam::DVec3;
 
 use super::LightWorld;
+use super::delta::Delta;
+use super::log::InstanceChange;
 use super::origin::{Origin, OriginMode, check_limit, nearest_origin};
-use crate::effects::Effects;
 use crate::error::{WorldError, check_finite};
-use crate::instance::placement::{Anchor, Placed};
+use crate::instance::placement::Placed;
 use crate::instance::sector::ORIGIN_GRID;
-use crate::keys::slot_of;
+use crate::keys::InstanceKey;
 
 impl LightWorld {
     /// The point that sampling coordinates are relative to, in metres. Zero until
@@ -37,17 +38,7 @@ impl LightWorld {
     /// [`WorldError::OriginOffGrid`] and [`WorldError::OriginTooFar`] if the new mode does not
     /// allow the present origin; [`WorldError::Placement`] if an instance would be too far away.
     pub fn set_origin_mode(&mut self, mode: OriginMode) -> Result<(), WorldError> {
-        let former = self.scene.origin.mode;
-        let origin = Origin::at(mode, self.scene.origin.position)?;
-        let [was_on_grid, is_on_grid] = [former, mode].map(|mode| mode != OriginMode::Free);
-        if was_on_grid != is_on_grid {
-            self.place_all_relative_to(origin.anchor())?;
-            self.switch(Effects::SECTORS, is_on_grid);
-        }
-        self.scene.origin = origin;
-        self.filing.partition.set_origin(origin.position, is_on_grid);
-        self.top.take();
-        Ok(())
+        self.change_origin(mode, self.scene.origin.position)
     }
 
     /// Moves the point that sampling coordinates are relative to, in metres, for example to the
@@ -64,17 +55,26 @@ impl LightWorld {
     /// [`OriginMode::Free`] [`WorldError::Placement`] if an instance would be too far from the
     /// origin. With the other modes [`WorldError::OriginOffGrid`] and [`WorldError::OriginTooFar`].
     pub fn set_origin(&mut self, position: DVec3) -> Result<(), WorldError> {
-        let origin = Origin::at(self.scene.origin.mode, position)?;
-        if position == self.scene.origin.position {
-            return Ok(());
+        self.change_origin(self.scene.origin.mode, position)
+    }
+
+    /// Puts the origin in a place, in a mode, and the instances relative to it.
+    fn change_origin(&mut self, mode: OriginMode, position: DVec3) -> Result<(), WorldError> {
+        let origin = Origin::at(mode, position)?;
+        if origin.anchor() != self.scene.origin.anchor() {
+            let instances = self.scene.instances.values();
+            let placed: Vec<Option<Placed>> =
+                instances.map(|i| Placed::new(&i.placement, origin.anchor())).collect::<Result<_, _>>()?;
+            let keys: Vec<InstanceKey> = self.scene.instances.keys().collect();
+            for (key, placed) in keys.into_iter().zip(placed) {
+                self.scene.instances[key].placed = placed;
+                self.record(Delta::Instance(key, InstanceChange::Altered));
+            }
         }
-        if origin.mode == OriginMode::Free {
-            self.place_all_relative_to(origin.anchor())?;
+        if origin != self.scene.origin {
+            self.scene.origin = origin;
+            self.record(Delta::Origin);
         }
-        self.scene.origin = origin;
-        self.scene.place_portals();
-        self.filing.partition.set_origin(position, self.scene.origin.mode != OriginMode::Free);
-        self.top.take();
         Ok(())
     }
 
@@ -86,20 +86,6 @@ impl LightWorld {
         check_limit("a coordinate of the viewpoint", viewpoint)?;
         let is_far = (viewpoint - self.scene.origin.position).abs().max_element() > ORIGIN_GRID;
         if is_far { self.set_origin(nearest_origin(viewpoint)) } else { Ok(()) }
-    }
-
-    /// Computes the data of all instances again, with translations relative to another anchor.
-    fn place_all_relative_to(&mut self, anchor: Anchor) -> Result<(), WorldError> {
-        let placed: Vec<Option<Placed>> =
-            self.scene.instances.values().map(|i| Placed::new(&i.placement, anchor)).collect::<Result<_, _>>()?;
-        for (instance, placed) in self.scene.instances.values_mut().zip(placed) {
-            instance.placed = placed;
-        }
-        for key in self.scene.instances.keys() {
-            self.log.altered(slot_of(key));
-        }
-        self.top.take();
-        Ok(())
     }
 
     /// Sets the viewpoint: the position of the camera, in metres in world coordinates. Trees whose

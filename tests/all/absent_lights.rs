@@ -122,8 +122,8 @@ fn edit(world: &mut LightWorld, all: &mut Vec<(TreeKey, InstanceKey)>, rng: &mut
                 let count = (rng.bits() % 50) as usize;
                 world.replace_lights(tree, lights(rng, count)).expect("valid");
             }
-            4 => world.set_enabled(key, rng.bits().is_multiple_of(2)).expect("it lives"),
-            5 => world.set_mask(key, 1 << (rng.bits() % 2)).expect("it lives"),
+            4 => world.set_appearance(key, |a| a.is_enabled = rng.bits().is_multiple_of(2)).expect("it lives"),
+            5 => world.set_appearance(key, |a| a.mask = 1 << (rng.bits() % 2)).expect("it lives"),
             6 if all.len() > 8 => {
                 world.remove_instance(key).expect("it lives");
                 world.remove_tree(tree).expect("unused");
@@ -145,8 +145,10 @@ fn named(query: &Query, world: &LightWorld, gpu: &GpuLights) -> Option<LightId> 
     if instance == u32::MAX {
         return world.directionals().nth(light as usize).map(LightId::Directional);
     }
-    let key = world.instance_at(instance).filter(|key| world.is_enabled(*key) == Some(true))?;
-    let tree = world.instance_tree(key)?;
+    let key = world
+        .instance_at(instance)
+        .filter(|key| world.instance(*key).map(|i| i.appearance.is_enabled) == Some(true))?;
+    let tree = world.instance(key)?.tree;
     let is_there = match gpu.stands_in(tree) {
         true => (STAND_IN..STAND_IN + MOST_STAND_INS).contains(&light),
         false => (light as usize) < world.tree(tree)?.lights().len(),
@@ -165,7 +167,7 @@ fn queries(world: &LightWorld, rng: &mut Rng) -> Vec<Query> {
             2 => slots + i % 40,
             _ => (rng.bits() % u64::from(slots)) as u32,
         };
-        let tree = world.instance_at(instance).and_then(|key| world.tree(world.instance_tree(key)?));
+        let tree = world.instance_at(instance).and_then(|key| world.tree(world.instance(key)?.tree));
         let count = tree.map_or(2, |tree| tree.lights().len()) as u32;
         let light = match rng.bits() % 10 {
             0 => count,
@@ -177,7 +179,7 @@ fn queries(world: &LightWorld, rng: &mut Rng) -> Vec<Query> {
             _ => (rng.bits() % u64::from(count.max(1))) as u32,
         };
         let mask = [u32::MAX, 1, 2, 4, 0][(rng.bits() % 5) as usize];
-        let place = world.instance_at(instance).and_then(|key| world.placement(key));
+        let place = world.instance_at(instance).and_then(|key| world.instance(key).map(|i| i.placement));
         let near = place.map_or(Vec3::ZERO, |place| place.translation.as_vec3());
         let point = tree.and_then(|tree| tree.lights().get(light as usize)).map_or(rng.position(12.0), |light| {
             match light.shape {

@@ -109,17 +109,17 @@ fn a_region_is_added_and_removed_without_a_build_a_copy_or_a_freed_tree() {
         let mut asked_before = None;
         for lights in [1_000, 20_000] {
             let mut world = rng.world(2, 50, 3, 20.0);
-            drop(world.add_region(region(&mut rng, 9)).map(|key| world.remove_region(key)));
+            drop(world.add_region(&mut region(&mut rng, 9)).map(|key| world.remove_region(key)));
             world.update(FrameBudget::NONE);
-            let filled = region(&mut rng, lights);
+            let mut filled = region(&mut rng, lights);
             let mut key = None;
-            let asked = requested_bytes(|| key = Some(world.add_region(filled).expect("valid")));
+            let asked = requested_bytes(|| key = Some(world.add_region(&mut filled).expect("valid")));
             let key = key.expect("it was added");
             // The lists of the region and of the world; the trees have 20 MB.
             assert!(asked < 10_000, "{asked} bytes for trees of {lights} lights");
             assert!(asked_before.is_none_or(|before| asked <= before), "{asked} bytes");
             asked_before = Some(asked);
-            let trees = world.region(key).expect("it lives").trees().to_vec();
+            let trees = world.region(key).expect("it lives").trees.clone();
             let tree = |index: usize| world.tree(trees[index]).expect("it lives");
             assert!(!tree(0).is_frozen() && tree(2).is_frozen());
             let bytes: usize = (0..3).map(|index| tree(index).memory_bytes()).sum();
@@ -189,13 +189,13 @@ fn the_memory_of_a_world_is_what_it_holds_but_for_one_percent() {
             // Left out are the lists of the scheduler, of what changed and of crowds: at
             // most 200 bytes for each instance and each tree; and the partition of the top level.
             let left_out =
-                200 * (world.instance_count() + world.tree_count()) as isize + 120 * parts.get() as isize + 60_000;
+                200 * (world.instances().len() + world.trees().len()) as isize + 120 * parts.get() as isize + 60_000;
             assert!((bytes..bytes + bytes / 100 + left_out).contains(&held), "{what}: {held} held, {memory:?}");
         };
         check(&world, "empty");
         let mut keys = Vec::with_capacity(2);
         for lights in [20_000, 300] {
-            keys.push(world.add_region(region(&mut rng, lights)).expect("valid"));
+            keys.push(world.add_region(&mut region(&mut rng, lights)).expect("valid"));
         }
         check(&world, "regions");
         for lights in &trees {
@@ -203,7 +203,7 @@ fn the_memory_of_a_world_is_what_it_holds_but_for_one_percent() {
             places.iter().step_by(200).for_each(|place| drop(world.add_instance(tree, *place, Policy::Budgeted)));
         }
         check(&world, "trees");
-        let large = world.region(keys[0]).expect("it lives").trees()[1];
+        let large = world.region(keys[0]).expect("it lives").trees[1];
         world.set_lights(large, &changes).expect("valid");
         check(&world, "edits");
         for _ in 0..6 {
@@ -350,9 +350,11 @@ fn a_frame_asks_for_memory_by_what_it_changes_and_not_by_the_size_of_the_world()
     let lamp = |i: u32| Light::point(Vec3::new(i as f32, 3.0, 7.0), Vec3::ONE);
     let edits: [(&str, Edit); 8] = [
         ("move", |world, _, key, i| world.move_instance(key, Placement::at(DVec3::splat(i.into()))).expect("valid")),
-        ("enabled", |world, _, key, i| world.set_enabled(key, i % 2 == 1).expect("it lives")),
-        ("factor", |world, _, key, i| world.set_factor(key, Vec3::splat(0.5 + i as f32)).expect("valid")),
-        ("user data", |world, _, key, i| world.set_user_data(key, i).expect("it lives")),
+        ("enabled", |world, _, key, i| world.set_appearance(key, |a| a.is_enabled = i % 2 == 1).expect("it lives")),
+        ("factor", |world, _, key, i| {
+            world.set_appearance(key, |a| a.factor = Vec3::splat(0.5 + i as f32)).expect("valid")
+        }),
+        ("user data", |world, _, key, i| world.set_appearance(key, |a| a.user_data = i).expect("it lives")),
         ("change", |world, tree, _, i| world.set_emission(tree, 7, Vec3::splat(2.0 + i as f32)).expect("valid")),
         ("add", |world, tree, _, i| drop(world.add_lights(tree, &[Light::point(Vec3::splat(i as f32), Vec3::ONE)]))),
         ("remove", |world, tree, _, i| world.remove_lights(tree, &[20 + i]).expect("a light")),

@@ -30,8 +30,11 @@ fn disabled_instances_send_nothing_and_come_back_with_the_same_probabilities() {
     let before = all_pmfs(&world.sampler(), &shading_point);
     let disabled: Vec<InstanceKey> = keys.iter().copied().step_by(3).collect();
     for key in &disabled {
-        world.set_enabled(*key, false).expect("it lives");
-        assert_eq!((world.is_enabled(*key), world.slot(*key).is_some()), (Some(false), true));
+        world.set_appearance(*key, |a| a.is_enabled = false).expect("it lives");
+        assert_eq!(
+            (world.instance(*key).map(|i| i.appearance.is_enabled), world.slot(*key).is_some()),
+            (Some(false), true)
+        );
     }
     let sampler = world.sampler();
     let mut others = 0;
@@ -47,7 +50,7 @@ fn disabled_instances_send_nothing_and_come_back_with_the_same_probabilities() {
     }
     assert!(others > 50, "{others}");
     for key in &disabled {
-        world.set_enabled(*key, true).expect("it lives");
+        world.set_appearance(*key, |a| a.is_enabled = true).expect("it lives");
     }
     assert_eq!(all_pmfs(&world.sampler(), &shading_point), before);
 }
@@ -70,34 +73,34 @@ fn edits_of_one_instance_send_one_record_and_edits_without_effect_send_nothing()
     let nothing = (0, 0, 0, false);
     let car = keys[77];
     // An instance has 160 bytes. User data is no matter of the top level.
-    world.set_user_data(car, 5).expect("it lives");
+    world.set_appearance(car, |a| a.user_data = 5).expect("it lives");
     assert_eq!(upload(&mut world), (160, 0, 1, false));
-    world.set_user_data(car, 5).expect("it lives");
-    world.set_enabled(car, true).expect("it lives");
+    world.set_appearance(car, |a| a.user_data = 5).expect("it lives");
+    world.set_appearance(car, |a| a.is_enabled = true).expect("it lives");
     assert_eq!(upload(&mut world), nothing);
-    world.set_enabled(car, false).expect("it lives");
+    world.set_appearance(car, |a| a.is_enabled = false).expect("it lives");
     assert_eq!(upload(&mut world), (160, 0, 1, true));
     // The record of an instance that is not shown does not change.
-    world.set_user_data(car, 6).expect("it lives");
+    world.set_appearance(car, |a| a.user_data = 6).expect("it lives");
     assert_eq!(upload(&mut world), nothing);
-    world.set_enabled(car, true).expect("it lives");
+    world.set_appearance(car, |a| a.is_enabled = true).expect("it lives");
     assert_eq!(upload(&mut world), (160, 0, 1, true));
-    assert_eq!((world.tree_count(), world.user_data(car)), (1, Some(6)));
-    world.set_factor(car, Vec3::splat(0.5)).expect("valid");
+    assert_eq!((world.trees().len(), world.instance(car).map(|i| i.appearance.user_data)), (1, Some(6)));
+    world.set_appearance(car, |a| a.factor = Vec3::splat(0.5)).expect("valid");
     assert_eq!(upload(&mut world), (160, 0, 1, true));
-    world.set_factor(car, Vec3::splat(0.5)).expect("valid");
+    world.set_appearance(car, |a| a.factor = Vec3::splat(0.5)).expect("valid");
     assert_eq!(upload(&mut world), nothing);
-    world.set_factor(car, Vec3::new(0.1, 0.2, 0.3)).expect("valid");
+    world.set_appearance(car, |a| a.factor = Vec3::new(0.1, 0.2, 0.3)).expect("valid");
     assert_eq!(upload(&mut world), (160, 0, 1, true));
     // The first mask makes room for the masks of the top level, so the uniforms are sent too: that
     // of shaders, those of the four passes of a sort, and those of three passes of the top level.
-    world.set_mask(car, 3).expect("it lives");
+    world.set_appearance(car, |a| a.mask = 3).expect("it lives");
     assert_eq!(upload(&mut world), (160 + 48 + 4 * 256 + 3 * 64, 0, 1, true));
-    world.set_mask(car, 3).expect("it lives");
+    world.set_appearance(car, |a| a.mask = 3).expect("it lives");
     assert_eq!(upload(&mut world), nothing);
-    world.set_mask(car, 4).expect("it lives");
+    world.set_appearance(car, |a| a.mask = 4).expect("it lives");
     assert_eq!(upload(&mut world), (160, 0, 1, true));
-    assert_eq!(world.tree_count(), 1);
+    assert_eq!(world.trees().len(), 1);
 }
 
 #[test]
@@ -107,7 +110,7 @@ fn masked_lights_are_never_drawn_and_the_others_are_drawn_as_if_they_did_not_exi
         let mut world = rng.world(6, 12, 6, 15.0);
         let keys: Vec<InstanceKey> = world.instances().collect();
         for (key, mask) in keys.iter().zip(masks.into_iter().cycle()) {
-            world.set_mask(*key, mask).expect("it lives");
+            world.set_appearance(*key, |a| a.mask = mask).expect("it lives");
         }
         for mask in [0b01, 0b10, 0b100, 0, u32::MAX] {
             let mut seen = rng.shading_point(15.0);
@@ -116,7 +119,9 @@ fn masked_lights_are_never_drawn_and_the_others_are_drawn_as_if_they_did_not_exi
             let sampler = world.sampler();
             let pmfs = all_pmfs(&sampler, &seen);
             let is_seen = |light: &LightId| match light {
-                LightId::Local { instance, .. } => world.mask(*instance).expect("it lives") & mask != 0,
+                LightId::Local { instance, .. } => {
+                    world.instance(*instance).expect("it lives").appearance.mask & mask != 0
+                }
                 LightId::Directional(_) => true,
                 &_ => unreachable!("this version has no others"),
             };
@@ -145,7 +150,7 @@ fn the_mean_over_a_masked_world_is_that_of_the_lights_that_reach_the_point() {
     let mut rng = Rng(306);
     let mut world = rng.world(4, 10, 5, 10.0);
     for (i, key) in world.instances().collect::<Vec<_>>().into_iter().enumerate() {
-        world.set_mask(key, 1 << (i % 4)).expect("it lives");
+        world.set_appearance(key, |a| a.mask = 1 << (i % 4)).expect("it lives");
     }
     // Lights without size, so that the sum over all lights is exact.
     for tree in world.trees().collect::<Vec<_>>() {
@@ -180,7 +185,7 @@ fn lamps_of_32_masks(count: u32, in_stripes: bool) -> LightWorld {
         let at = Placement::at(DVec3::new(x.into(), 5.0, z.into()));
         let key = world.add_instance(lamp, at, Policy::Static).expect("valid");
         let number = if in_stripes { ((x + 500.0) * 0.32) as u32 } else { (32.0 * rng.unit()) as u32 };
-        world.set_mask(key, 1 << (number % 32)).expect("it lives");
+        world.set_appearance(key, |a| a.mask = 1 << (number % 32)).expect("it lives");
     }
     world
 }
@@ -251,7 +256,7 @@ fn masks_without_a_common_bit_leave_the_directional_lights() {
     // A point without bits, in a world without masks and in one with masks.
     assert!((only_directionals(&world, &nowhere) - 1.0).abs() < 1.0e-5);
     for key in world.instances().collect::<Vec<_>>() {
-        world.set_mask(key, 0b1000).expect("it lives");
+        world.set_appearance(key, |a| a.mask = 0b1000).expect("it lives");
     }
     assert!((only_directionals(&world, &nowhere) - 1.0).abs() < 1.0e-5);
     // Bits that no instance has.
@@ -285,7 +290,7 @@ fn learnt_visibility_and_segments_follow_masks() {
             let pmf = sampler.pmf(&at, sample.light);
             assert!((sample.pmf - pmf).abs() <= 1.0e-4 * pmf, "{sample:?} {pmf}");
             let LightId::Local { instance, .. } = sample.light else { continue };
-            assert!(world.mask(instance).expect("it lives") & 0b10 != 0, "{sample:?}");
+            assert!(world.instance(instance).expect("it lives").appearance.mask & 0b10 != 0, "{sample:?}");
             drawn += 1;
         }
         assert!(drawn > 50, "{drawn}");
@@ -314,7 +319,7 @@ fn the_gpu_chooses_the_same_lights_for_masked_points() {
     let lamp = world.add_tree(LightTree::new(rng.lights(3, 1.0)).expect("valid"));
     for i in 0..900 {
         let key = world.add_instance(lamp, rng.affine(60.0), Policy::Static).expect("valid");
-        world.set_mask(key, [0b01, 0b10, u32::MAX, 0][i % 4]).expect("it lives");
+        world.set_appearance(key, |a| a.mask = [0b01, 0b10, u32::MAX, 0][i % 4]).expect("it lives");
     }
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let text = wgsl(1, Effects::all())
@@ -375,7 +380,7 @@ fn one_of_five_thousand_cars_dims_and_the_mean_follows() {
         toward.y / toward.length().powi(3)
     };
     for factor in [Vec3::ONE, Vec3::new(0.25, 0.5, 0.125), Vec3::new(8.0, 0.0, 2.0), Vec3::ZERO] {
-        world.set_factor(keys[77], factor).expect("valid");
+        world.set_appearance(keys[77], |a| a.factor = factor).expect("valid");
         let of_car = |i: usize| if i == 77 { factor.as_dvec3() } else { DVec3::ONE };
         let exact: DVec3 = (0..keys.len()).map(|i| of_car(i) * lux_of(i)).sum();
         let sampler = world.sampler();
@@ -403,7 +408,7 @@ fn one_of_five_thousand_cars_dims_and_the_mean_follows() {
         assert!((mean.y - exact.y).abs() <= limit, "{mean} for {exact}, within {limit}");
         assert!(limit < 0.2 * exact.y, "{limit} tells nothing");
     }
-    assert_eq!(world.tree_count(), 1);
+    assert_eq!(world.trees().len(), 1);
 }
 
 /// From the ground to a lamp that is so far away along x.
@@ -426,7 +431,7 @@ fn factors_change_probabilities_as_lights_of_that_emission_do() {
         world
     });
     let instance = worlds[0].instances().nth(1).expect("three instances");
-    worlds[0].set_factor(instance, Vec3::splat(4.0)).expect("valid");
+    worlds[0].set_appearance(instance, |a| a.factor = Vec3::splat(4.0)).expect("valid");
     for _ in 0..40 {
         let at = rng.shading_point(15.0);
         let [by_factor, by_light] = worlds.each_ref().map(|world| all_pmfs(&world.sampler(), &at));
@@ -449,7 +454,7 @@ fn the_greatest_and_the_least_factors_leave_all_results_finite() {
         let tree = world.add_tree(LightTree::new(lights).expect("valid"));
         let instance = world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
         let plain = world.add_instance(tree, Placement::at(DVec3::X), Policy::Static).expect("valid");
-        world.set_factor(instance, Vec3::splat(factor)).expect("within the limits");
+        world.set_appearance(instance, |a| a.factor = Vec3::splat(factor)).expect("within the limits");
         let sampler = world.sampler();
         for i in 0..200 {
             let at = match i % 4 {
@@ -477,17 +482,27 @@ fn keys_of_removed_instances_are_refused() {
     let gone = keys[0];
     world.remove_instance(gone).expect("it lives");
     let refused = Err(girandole::WorldError::NoSuchInstance(gone));
-    assert_eq!(world.set_enabled(gone, false), refused);
-    assert_eq!(world.set_user_data(gone, 1), refused);
-    assert_eq!(world.set_factor(gone, Vec3::ZERO), refused);
-    assert_eq!(world.set_mask(gone, 1), refused);
-    assert_eq!((world.is_enabled(gone), world.user_data(gone)), (None, None));
-    assert_eq!((world.factor(gone), world.mask(gone)), (None, None));
+    assert_eq!(world.set_appearance(gone, |a| a.is_enabled = false), refused);
+    assert_eq!(world.set_appearance(gone, |a| a.user_data = 1), refused);
+    assert_eq!(world.set_appearance(gone, |a| a.factor = Vec3::ZERO), refused);
+    assert_eq!(world.set_appearance(gone, |a| a.mask = 1), refused);
+    assert_eq!(
+        (world.instance(gone).map(|i| i.appearance.is_enabled), world.instance(gone).map(|i| i.appearance.user_data)),
+        (None, None)
+    );
+    assert_eq!(
+        (world.instance(gone).map(|i| i.appearance.factor), world.instance(gone).map(|i| i.appearance.mask)),
+        (None, None)
+    );
     // The next instance in the slot has the properties of any new instance.
     let tree = world.trees().next().expect("a tree");
     let new = world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     assert_eq!(
-        (world.is_enabled(new), world.user_data(new), world.factor(new)),
+        (
+            world.instance(new).map(|i| i.appearance.is_enabled),
+            world.instance(new).map(|i| i.appearance.user_data),
+            world.instance(new).map(|i| i.appearance.factor)
+        ),
         (Some(true), Some(0), Some(Vec3::ONE))
     );
 }
@@ -526,7 +541,10 @@ fn every_sample_returns_the_user_data_of_its_instance_on_both_sides() {
     let mut questions: Vec<u32> = keys.iter().map(|key| world.slot(*key).expect("it lives")).collect();
     questions.extend([u32::MAX, 1000]);
     let answers: Vec<u32> = ask(&mut lights, text, &questions, questions.len());
-    let shown = |key: &InstanceKey| world.is_enabled(*key) == Some(true) && world.factor(*key) != Some(Vec3::ZERO);
+    let shown = |key: &InstanceKey| {
+        world.instance(*key).map(|i| i.appearance.is_enabled) == Some(true)
+            && world.instance(*key).map(|i| i.appearance.factor) != Some(Vec3::ZERO)
+    };
     let expected = keys.iter().map(|key| if shown(key) { user_data_of(&world, *key) } else { 0 }).chain([0, 0]);
     assert_eq!(answers, expected.collect::<Vec<u32>>());
 }

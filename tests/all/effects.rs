@@ -26,17 +26,20 @@ fn counted(world: &LightWorld) -> HashMap<Effects, u64> {
         tree.lights().iter().for_each(|light| add(light.effects()));
     }
     for instance in world.instances() {
-        let linear = world.placement(instance).expect("it lives").linear;
+        let linear = world.instance(instance).expect("it lives").placement.linear;
         let gram = linear.transpose() * linear;
         let is_rigid = gram.abs_diff_eq(Mat3::IDENTITY, 4.0e-6) && linear.determinant() > 0.0;
-        let factor = world.factor(instance).expect("it lives");
-        if world.is_enabled(instance) == Some(false) || factor == Vec3::ZERO || linear == Mat3::ZERO {
+        let factor = world.instance(instance).expect("it lives").appearance.factor;
+        if world.instance(instance).map(|i| i.appearance.is_enabled) == Some(false)
+            || factor == Vec3::ZERO
+            || linear == Mat3::ZERO
+        {
             continue;
         }
         if factor != Vec3::ONE {
             add(Effects::FACTORS);
         }
-        if world.mask(instance) != Some(u32::MAX) {
+        if world.instance(instance).map(|i| i.appearance.mask) != Some(u32::MAX) {
             add(Effects::MASKS);
         }
         if !is_rigid {
@@ -277,12 +280,12 @@ proptest! {
                     world.remove_directional(key).expect("it lives");
                     prop_assert!(world.remove_directional(key).is_err());
                 }
-                (15, _, Some(instance)) => world.set_mask(instance, [0, 7, u32::MAX][any(3)]).expect("it lives"),
+                (15, _, Some(instance)) => world.set_appearance(instance, |a| a.mask = [0, 7, u32::MAX][any(3)]).expect("it lives"),
                 (13 | 14, _, Some(instance)) => {
                     let factor = [Vec3::ZERO, Vec3::ONE, Vec3::new(0.0, 0.5, 2.0)][any(3)];
-                    world.set_factor(instance, factor).expect("valid");
+                    world.set_appearance(instance, |a| a.factor = factor).expect("valid");
                 }
-                (11 | 12, _, Some(instance)) => world.set_enabled(instance, any(2) == 0).expect("it lives"),
+                (11 | 12, _, Some(instance)) => world.set_appearance(instance, |a| a.is_enabled = any(2) == 0).expect("it lives"),
                 _ => {
                     // Often enough for some trees to freeze.
                     for _ in 0..[1, EFFECT_HOLD_UPDATES][any(2)] {
@@ -292,7 +295,7 @@ proptest! {
             }
             let counts = world.effect_counts();
             prop_assert_eq!(kept(counts), counted(&world));
-            prop_assert!(counts.of(Effects::MOVING) <= world.tree_count() as u64);
+            prop_assert!(counts.of(Effects::MOVING) <= world.trees().len() as u64);
             prop_assert!(world.effects().contains(world.active_effects() - Effects::MOVING));
             prop_assert!(!world.effects().contains(Effects::MOVING));
             prop_assert_eq!(world.active_effects(), counts.effects());

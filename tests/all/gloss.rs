@@ -223,7 +223,7 @@ fn candidates_are_kept_in_proportion_to_what_is_reflected_of_them() {
 #[test]
 fn the_setting_adds_the_effect_and_nothing_else() {
     let mut world = world_of(vec![Light::point(Vec3::Y, Vec3::ONE)], Placement::IDENTITY);
-    assert!(!world.glossy_sampling() && world.effects().is_empty());
+    assert!(!world.active_effects().contains(Effects::GLOSSY) && world.effects().is_empty());
     for _ in 0..2 {
         world.set_glossy_sampling(true);
         assert_eq!(world.effects(), Effects::GLOSSY);

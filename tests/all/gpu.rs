@@ -187,8 +187,8 @@ fn emission(world: &LightWorld, light: LightId) -> f32 {
     match light {
         LightId::Directional(key) => world.directional(key).map_or(0.0, |light| light.illuminance.length()),
         LightId::Local { instance, light } => {
-            let tree = world.instance_tree(instance).and_then(|tree| world.tree(tree));
-            let factor = world.factor(instance).unwrap_or(Vec3::ONE);
+            let tree = world.instance(instance).and_then(|i| world.tree(i.tree));
+            let factor = world.instance(instance).map_or(Vec3::ONE, |i| i.appearance.factor);
             tree.map_or(0.0, |tree| (tree.lights()[light as usize].emission * factor).length())
         }
         _ => unreachable!("this version has no others"),
@@ -348,7 +348,7 @@ fn a_world_that_changes_and_grows_is_sampled_alike_on_both_sides() {
         world.remove_instance(instances[instances.len() / 2]).expect("it lives");
         world.set_lights(tree, &[(7, rng.light(3.0)), (99, rng.light(3.0))]).expect("valid");
         world
-            .replace_lights(world.instance_tree(instances[1]).expect("it lives"), rng.lights(10 + round, 5.0))
+            .replace_lights(world.instance(instances[1]).expect("it lives").tree, rng.lights(10 + round, 5.0))
             .expect("valid");
         world.set_origin(DVec3::splat(round as f64)).expect("near");
         world.update(FrameBudget::UNLIMITED);
@@ -361,7 +361,7 @@ fn an_upload_sends_what_changed_and_nothing_else() {
     let mut world = Rng(41).world(3, 30, 4, 20.0);
     // Apart, so that no tree is loose.
     for (key, i) in world.instances().collect::<Vec<_>>().into_iter().zip(0..) {
-        let place = world.placement(key).expect("it lives");
+        let place = world.instance(key).expect("it lives").placement;
         let place = Placement { translation: DVec3::X * 1000.0 * f64::from(i), ..place };
         world.move_instance(key, place).expect("valid");
     }
@@ -375,7 +375,7 @@ fn an_upload_sends_what_changed_and_nothing_else() {
     assert_eq!((unchanged.bytes, unchanged.trees, unchanged.instances), (0, 0, 0));
     let mover = world.instances().nth(5).expect("twelve instances");
     // A move by a millimetre divides no space anew.
-    let place = world.placement(mover).expect("it lives");
+    let place = world.instance(mover).expect("it lives").placement;
     let place = Placement { translation: place.translation + DVec3::splat(1.0e-3), ..place };
     world.move_instance(mover, place).expect("valid");
     let moved = upload(&mut world);

@@ -18,14 +18,15 @@ const RAYS_PER_EDGE: usize = 500;
 /// The first light that sends light back along a ray, by all lights in turn: its distance and its radiance.
 fn first_of_all(world: &LightWorld, at: &ShadingPoint, direction: Vec3, max_dist: f64) -> Option<(LightId, f64, Vec3)> {
     let mut first: Option<(LightId, f64, Vec3)> = None;
-    for instance in
-        world.instances().filter(|i| world.is_enabled(*i) == Some(true) && world.mask(*i).unwrap_or(0) & at.mask != 0)
-    {
-        let placement = world.placement(instance).expect("a live instance");
+    for instance in world.instances().filter(|i| {
+        world.instance(*i).map(|i| i.appearance.is_enabled) == Some(true)
+            && world.instance(*i).map_or(0, |i| i.appearance.mask) & at.mask != 0
+    }) {
+        let placement = world.instance(instance).expect("a live instance").placement;
         let to_local: DMat3 = placement.linear.as_dmat3().inverse();
         let origin = to_local * (at.position.as_dvec3() - placement.translation);
         let local = to_local * direction.as_dvec3();
-        let tree = world.instance_tree(instance).and_then(|tree| world.tree(tree)).expect("a live tree");
+        let tree = world.instance(instance).and_then(|i| world.tree(i.tree)).expect("a live tree");
         for (index, light) in tree.lights().iter().enumerate().filter(|(_, light)| light.flux() > 0.0) {
             let Some(dist) = hit(light, origin, local) else { continue };
             let (normal, two_sided) = match light.shape {
@@ -37,7 +38,9 @@ fn first_of_all(world: &LightWorld, at: &ShadingPoint, direction: Vec3, max_dist
             let window =
                 if f64::from(light.range) < 1.0e18 { 1.0 - (dist / f64::from(light.range)).powi(4) } else { 1.0 };
             if is_lit && window > 0.0 && dist < first.map_or(max_dist, |(_, nearest, _)| nearest) {
-                let radiance = light.emission * window as f32 * world.factor(instance).unwrap_or(Vec3::ONE);
+                let radiance = light.emission
+                    * window as f32
+                    * world.instance(instance).map_or(Vec3::ONE, |i| i.appearance.factor);
                 first = Some((LightId::Local { instance, light: index as u32 }, dist, radiance));
             }
         }
@@ -84,7 +87,7 @@ fn a_ray_hits_the_first_of_all_lights() {
                     let is_close = (pdf / (found.pmf * incident.pdf) - 1.0).abs() <= rounding;
                     assert!(rounding > 0.05 || is_close, "{found:?} {pdf} {rounding}");
                     let LightId::Local { instance, .. } = light else { panic!("{light:?}") };
-                    assert_eq!(Some(found.user_data), world.user_data(instance));
+                    assert_eq!(Some(found.user_data), world.instance(instance).map(|i| i.appearance.user_data));
                     hits += 1;
                 }
                 _ => edges += 1,
@@ -169,7 +172,7 @@ fn rays_that_meet_nothing_that_shines_hit_nothing() {
     assert!(world.sampler().hit(&below, Vec3::Y, f32::INFINITY).is_none(), "below the horizon");
     let segment = ShadingPoint::segment(Vec3::NEG_Y, Vec3::Y, 0.5);
     assert!(world.sampler().hit(&segment, Vec3::Y, f32::INFINITY).is_none(), "a segment");
-    world.set_enabled(instance, false).expect("a live instance");
+    world.set_appearance(instance, |a| a.is_enabled = false).expect("a live instance");
     assert!(!hits(&world, Vec3::NEG_Y, Vec3::Y, f32::INFINITY), "hidden");
 }
 
@@ -185,7 +188,7 @@ fn a_light_that_a_factor_makes_black_hides_none_behind_it() {
     let of = |instance| Some(LightId::Local { instance, light: 0 });
     assert_eq!(hit(&world).map(|hit| hit.light), of(near));
     // The light is blue.
-    world.set_factor(near, Vec3::X).expect("a live instance");
+    world.set_appearance(near, |a| a.factor = Vec3::X).expect("a live instance");
     assert_eq!(hit(&world).map(|hit| hit.light), of(far));
 }
 

@@ -53,7 +53,7 @@ fn stretched(rng: &mut Rng) -> Placement {
 fn random_moves(world: &LightWorld, rng: &mut Rng, count: usize) -> Moves {
     let keys: Vec<_> = world.instances().collect();
     let place = |key, rng: &mut Rng| match below(rng, 8) {
-        0 => world.placement(key).expect("it lives"),
+        0 => world.instance(key).expect("it lives").placement,
         1 => Placement { linear: Mat3::ZERO, translation: rng.position(10.0).as_dvec3() },
         2 => stretched(rng),
         3 | 4 => Placement::at(rng.position(0.5).as_dvec3()),
@@ -80,7 +80,7 @@ fn last_ones(moves: &Moves) -> Moves {
 
 /// The placements of a world, its trees and its probabilities, to the bit.
 fn state(world: &LightWorld, seed: u64) -> impl PartialEq + std::fmt::Debug + use<> {
-    let placements: Vec<_> = world.instances().map(|key| (key, world.placement(key))).collect();
+    let placements: Vec<_> = world.instances().map(|key| (key, world.instance(key).map(|i| i.placement))).collect();
     let tree = |key| world.tree(key).map(|tree| (tree.nodes().to_vec(), tree.is_frozen()));
     let trees: Vec<_> = world.trees().map(tree).collect();
     let mut rng = Rng(seed);
@@ -166,7 +166,7 @@ proptest! {
                         }
                         world.remove_instance(key).expect("it lives");
                     }
-                    2 => world.set_enabled(key, rng.bits().is_multiple_of(2)).expect("it lives"),
+                    2 => world.set_appearance(key, |a| a.is_enabled = rng.bits().is_multiple_of(2)).expect("it lives"),
                     3 => drop(world.make_unique(key).expect("it lives")),
                     4 => world.set_origin(rng.position(5.0).as_dvec3()).expect("near"),
                     5 => world.move_instance(key, rng.affine(9.0)).expect("valid"),
@@ -198,7 +198,7 @@ struct Reader {
 
 impl Reader {
     fn of(world: &LightWorld) -> Self {
-        let of = |key| (world.slot(key).expect("it lives"), (key, world.placement(key)));
+        let of = |key| (world.slot(key).expect("it lives"), (key, world.instance(key).map(|i| i.placement)));
         let before = world.instances().map(of).collect();
         Self { seen: world.revision(), origin: world.origin(), before, removed: BTreeSet::new() }
     }
@@ -272,7 +272,7 @@ fn a_refused_move_is_named_and_no_other_move_is_done() {
     assert!(state(&world, 1) == before);
     world.move_instances(&[]).expect("nothing to refuse");
     world.move_instances(&good).expect("what was refused before leaves no trace");
-    assert!(good.iter().all(|(key, placement)| world.placement(*key) == Some(*placement)));
+    assert!(good.iter().all(|(key, placement)| world.instance(*key).map(|i| i.placement) == Some(*placement)));
 }
 
 #[test]
@@ -288,11 +288,11 @@ fn moves_to_where_instances_are_cost_nothing() {
     // Until it is known which trees are loose.
     for step in [1.0e-3, -1.0e-3, 0.0, 0.0] {
         let key = world.instances().next().expect("one");
-        let place = world.placement(key).expect("it lives");
+        let place = world.instance(key).expect("it lives").placement;
         world.move_instance(key, Placement { translation: place.translation + step, ..place }).expect("valid");
         sent(&mut world);
     }
-    let present: Moves = world.instances().map(|key| (key, world.placement(key).expect("it lives"))).collect();
+    let present: Moves = world.instances().map(|key| (key, world.instance(key).expect("it lives").placement)).collect();
     let nothing = (0, true, UploadReport::default());
     one_by_one(&mut world, &present);
     assert_eq!(sent(&mut world), nothing);

@@ -253,7 +253,7 @@ fn regions_that_overlap_come_and_go_with_their_openings() {
     };
     let mut keys = Vec::new();
     for round in 0..12 {
-        keys.push(world.add_region(region(&mut rng)).expect("valid"));
+        keys.push(world.add_region(&mut region(&mut rng)).expect("valid"));
         if round >= 4 {
             drop(world.remove_region(keys.remove(0)).expect("it lives"));
         }

@@ -40,8 +40,10 @@ fn world_at(around: DVec3, size: f32, mode: OriginMode) -> LightWorld {
         }
     }
     let keys: Vec<InstanceKey> = world.instances().collect();
-    keys.iter().step_by(4).for_each(|key| world.set_factor(*key, Vec3::new(0.5, 2.0, 1.0)).expect("valid"));
-    keys.iter().step_by(5).for_each(|key| world.set_mask(*key, 0b110).expect("it lives"));
+    keys.iter()
+        .step_by(4)
+        .for_each(|key| world.set_appearance(*key, |a| a.factor = Vec3::new(0.5, 2.0, 1.0)).expect("valid"));
+    keys.iter().step_by(5).for_each(|key| world.set_appearance(*key, |a| a.mask = 0b110).expect("it lives"));
     world.update(FrameBudget::NONE);
     world
 }

@@ -164,7 +164,7 @@ fn overlapping_strings_are_told_apart_light_by_light() {
     let Street { world, strings, .. } = street(&mut rng);
     let sampler = world.sampler();
     // One centimetre below a lamp of one string, among eight strings: nearly all light is its.
-    let placement = world.placement(strings[4]).expect("it lives");
+    let placement = world.instance(strings[4]).expect("it lives").placement;
     let lamp = Vec3::X * (10.0 - 0.5 * 34.0);
     let position = (placement.linear * lamp).as_dvec3() + placement.translation - DVec3::Y * 0.01;
     let shading_point = girandole::ShadingPoint::surface(position.as_vec3(), Vec3::Y);

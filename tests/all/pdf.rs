@@ -18,13 +18,13 @@ const GPU_TOLERANCE: f32 = 2.0e-3;
 /// difference.
 fn cosine(world: &LightWorld, light: LightId, direction: Vec3) -> f32 {
     let LightId::Local { instance, light } = light else { return 1.0 };
-    let tree = world.instance_tree(instance).and_then(|tree| world.tree(tree)).expect("a live instance");
+    let tree = world.instance(instance).and_then(|i| world.tree(i.tree)).expect("a live instance");
     let normal = match tree.lights()[light as usize].shape {
         Shape::Rectangle { half_u, half_v, .. } => half_u.as_dvec3().cross(half_v.as_dvec3()),
         Shape::Triangle { vertices: [a, b, c], .. } => (b - a).as_dvec3().cross((c - a).as_dvec3()),
         _ => return 1.0,
     };
-    let linear: DMat3 = world.placement(instance).expect("a live instance").linear.as_dmat3();
+    let linear: DMat3 = world.instance(instance).expect("a live instance").placement.linear.as_dmat3();
     let normal = (linear.inverse().transpose() * normal).normalize();
     normal.dot(direction.as_dvec3()).abs() as f32
 }
@@ -68,7 +68,7 @@ fn agrees_at_a_sample(
 fn moved(mut world: LightWorld, far: f64) -> LightWorld {
     let instances: Vec<_> = world.instances().collect();
     for instance in instances {
-        let placement = world.placement(instance).expect("a live instance");
+        let placement = world.instance(instance).expect("a live instance").placement;
         let translation = placement.translation + DVec3::splat(far);
         world.move_instance(instance, Placement { translation, ..placement }).expect("valid");
     }

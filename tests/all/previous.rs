@@ -172,8 +172,8 @@ impl Names {
             return world.directionals().nth(query.light as usize).map(|key| (u64::MAX, key.into()));
         }
         let key = world.instance_at(query.instance)?;
-        let is_shown = world.is_enabled(key)?;
-        let name = self.of_trees[&world.instance_tree(key)?].get(query.light as usize)?;
+        let is_shown = world.instance(key)?.appearance.is_enabled;
+        let name = self.of_trees[&world.instance(key)?.tree].get(query.light as usize)?;
         is_shown.then_some((key.into(), *name))
     }
 }
@@ -197,7 +197,7 @@ fn the_last_frames_lights_are_those_that_it_had() {
                 instances.push(world.add_instance(tree, at, Policy::Budgeted).expect("valid"));
             }
             for (i, key) in instances.iter().enumerate() {
-                let tree = world.instance_tree(*key).expect("it lives");
+                let tree = world.instance(*key).expect("it lives").tree;
                 match rng.bits() % 14 {
                     0 => {
                         let scale = Mat3::IDENTITY * if round > 12 { 2.0 } else { 1.0 };
@@ -205,7 +205,9 @@ fn the_last_frames_lights_are_those_that_it_had() {
                         world.move_instance(*key, at).expect("valid");
                     }
                     1 => world.set_emission(tree, 1, Vec3::splat(rng.between(1.0, 50.0))).unwrap_or_default(),
-                    2 if i % 3 == 0 => world.set_enabled(*key, rng.bits() % 2 == 0).expect("it lives"),
+                    2 if i % 3 == 0 => {
+                        world.set_appearance(*key, |a| a.is_enabled = rng.bits() % 2 == 0).expect("it lives")
+                    }
                     3 => {
                         // The first comes back as others at the next addition, and the tree grows.
                         world.remove_lights(tree, &[0]).unwrap_or_default();
@@ -247,7 +249,7 @@ fn the_last_frames_lights_are_those_that_it_had() {
         // The queries of the last frame first, then others.
         let fresh = (0..240).map(|i| {
             let key = instances[(rng.bits() % instances.len() as u64) as usize];
-            let lights = &names.of_trees[&world.instance_tree(key).expect("it lives")];
+            let lights = &names.of_trees[&world.instance(key).expect("it lives").tree];
             let light = (rng.bits() % lights.len() as u64) as u32;
             let (instance, light) = match i {
                 0..4 => (u32::MAX, i),
@@ -285,7 +287,7 @@ fn the_sky_of_the_last_frame_is_as_bright_as_it_was() {
     let (mut asker, mut world) = (Asker::new(), LightWorld::new());
     let sky = world.set_sky(Sky::from_fn(8, |toward| Vec3::splat(2.0 + toward.x)).expect("a sound map"));
     let (instance, count) = {
-        let tree = world.instance_tree(sky).expect("it lives");
+        let tree = world.instance(sky).expect("it lives").tree;
         (world.slot(sky).expect("it lives"), world.tree(tree).expect("it lives").lights().len() as u32)
     };
     let queries: Vec<_> =
@@ -294,7 +296,7 @@ fn the_sky_of_the_last_frame_is_as_bright_as_it_was() {
     assert!(first.iter().filter(|answer| answer[0] > 0.0).count() as u32 > count / 3);
     assert!(first.iter().zip(&second).all(|(first, second)| first[1] == 0.0 && second[1] == first[0]));
     // Dimmer, and the last frame has the sky as it was.
-    world.set_factor(sky, Vec3::splat(0.5)).expect("valid");
+    world.set_appearance(sky, |a| a.factor = Vec3::splat(0.5)).expect("valid");
     let third = asker.frame(&mut world, &queries);
     assert!(third.iter().zip(&second).all(|(third, second)| third[1] == second[0] && 2.0 * third[0] == second[0]));
 }

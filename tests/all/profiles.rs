@@ -66,7 +66,8 @@ fn what_arrives_is_the_intensity_of_the_file_in_that_direction() {
         let at = ShadingPoint::surface(rng.position(20.0), Vec3::ZERO);
         for light in world.sampler().all_lights() {
             let LightId::Local { instance, light: index } = light else { panic!("there is no sun") };
-            let (tree, placement) = (world.instance_tree(instance).unwrap(), world.placement(instance).unwrap());
+            let (tree, placement) =
+                (world.instance(instance).unwrap().tree, world.instance(instance).unwrap().placement);
             let lamp = &world.tree(tree).unwrap().lights()[index as usize];
             let expected = arriving(lamp, &placement, at.position.as_dvec3() + DVec3::splat(1000.0));
             let found = world.sampler().sample_light(&at, light, [0.5; 2]).map_or(Vec3::ZERO, |found| found.radiance);

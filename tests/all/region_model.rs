@@ -137,14 +137,14 @@ impl Run {
                 let far = RegionInstance::new(trees[0], Placement::at(DVec3::splat(1.1e9)), Policy::Budgeted);
                 region.add_instance(far).expect("how far it may be depends on the world");
             }
-            self.refuse(|world| drop(world.add_region(region).expect_err("refused")));
+            self.refuse(|world| drop(world.add_region(&mut region).expect_err("refused")));
             return;
         }
-        let key = self.world.add_region(region).expect("valid");
+        let key = self.world.add_region(&mut region).expect("valid");
         let view = self.world.region(key).expect("it lives");
-        assert_eq!((view.trees().len(), view.instances().len()), (trees.len(), instances.len()));
+        assert_eq!((view.trees.len(), view.instances.len()), (trees.len(), instances.len()));
         let mut own = Vec::new();
-        for (tree, lights) in view.trees().iter().zip(lights) {
+        for (tree, lights) in view.trees.iter().zip(lights) {
             match lights {
                 Ok(lights) => {
                     own.push(*tree);
@@ -153,8 +153,8 @@ impl Run {
                 Err(of_world) => assert_eq!(*tree, of_world),
             }
         }
-        for (instance, tree) in view.instances().iter().zip(instances) {
-            self.model.instances.insert(*instance, (view.trees()[tree], Some(key)));
+        for (instance, tree) in view.instances.iter().zip(instances) {
+            self.model.instances.insert(*instance, (view.trees[tree], Some(key)));
         }
         self.model.regions.insert(key, own);
     }
@@ -168,7 +168,7 @@ impl Run {
             self.refuse(|world| assert!(in_use(world.remove_region(key).expect_err("it is in use"))));
             return;
         }
-        let mut removed = self.world.remove_region(key).expect("it lives").into_trees().into_iter();
+        let mut removed = self.world.remove_region(key).expect("it lives").into_iter();
         self.model.regions.remove(&key);
         self.model.instances.retain(|_, (_, region)| *region != Some(key));
         for tree in own {
@@ -272,7 +272,7 @@ impl Run {
     /// Checks the world after an update.
     fn check(&mut self) {
         let Self { world, model, rng } = self;
-        assert!(world.trees().eq(model.trees.keys().copied()) || world.tree_count() == model.trees.len());
+        assert!(world.trees().eq(model.trees.keys().copied()) || world.trees().len() == model.trees.len());
         for (key, lights) in &model.trees {
             let tree = world.tree(*key).expect("it lives");
             tree.check().expect("sound");
@@ -283,8 +283,8 @@ impl Run {
             has.resize(lights.len(), None);
             assert_eq!(&has, lights);
         }
-        assert!(model.instances.iter().all(|(key, (tree, _))| world.instance_tree(*key) == Some(*tree)));
-        assert_eq!(world.instance_count(), model.instances.len());
+        assert!(model.instances.iter().all(|(key, (tree, _))| world.instance(*key).map(|i| i.tree) == Some(*tree)));
+        assert_eq!(world.instances().len(), model.instances.len());
         assert!(world.regions().collect::<Vec<_>>().len() == model.regions.len());
         let expected: usize =
             model.instances.values().map(|(tree, _)| model.trees[tree].iter().flatten().count()).sum();
@@ -337,7 +337,7 @@ impl Run {
         assert_eq!(memory.total(), memory.tables, "{memory:?}");
         let world = &self.world;
         assert_eq!(
-            (world.light_count(), world.tree_count(), world.instance_count(), world.region_count()),
+            (world.light_count(), world.trees().len(), world.instances().len(), world.regions().len()),
             (0, 0, 0, 0)
         );
         assert_eq!(*world.effect_counts(), LightWorld::new().effect_counts().to_owned());

@@ -240,8 +240,8 @@ fn a_snapshot_has_all_lights_as_they_were() {
         (0..6).map(|_| world.add_instance(tree, place(&mut rng), Policy::Budgeted).expect("valid")).collect();
     let sun = DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::splat(2.0) };
     let sun = world.add_directional(sun).expect("valid");
-    world.set_factor(instances[1], Vec3::splat(0.5)).expect("it lives");
-    world.set_mask(instances[2], 2).expect("it lives");
+    world.set_appearance(instances[1], |a| a.factor = Vec3::splat(0.5)).expect("it lives");
+    world.set_appearance(instances[2], |a| a.mask = 2).expect("it lives");
     world.update(FrameBudget::UNLIMITED);
     let seen = |lights: &dyn Fn(&ShadingPoint, &Reservoir) -> Option<girandole::LightSample>, kept: &[Reservoir]| {
         let mut rng = Rng(5);
@@ -260,7 +260,7 @@ fn a_snapshot_has_all_lights_as_they_were() {
             _ => world.move_instance(*instance, place(&mut rng)).expect("it lives"),
         }
     }
-    world.set_factor(instances[3], Vec3::splat(3.0)).expect("it lives");
+    world.set_appearance(instances[3], |a| a.factor = Vec3::splat(3.0)).expect("it lives");
     world.remove_lights(tree, &[3, 9]).expect("they live");
     world.add_lights(tree, &[rng.light(5.0)]).expect("valid");
     world.set_emission(tree, 20, Vec3::splat(9.0)).expect("it lives");

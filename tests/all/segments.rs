@@ -180,7 +180,7 @@ fn samples_estimate_the_integral_over_the_segment_and_candidates_do_so_with_less
         let exact = exact.sum::<f64>() + from_suns;
         let counts = |light: LightId| match light {
             LightId::Local { instance, light } => {
-                let tree = world.instance_tree(instance).and_then(|tree| world.tree(tree)).expect("a tree");
+                let tree = world.instance(instance).and_then(|i| world.tree(i.tree)).expect("a tree");
                 is_exact(&tree.lights()[light as usize])
             }
             LightId::Directional(_) => true,
@@ -318,7 +318,7 @@ fn lamps_on_the_line_behind_it_and_beyond_their_range_have_defined_distances() {
 #[test]
 fn the_setting_adds_the_effect_and_nothing_else() {
     let mut world = world_of(vec![Light::point(Vec3::Y, Vec3::ONE)]);
-    assert!(!world.segment_sampling() && world.effects().is_empty());
+    assert!(!world.active_effects().contains(Effects::SEGMENTS) && world.effects().is_empty());
     for _ in 0..2 {
         world.set_segment_sampling(true);
         assert_eq!(world.effects(), Effects::SEGMENTS);

@@ -184,15 +184,19 @@ fn edit(world: &mut LightWorld, rng: &mut Rng) {
     let light = rng.bits() as u32 % count;
     match rng.bits() % 13 {
         0 | 1 => {
-            let mut placement = world.placement(instance).expect("it lives");
+            let mut placement = world.instance(instance).expect("it lives").placement;
             placement.translation += rng.position(0.5).as_dvec3();
             world.move_instance(instance, placement).expect("valid");
         }
         2 => drop(world.add_instance(tree, rng.affine(20.0), Policy::Budgeted).expect("valid")),
         3 if instances.len() > 8 => world.remove_instance(instance).expect("it lives"),
-        4 => world.set_factor(instance, Vec3::splat([0.0, 1.0, 100.0][rng.bits() as usize % 3])).expect("valid"),
-        5 => world.set_mask(instance, [u32::MAX, 0b01, 0b10][rng.bits() as usize % 3]).expect("it lives"),
-        6 => world.set_enabled(instance, rng.bits().is_multiple_of(2)).expect("it lives"),
+        4 => world
+            .set_appearance(instance, |a| a.factor = Vec3::splat([0.0, 1.0, 100.0][rng.bits() as usize % 3]))
+            .expect("valid"),
+        5 => world
+            .set_appearance(instance, |a| a.mask = [u32::MAX, 0b01, 0b10][rng.bits() as usize % 3])
+            .expect("it lives"),
+        6 => world.set_appearance(instance, |a| a.is_enabled = rng.bits().is_multiple_of(2)).expect("it lives"),
         7 => {
             let mut new = rng.light(2.0);
             new.emission *= [0.0, 1.0, 1000.0][rng.bits() as usize % 3];
@@ -206,7 +210,7 @@ fn edit(world: &mut LightWorld, rng: &mut Rng) {
             let by = LightTree::new(rng.lights(30, 2.0)).expect("valid");
             world.replace_tree(tree, by).expect("it lives");
         }
-        _ if world.directional_count() > 0 => {
+        _ if world.directionals().len() > 0 => {
             let suns: Vec<_> = world.directionals().collect();
             suns.into_iter().for_each(|sun| world.remove_directional(sun).expect("it lives"));
         }
@@ -279,7 +283,7 @@ fn masked_lights_are_chosen_only_where_they_are_seen() {
     let mut world = rng.world(4, 20, 6, 20.0);
     let instances: Vec<_> = world.instances().collect();
     for (index, instance) in instances.iter().enumerate() {
-        world.set_mask(*instance, 1 << (index % 3)).expect("an instance");
+        world.set_appearance(*instance, |a| a.mask = 1 << (index % 3)).expect("an instance");
     }
     let at: Vec<_> = points(&mut rng, 60, 20.0).into_iter().map(|at| at.with_mask(1 + rng.bits() as u32 % 7)).collect();
     let mut cuts = table();

@@ -391,7 +391,7 @@ fn the_setting_is_an_effect_that_costs_one_uniform_and_no_record() {
     };
     let effects = world.effects();
     upload(&mut world);
-    assert!(!world.solid_angle_sampling() && !effects.contains(Effects::SOLID_ANGLES));
+    assert!(!world.active_effects().contains(Effects::SOLID_ANGLES) && !effects.contains(Effects::SOLID_ANGLES));
     for _ in 0..2 {
         world.set_solid_angle_sampling(true);
         assert_eq!(world.effects(), effects | Effects::SOLID_ANGLES);

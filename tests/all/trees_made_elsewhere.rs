@@ -112,7 +112,7 @@ fn a_tree_that_is_inserted_twice_becomes_two_trees_that_know_nothing_of_each_oth
     for key in keys {
         world.add_instance(key, Placement::IDENTITY, Policy::Budgeted).expect("valid");
     }
-    assert_eq!((world.tree_count(), world.light_count()), (2, 80));
+    assert_eq!((world.trees().len(), world.light_count()), (2, 80));
     world.set_lights(keys[0], &[(3, Light::point(Vec3::ONE, Vec3::ONE))]).expect("valid");
     world.update(FrameBudget::NONE);
     let lights = keys.map(|key| world.tree(key).expect("it lives").lights().to_vec());

@@ -35,9 +35,18 @@ fn scattered(rng: &mut Rng, count: u32) -> Vec<(u32, Light)> {
 
 /// Everything about a world that a refused call must not change.
 fn fingerprint(world: &LightWorld) -> String {
-    let appearance = |i| (world.is_enabled(i), world.user_data(i), world.factor(i), world.mask(i));
-    let placements: Vec<_> =
-        world.instances().map(|i| (i, world.placement(i), world.policy(i), appearance(i))).collect();
+    let appearance = |i| {
+        (
+            world.instance(i).map(|i| i.appearance.is_enabled),
+            world.instance(i).map(|i| i.appearance.user_data),
+            world.instance(i).map(|i| i.appearance.factor),
+            world.instance(i).map(|i| i.appearance.mask),
+        )
+    };
+    let placements: Vec<_> = world
+        .instances()
+        .map(|i| (i, world.instance(i).map(|i| i.placement), world.instance(i).map(|i| i.policy), appearance(i)))
+        .collect();
     let trees: Vec<_> = world.trees().map(|t| (t, world.tree(t).map(|t| t.nodes().to_vec()))).collect();
     let directionals: Vec<_> =
         world.directionals().map(|key| (key, *world.directional(key).expect("it lives"))).collect();
@@ -82,8 +91,8 @@ fn a_refused_call_leaves_the_world_as_it_was() {
         world.move_instance(instance, at(f64::INFINITY)).err(),
         world.move_instance(gone.1, at(0.0)).err(),
         world.set_policy(instance, bad_policy).err(),
-        world.set_enabled(gone.1, false).err(),
-        world.set_user_data(gone.1, 7).err(),
+        world.set_appearance(gone.1, |a| a.is_enabled = false).err(),
+        world.set_appearance(gone.1, |a| a.user_data = 7).err(),
         world.remove_tree(tree).err(),
         world.remove_tree(gone.0).err(),
         world.remove_instance(gone.1).err(),
@@ -93,12 +102,12 @@ fn a_refused_call_leaves_the_world_as_it_was() {
         world.set_origin(DVec3::new(0.0, f64::NAN, 0.0)).err(),
         world.set_viewpoint(DVec3::new(0.0, 0.0, f64::INFINITY)).err(),
         world.set_directional(moon, DirectionalLight { direction: Vec3::X * 2.0, ..bad_moon }).err(),
-        world.set_factor(instance, Vec3::new(1.0, -1.0e-9, 1.0)).err(),
-        world.set_factor(instance, Vec3::new(1.0, 1.0, f32::NAN)).err(),
-        world.set_factor(instance, Vec3::new(f32::INFINITY, 1.0, 1.0)).err(),
-        world.set_factor(instance, Vec3::splat(MAX_FACTOR.next_up())).err(),
-        world.set_factor(gone.1, Vec3::ONE).err(),
-        world.set_mask(gone.1, 0).err(),
+        world.set_appearance(instance, |a| a.factor = Vec3::new(1.0, -1.0e-9, 1.0)).err(),
+        world.set_appearance(instance, |a| a.factor = Vec3::new(1.0, 1.0, f32::NAN)).err(),
+        world.set_appearance(instance, |a| a.factor = Vec3::new(f32::INFINITY, 1.0, 1.0)).err(),
+        world.set_appearance(instance, |a| a.factor = Vec3::splat(MAX_FACTOR.next_up())).err(),
+        world.set_appearance(gone.1, |a| a.factor = Vec3::ONE).err(),
+        world.set_appearance(gone.1, |a| a.mask = 0).err(),
         world.set_light_range(tree, 18, &[lamp(0.0); 3]).err(),
         world.set_light_range(tree, u32::MAX, &[lamp(0.0); 2]).err(),
         world.set_light_range(tree, 0, &[lamp(0.0), bad_light]).err(),
@@ -146,7 +155,7 @@ fn a_frame_in_which_nothing_moved_refits_nothing_and_changes_nothing() {
     assert!(world.changes_since(seen).moved_instances().eq(world.slot(mover)));
     let seen = world.revision();
     let instance = world.instances().next().expect("an instance");
-    let here = world.placement(instance).expect("it lives");
+    let here = world.instance(instance).expect("it lives").placement;
     world.move_instance(instance, here).expect("valid");
     assert!(world.changes_since(seen).is_empty());
 }
@@ -183,7 +192,7 @@ fn a_shared_tree_follows_the_most_demanding_policy_and_can_be_made_unique() {
 
     let own = world.make_unique(demanding).expect("valid");
     assert_ne!(own, tree);
-    assert_eq!(world.instance_tree(still), Some(tree));
+    assert_eq!(world.instance(still).map(|i| i.tree), Some(tree));
     assert_eq!(world.set_lights(tree, &scatter(2)), Err(WorldError::StaticTree(tree)));
     world.set_lights(own, &scatter(2)).expect("the copy is free");
     assert_eq!(world.update(FrameBudget::UNLIMITED).rebuilt_trees, 1);
@@ -200,15 +209,15 @@ fn keys_of_removed_instances_are_stale_and_counts_follow() {
     assert_eq!(world.light_count(), 4);
     world.remove_instance(first).expect("it lives");
     assert_eq!(world.remove_instance(first), Err(WorldError::NoSuchInstance(first)));
-    assert_eq!((world.light_count(), world.instance_count()), (2, 1));
+    assert_eq!((world.light_count(), world.instances().len()), (2, 1));
     let third = world.add_instance(tree, at(1.0), Policy::Static).expect("valid");
     assert_ne!(first, third);
-    assert_eq!(world.placement(first), None);
+    assert_eq!(world.instance(first).map(|i| i.placement), None);
     for key in [second, third] {
         world.remove_instance(key).expect("it lives");
     }
     world.remove_tree(tree).expect("unused");
-    assert_eq!((world.tree_count(), world.light_count()), (0, 0));
+    assert_eq!((world.trees().len(), world.light_count()), (0, 0));
     assert_eq!(world.sampler().pick(&ShadingPoint::volume(Vec3::ZERO), [0.5; 2]), None);
 }
 
@@ -296,10 +305,10 @@ proptest! {
         }
         let lights: usize = instances.iter().map(|(_, tree, _)| trees[*tree].1.len()).sum();
         prop_assert_eq!(world.light_count(), lights);
-        prop_assert_eq!(world.instance_count(), instances.len());
+        prop_assert_eq!(world.instances().len(), instances.len());
         for (key, tree, placement) in &instances {
-            prop_assert_eq!(world.placement(*key), Some(*placement));
-            prop_assert_eq!(world.instance_tree(*key), Some(trees[*tree].0));
+            prop_assert_eq!(world.instance(*key).map(|i| i.placement), Some(*placement));
+            prop_assert_eq!(world.instance(*key).map(|i| i.tree), Some(trees[*tree].0));
         }
         let shading_point = rng.shading_point(40.0);
         let sampler = world.sampler();
@@ -425,7 +434,7 @@ fn a_new_policy_asks_for_a_rebuild_without_a_refit_or_an_upload() {
     }
     // The question goes along with a copy of the tree.
     let (mut world, instance) = disordered(Policy::RefitOnly);
-    let tree = world.instance_tree(instance).expect("it lives");
+    let tree = world.instance(instance).expect("it lives").tree;
     world.add_instance(tree, at(1.0), Policy::RefitOnly).expect("valid");
     world.set_policy(instance, Policy::Budgeted).expect("valid");
     world.make_unique(instance).expect("it lives");
@@ -486,7 +495,7 @@ fn edited_trees_may_be_removed_and_replaced_before_the_update() {
 #[test]
 fn a_shared_tree_follows_the_most_demanding_of_many_distinct_policies() {
     let (mut world, first) = disordered(Policy::Bounded { floor: 1.0e9, ceiling: 1.0e9 });
-    let tree = world.instance_tree(first).expect("it lives");
+    let tree = world.instance(first).expect("it lives").tree;
     let patient = |i: u32| Policy::Bounded { floor: 1.0e6 + i as f32, ceiling: 1.0e9 };
     let instances: Vec<_> =
         (0..500).map(|i| world.add_instance(tree, at(f64::from(i)), patient(i)).expect("valid")).collect();
@@ -510,14 +519,17 @@ fn a_hidden_instance_contributes_nothing_until_it_is_moved_back() {
         let mut rng = Rng(35 + seed);
         let [mut world, mut without] = [0; 2].map(|_| Rng(35 + seed).world(3, 20, 4, 10.0));
         let key = world.instances().nth(5).expect("twelve instances");
-        let (slot, policy, lights) = (world.slot(key), world.policy(key), world.light_count());
-        let shown = world.placement(key).expect("it lives");
+        let (slot, policy, lights) = (world.slot(key), world.instance(key).map(|i| i.policy), world.light_count());
+        let shown = world.instance(key).expect("it lives").placement;
         without.remove_instance(key).expect("worlds of one seed have the same keys");
         let seen = world.revision();
         world.move_instance(key, hidden(3.0)).expect("zero hides");
         assert!(world.changes_since(seen).moved_instances().eq(slot));
         let seen = world.revision();
-        assert_eq!((world.slot(key), world.policy(key), world.light_count()), (slot, policy, lights));
+        assert_eq!(
+            (world.slot(key), world.instance(key).map(|i| i.policy), world.light_count()),
+            (slot, policy, lights)
+        );
         assert_eq!(world.instance_at(slot.expect("it lives")), Some(key));
 
         let is_of_key = |light: &LightId| matches!(light, LightId::Local { instance, .. } if *instance == key);
@@ -590,7 +602,10 @@ fn a_hidden_instance_takes_part_in_edits_like_any_other() {
         let flat = Placement { linear: Mat3::from_diagonal(scale), ..at(1.0) };
         world.move_instance(first, flat).expect("it hides");
         assert_eq!(world.effect_counts().of(Effects::NON_RIGID), 0);
-        assert_eq!((world.placement(first), world.sampler().pmf(&shading_point, lamp)), (Some(flat), 0.0));
+        assert_eq!(
+            (world.instance(first).map(|i| i.placement), world.sampler().pmf(&shading_point, lamp)),
+            (Some(flat), 0.0)
+        );
     }
 }
 
@@ -601,7 +616,7 @@ fn a_hidden_instance_is_not_sampled_on_the_gpu() {
     let mut world = rng.world(3, 20, 4, 15.0);
     let keys: Vec<_> = world.instances().collect();
     let [hide, remove] = [keys[2], keys[9]];
-    let shown = world.placement(hide).expect("it lives");
+    let shown = world.instance(hide).expect("it lives").placement;
     let slots = [hide, remove].map(|key| world.slot(key).expect("it lives"));
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let requests = requests(&mut rng, 2048, 20.0);
@@ -657,7 +672,10 @@ fn keys_become_numbers_and_back_and_other_numbers_are_refused() {
         let key = InstanceKey::from(number);
         assert_eq!(world.remove_instance(key), Err(WorldError::NoSuchInstance(key)), "{number:#x}");
         assert_eq!(world.move_instance(key, at(0.0)), Err(WorldError::NoSuchInstance(key)));
-        assert_eq!((world.slot(key), world.placement(key), world.policy(key)), (None, None, None));
+        assert_eq!(
+            (world.slot(key), world.instance(key).map(|i| i.placement), world.instance(key).map(|i| i.policy)),
+            (None, None, None)
+        );
         let light = LightId::Local { instance: key, light: 0 };
         assert_eq!(world.sampler().pmf(&ShadingPoint::volume(Vec3::ZERO), light), 0.0);
         let tree = TreeKey::from(number | 1 << 40);
@@ -665,7 +683,7 @@ fn keys_become_numbers_and_back_and_other_numbers_are_refused() {
         let moon = DirectionalKey::from(number | 1 << 40);
         assert_eq!(world.remove_directional(moon), Err(WorldError::NoSuchDirectional(moon)));
     }
-    assert_eq!((world.tree_count(), world.instance_count(), world.directional_count()), (2, 5, 2));
+    assert_eq!((world.trees().len(), world.instances().len(), world.directionals().len()), (2, 5, 2));
 }
 
 #[test]

@@ -71,7 +71,7 @@ pub struct NodeLights {
     pub source: LightSource,
     /// The tree, which other nodes may share.
     pub tree: TreeKey,
-    /// The instance. It is not [enabled](LightWorld::set_enabled) if the node is not [visible](SceneNode::is_visible).
+    /// The instance. It is not [enabled](girandole::Appearance::is_enabled) if the node is not [visible](SceneNode::is_visible).
     /// When the node moves to a transform `node`, move the instance to the [placement](LightSource::placement) of
     /// `node * local`.
     pub instance: InstanceKey,
@@ -172,7 +172,7 @@ fn add(
         let instance = world.add_instance(tree, planned.placement, options.policy).map_err(refused(node))?;
         lights.nodes.push(NodeLights { node, source, tree, instance, local });
         if !planned.is_visible {
-            world.set_enabled(instance, false).map_err(refused(node))?;
+            world.set_appearance(instance, |a| a.is_enabled = false).map_err(refused(node))?;
         }
     }
     for (node, light) in plan.directional {

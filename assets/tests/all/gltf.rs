@@ -80,14 +80,14 @@ fn nodes_with_the_same_mesh_share_a_tree() {
     let (surfaces, punctual) = (LightSource::Surfaces, LightSource::Punctual);
     assert_eq!(nodes, [(1, surfaces), (3, punctual), (4, punctual), (6, surfaces)]);
     assert_eq!(lights.nodes[0].tree, lights.nodes[3].tree);
-    assert_eq!((world.tree_count(), world.instance_count(), world.light_count()), (3, 4, 6));
+    assert_eq!((world.trees().len(), world.instances().len(), world.light_count()), (3, 4, 6));
     let sign = world.tree(lights.nodes[0].tree).unwrap().lights()[0];
     assert!(matches!(sign.shape, Shape::Triangle { two_sided: true, .. }));
     assert!(sign.emission.abs_diff_eq(vec3(20.0, 2.0, 8.0), 1e-4));
     let bulb = world.tree(lights.nodes[1].tree).unwrap().lights()[0];
     assert_eq!((bulb.range, bulb.emission), (25.0, vec3(1.0, 0.8, 0.5) * 40.0));
     // The spot is turned 60 degrees down from -Z.
-    let down = world.placement(lights.nodes[2].instance).unwrap().linear * Vec3::NEG_Z;
+    let down = world.instance(lights.nodes[2].instance).unwrap().placement.linear * Vec3::NEG_Z;
     assert!(down.abs_diff_eq(vec3(0.0, -0.866_025_4, -0.5), 1e-5), "{down}");
 }
 
@@ -151,7 +151,7 @@ fn malformed_files_are_refused_and_leave_the_world_unchanged() {
         let result = load_lights(&mut world, &GltfFile::new(file.document, vec![bytes]), &[], &GltfOptions::default());
         let error = result.expect_err(name);
         assert!(!error.to_string().contains('\n'), "{name}: {error}");
-        assert_eq!((world.tree_count(), world.instance_count(), world.light_count()), (0, 0, 0), "{name}: {error}");
+        assert_eq!((world.trees().len(), world.instances().len(), world.light_count()), (0, 0, 0), "{name}: {error}");
     }
 }
 
@@ -193,7 +193,7 @@ fn nodes_scaled_to_zero_are_loaded_and_hidden() {
         let lights = load_into(&mut world, &text, binary(), &GltfOptions::default()).unwrap();
         let linear = |node: usize| {
             let node = lights.nodes.iter().find(|lights| lights.node == node).unwrap();
-            world.placement(node.instance).unwrap().linear
+            world.instance(node.instance).unwrap().placement.linear
         };
         // The scaled copy of the sign, the point light and the spot light.
         assert_eq!([6, 3, 4].map(linear), [Mat3::ZERO; 3], "{scale}");
@@ -202,7 +202,7 @@ fn nodes_scaled_to_zero_are_loaded_and_hidden() {
         let copy = lights.nodes.iter().find(|lights| lights.node == 6).unwrap();
         let shown = LightSource::Surfaces.placement(&DAffine3::from_scale(DVec3::splat(0.5))).unwrap();
         world.move_instance(copy.instance, shown).unwrap();
-        assert_eq!(world.placement(copy.instance), Some(shown));
+        assert_eq!(world.instance(copy.instance).map(|i| i.placement), Some(shown));
     }
 }
 
@@ -216,7 +216,7 @@ fn a_hidden_ancestor_hides_its_turned_descendants() {
     let mut world = LightWorld::new();
     let lights = load_into(&mut world, &text, binary(), &GltfOptions::default()).unwrap();
     let copy = lights.nodes.iter().find(|lights| lights.node == 6).unwrap();
-    assert_eq!(world.placement(copy.instance).unwrap().linear, Mat3::ZERO);
+    assert_eq!(world.instance(copy.instance).unwrap().placement.linear, Mat3::ZERO);
 }
 
 /// The sample file with one triangle of the sign for each of `primitives` primitives. All share the
@@ -276,7 +276,7 @@ fn the_number_of_lights_is_limited() {
         let mut world = LightWorld::new();
         let options = GltfOptions { max_lights, ..Default::default() };
         let result = load_into(&mut world, &text(), binary(), &options);
-        (result.map(|lights| lights.nodes.len()), world.tree_count())
+        (result.map(|lights| lights.nodes.len()), world.trees().len())
     };
     // Two triangles of the sign, which two nodes share, and two punctual lights.
     assert_eq!(load(4), (Ok(4), 3));
@@ -306,7 +306,7 @@ fn a_small_file_that_describes_millions_of_lights_is_refused() {
     let mut world = LightWorld::new();
     let result = load_into(&mut world, &text, bytes, &GltfOptions::default());
     assert_eq!(result, Err(AssetError::Limit { option: "max_lights", needed: 9_000_002, limit: 1 << 22 }));
-    assert_eq!(world.tree_count(), 0);
+    assert_eq!(world.trees().len(), 0);
 }
 
 /// A number of `text` replaced by one that a file should not hold at that place.
@@ -348,7 +348,7 @@ fn spoiled_numbers_never_panic() {
             let result = load_lights(&mut world, &GltfFile::new(file.document, buffers), &[], &GltfOptions::default());
             if result.is_err() {
                 refused += 1;
-                assert_eq!((world.tree_count(), world.instance_count()), (0, 0), "{result:?}");
+                assert_eq!((world.trees().len(), world.instances().len()), (0, 0), "{result:?}");
             } else {
                 loaded += 1;
             }
@@ -412,7 +412,14 @@ fn animations_move_objects_and_lights_and_loop() {
     assert_eq!(stage.world.update(FrameBudget::UNLIMITED).moved_instances, 1);
     let instances: Vec<_> = stage.world.instances().collect();
     let is_at_sign = |instance| {
-        stage.world.placement(instance).unwrap().translation.as_vec3().abs_diff_eq(moved.translation.into(), 1e-5)
+        stage
+            .world
+            .instance(instance)
+            .unwrap()
+            .placement
+            .translation
+            .as_vec3()
+            .abs_diff_eq(moved.translation.into(), 1e-5)
     };
     assert_eq!(instances.into_iter().filter(|&instance| is_at_sign(instance)).count(), 1);
     stage.animation.advance(4.0, &mut stage.scene, &mut stage.world).unwrap();
@@ -437,7 +444,7 @@ fn a_node_whose_animated_scale_is_zero_is_hidden() {
     for (time, is_hidden) in [(0.0, true), (1.0, false), (4.0, true)] {
         stage.animation.advance(time, &mut stage.scene, &mut stage.world).unwrap();
         geometry.update(&stage.scene).unwrap();
-        let hidden = |instance| stage.world.placement(instance).unwrap().linear == Mat3::ZERO;
+        let hidden = |instance| stage.world.instance(instance).unwrap().placement.linear == Mat3::ZERO;
         assert_eq!(stage.world.instances().filter(|&instance| hidden(instance)).count(), usize::from(is_hidden));
         assert_eq!(geometry.objects[1].visible, !is_hidden);
     }

@@ -100,7 +100,7 @@ fn triangles_whose_texture_is_black_have_no_lights() {
     // A mesh of black triangles becomes no tree and no instance.
     let (world, result) = load_textured(&textured_square(""), image(4, &pixels(4, 4, |_, _| false)));
     assert_eq!(result.map(|lights| lights.nodes.len()), Ok(0));
-    assert_eq!((world.tree_count(), world.instance_count()), (0, 0));
+    assert_eq!((world.trees().len(), world.instances().len()), (0, 0));
 }
 
 #[test]
@@ -228,7 +228,7 @@ fn invalid_textures_are_refused() {
     fn refused(text: &str, image: TextureImage<'_>) -> AssetError {
         let (world, result) = load_textured(text, Some(image));
         let error = result.expect_err("an invalid texture");
-        assert_eq!((world.tree_count(), world.instance_count()), (0, 0));
+        assert_eq!((world.trees().len(), world.instances().len()), (0, 0));
         assert!(!error.to_string().contains('\n'), "{error}");
         error
     }
@@ -344,8 +344,9 @@ fn instances_of_a_mesh_become_instances_of_its_lights() {
         instanced(&mut document, &format!("{{'attributes':{{'TRANSLATION':{places},'SCALE':{scales},'_ID':0}}}}"));
     let (file, mut world) = (open(&text), LightWorld::new());
     let found = load_lights(&mut world, &file, &[], &GltfOptions::default()).expect("valid");
-    assert_eq!((world.tree_count(), world.instance_count(), found.nodes.len()), (1, 3, 3));
-    let placements: Vec<_> = found.nodes.iter().filter_map(|node| world.placement(node.instance)).collect();
+    assert_eq!((world.trees().len(), world.instances().len(), found.nodes.len()), (1, 3, 3));
+    let placements: Vec<_> =
+        found.nodes.iter().filter_map(|node| world.instance(node.instance).map(|i| i.placement)).collect();
     assert_eq!(placements[1].translation, DVec3::new(10.0, 2.0, 0.0));
     assert_eq!(placements[1].linear.x_axis, vec3(2.0, 0.0, 0.0));
     // The third is flat, and hidden.
@@ -378,7 +379,7 @@ fn invalid_instances_are_refused() {
         let (file, mut world) = (open(&instanced(&mut document, &extension)), LightWorld::new());
         let error = load_lights(&mut world, &file, &[], &GltfOptions::default()).expect_err(&extension);
         assert_eq!(error.code(), code, "{extension}: {error}");
-        assert!(!error.to_string().contains('\n') && world.tree_count() == 0, "{extension}: {error}");
+        assert!(!error.to_string().contains('\n') && world.trees().len() == 0, "{extension}: {error}");
     }
 }
 
@@ -552,7 +553,7 @@ fn the_cube_of_an_image_based_light_becomes_the_sky() {
     let lights = load_cube(&mut world, &image_based(FACES, ""), SIDE, &cube()).expect("a valid document");
     let (key, sky) = world.sky().expect("a sky");
     assert_eq!((lights.sky, sky.size()), (Some(key), [4 * SIDE as usize, 2 * SIDE as usize]));
-    assert_eq!(world.placement(key).map(|placement| placement.linear), Some(Mat3::IDENTITY));
+    assert_eq!(world.instance(key).map(|i| i.placement.linear), Some(Mat3::IDENTITY));
     // What is ahead and above when each image is seen from the middle, with the colour of the image.
     let faces = [
         (Vec3::X, Vec3::Y, vec3(1.0, 0.0, 0.0)),
@@ -599,7 +600,7 @@ fn image_based_lights_are_decoded_scaled_and_turned() {
         assert!((found - expected).length() < 0.01 * factor, "{direction}: {found}");
     }
     // A quarter of a turn about +Y, which takes +X to -Z.
-    let turned = world.placement(key).expect("an instance").linear;
+    let turned = world.instance(key).expect("an instance").placement.linear;
     assert!((turned * Vec3::X - Vec3::NEG_Z).length() < 1.0e-6, "{turned}");
     // As samples have it: below is as bright as +X is.
     let place = ShadingPoint::surface(Vec3::ZERO, Vec3::NEG_Z);
@@ -613,7 +614,7 @@ fn a_sky_that_is_there_stays_and_missing_images_make_none() {
     let (text, faces) = (image_based(FACES, ""), cube());
     let mut world = LightWorld::new();
     let none = load_cube(&mut world, &text, SIDE, &faces[..5]).expect("a valid document");
-    assert_eq!((none.sky, world.instance_count(), world.tree_count()), (None, 0, 0));
+    assert_eq!((none.sky, world.instances().len(), world.trees().len()), (None, 0, 0));
     let file = open(&text);
     let options = GltfOptions::default();
     let none = load_lights(&mut world, &file, &[], &options).expect("a valid document");
@@ -638,7 +639,7 @@ fn malformed_image_based_lights_are_refused() {
     let refused = |text: &str, side: u32, faces: &[Vec<u8>]| {
         let mut world = LightWorld::new();
         let error = load_cube(&mut world, text, side, faces).expect_err(text);
-        assert_eq!((world.tree_count(), world.instance_count(), world.sky().is_none()), (0, 0, true), "{error}");
+        assert_eq!((world.trees().len(), world.instances().len(), world.sky().is_none()), (0, 0, true), "{error}");
         assert!(!error.to_string().contains('\n'), "{error}");
         error.code()
     };

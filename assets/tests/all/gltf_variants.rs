@@ -191,13 +191,13 @@ fn lights_of_hidden_nodes_are_dark_until_they_are_enabled() {
             .any(|light| matches!(light, LightId::Local { instance, .. } if instance == lights.nodes[added].instance))
     };
     assert!((0..3).all(|added| !is_lit(&world, added)));
-    world.set_enabled(lights.nodes[2].instance, true).expect("it lives");
+    world.set_appearance(lights.nodes[2].instance, |a| a.is_enabled = true).expect("it lives");
     assert_eq!([0, 1, 2].map(|added| is_lit(&world, added)), [false, false, true]);
     // Only the second node is hidden, with its child.
     let (world, lights) = load(&text("true")).expect("a valid document");
     assert_eq!(local(&lights), nodes);
     assert_eq!(lights.directional.iter().map(|(node, _)| *node).collect::<Vec<_>>(), [3, 5]);
-    let enabled = |added: usize| world.is_enabled(lights.nodes[added].instance);
+    let enabled = |added: usize| world.instance(lights.nodes[added].instance).map(|i| i.appearance.is_enabled);
     assert_eq!([0, 1, 2].map(enabled), [false, false, true].map(Some));
     let file = open(text("true").as_bytes());
     let nodes = scene_nodes(&file.document).expect("a tree");

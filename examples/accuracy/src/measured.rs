@@ -95,7 +95,7 @@ pub fn measure(options: &Options) -> Result<Measured, SceneError> {
     }
     mark_front(&mut rows);
 
-    let (lights, instances) = (prepared.ids.len(), stage.world.instance_count());
+    let (lights, instances) = (prepared.ids.len(), stage.world.instances().len());
     let (shaded_pixels, noise_points) = (view.shaded_pixels(), points.len());
     let reference_error = relative_variance(&reference);
     drop(samplers);

@@ -88,7 +88,8 @@ fn start(world: &mut LightWorld, upkeep: Upkeep) -> Result<FrameBudget, SceneErr
         Upkeep::AlwaysRebuild => (Policy::AlwaysRebuild, FrameBudget::UNLIMITED),
         Upkeep::Budgeted(us) => (Policy::Budgeted, FrameBudget::new(Duration::from_micros(u64::from(us)))),
     };
-    let moving = |key: &InstanceKey| world.policy(*key).is_some_and(|policy| policy != Policy::Static);
+    let moving =
+        |key: &InstanceKey| world.instance(*key).map(|i| i.policy).is_some_and(|policy| policy != Policy::Static);
     let instances: Vec<InstanceKey> = world.instances().filter(moving).collect();
     instances.into_iter().try_for_each(|key| world.set_policy(key, policy))?;
     Ok(budget)

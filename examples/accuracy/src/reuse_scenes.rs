@@ -135,7 +135,7 @@ struct Sway(Vec<(usize, InstanceKey, Affine3A)>);
 impl Sway {
     fn new(scene: &Scene, world: &LightWorld) -> Self {
         let lamp = |instance: InstanceKey| {
-            let placement = world.placement(instance)?;
+            let placement = world.instance(instance)?.placement;
             let at = placement.translation.as_vec3();
             // What lies at the origin is the whole of a scene.
             let is_same = |object: &Object| {
@@ -232,7 +232,11 @@ mod tests {
         };
         let lamps = |playing: &Playing| -> Vec<_> {
             let world = &playing.stage.world;
-            world.instances().filter_map(|key| world.placement(key)).map(|at| at.translation.as_vec3()).collect()
+            world
+                .instances()
+                .filter_map(|key| world.instance(key).map(|i| i.placement))
+                .map(|at| at.translation.as_vec3())
+                .collect()
         };
         let before = [objects(&playing).len(), lamps(&playing).len()];
         let (objects_before, lamps_before) = (objects(&playing), lamps(&playing));

@@ -114,8 +114,8 @@ impl<'a> Samplers<'a> {
             let trees: Vec<_> = world.trees().filter_map(|key| world.tree(key)).collect();
             let nodes: usize = trees.iter().map(|tree| tree.nodes().len()).sum();
             let lights: usize = trees.iter().map(|tree| tree.lights().len()).sum();
-            let top = samplers::top_level_nodes(world.instance_count());
-            (nodes + top) * size_of::<Node>() + lights * LIGHT_BYTES + world.instance_count() * INSTANCE_BYTES
+            let top = samplers::top_level_nodes(world.instances().len());
+            (nodes + top) * size_of::<Node>() + lights * LIGHT_BYTES + world.instances().len() * INSTANCE_BYTES
         };
         match sampler {
             Sampler::TwoLevels { .. } | Sampler::ByBrdf { .. } | Sampler::WithGloss { .. } => of_world(self.world),

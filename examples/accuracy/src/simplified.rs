@@ -26,7 +26,9 @@ pub fn without(world: &LightWorld, effect: Effects) -> Result<LightWorld, SceneE
         trees.insert(key, copy.add_tree(LightTree::new(lights.iter().map(|light| simplify(light, effect)).collect())?));
     }
     for instance in world.instances() {
-        if let (Some(tree), Some(placement)) = (world.instance_tree(instance), world.placement(instance)) {
+        if let (Some(tree), Some(placement)) =
+            (world.instance(instance).map(|i| i.tree), world.instance(instance).map(|i| i.placement))
+        {
             copy.add_instance(trees[&tree], placement, Policy::Static)?;
         }
     }

@@ -25,12 +25,13 @@ pub fn equal_samples(one: &LightWorld, other: &LightWorld, samples: usize) -> us
 fn near_a_light(world: &LightWorld, rng: &mut Rng) -> Vec3 {
     let offset = NEAR * cube(rng);
     let instance = pick(world.instances().count(), rng).and_then(|index| world.instances().nth(index));
-    let lights = instance.and_then(|key| world.instance_tree(key)).and_then(|tree| world.tree(tree));
+    let lights = instance.and_then(|key| world.instance(key).map(|i| i.tree)).and_then(|tree| world.tree(tree));
     let light = lights.and_then(|tree| pick(tree.lights().len(), rng).map(|index| tree.lights()[index]));
-    let position = light.zip(instance.and_then(|key| world.placement(key))).map(|(light, placement)| {
-        let Placement { linear, translation } = placement;
-        linear * light.cluster().mean + (translation - world.origin()).as_vec3()
-    });
+    let position =
+        light.zip(instance.and_then(|key| world.instance(key).map(|i| i.placement))).map(|(light, placement)| {
+            let Placement { linear, translation } = placement;
+            linear * light.cluster().mean + (translation - world.origin()).as_vec3()
+        });
     position.unwrap_or_default() + offset
 }
 

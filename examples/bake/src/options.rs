@@ -28,7 +28,7 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
     let loaded = load(&options.out)?;
     let world = &baked.world;
     let lights: usize = world.trees().filter_map(|key| world.tree(key)).map(|tree| tree.lights().len()).sum();
-    testbed::say!("{} trees of {lights} lights, {} instances", world.tree_count(), world.instance_count());
+    testbed::say!("{} trees of {lights} lights, {} instances", world.trees().len(), world.instances().len());
     testbed::say!("baked files      {:9.3} MB", baked.bytes as f64 * 1.0e-6);
     let line = |what: &str, time: Duration| testbed::say!("{what:16} {:9.3} ms", time.as_secs_f64() * 1.0e3);
     line("build", baked.building);

@@ -45,7 +45,7 @@ pub fn write(scene: &Path, out: &Path) -> Result<Baked, SceneError> {
     }
     for node in &lights.nodes {
         let tree = trees.iter().position(|key| *key == node.tree);
-        manifest.instances.extend(tree.zip(world.placement(node.instance)));
+        manifest.instances.extend(tree.zip(world.instance(node.instance).map(|i| i.placement)));
     }
     manifest.directionals.extend(world.directionals().filter_map(|key| world.directional(key)));
     let path = out.join(FILE);

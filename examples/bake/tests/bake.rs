@@ -23,7 +23,7 @@ fn a_scene_is_baked_loaded_and_sampled_as_before() {
     let out = folder("whole");
     run(&options(&sample(), &out)).expect("the program runs");
     let loaded = bake::load::load(&out).expect("files that were just written");
-    assert_eq!((loaded.world.tree_count(), loaded.world.instance_count(), loaded.world.light_count()), (3, 4, 6));
+    assert_eq!((loaded.world.trees().len(), loaded.world.instances().len(), loaded.world.light_count()), (3, 4, 6));
     // A folder may be written again.
     run(&options(&sample(), &out)).expect("the program runs again");
     std::fs::remove_dir_all(out).expect("a folder of this test");

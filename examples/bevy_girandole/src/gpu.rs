@@ -168,7 +168,7 @@ pub fn prepare(
     bytes += updated.bytes;
     let counts = lights.take_counts();
     gpu.has_changed = counts.any() || frame.rebuilt_trees > 0 || frame.refit_trees > 0;
-    gpu.counts = [lights.slot_count, lights.world.directional_count() as u32];
+    gpu.counts = [lights.slot_count, lights.world.directionals().len() as u32];
     stats.set(GirandoleReport {
         frames: gpu.frames,
         passes: 0,
@@ -178,8 +178,8 @@ pub fn prepare(
         changed: counts.changed,
         bytes,
         instances,
-        trees: lights.world.tree_count(),
-        lights: lights.world.instance_count(),
+        trees: lights.world.trees().len(),
+        lights: lights.world.instances().len(),
         written: lights.written_trees(),
         shadow_rays: shaders.shadows,
         casters,

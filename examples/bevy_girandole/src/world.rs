@@ -178,7 +178,7 @@ impl GirandoleLights {
             Edit::Show { light, shown } => {
                 self.counts.changed += 1;
                 match self.slots.get_mut(light as usize) {
-                    Some(Slot::Instance(key, _)) => self.world.set_enabled(*key, shown),
+                    Some(Slot::Instance(key, _)) => self.world.set_appearance(*key, |a| a.is_enabled = shown),
                     Some(Slot::Refused(state)) => {
                         state.shown = shown;
                         Ok(())
@@ -321,10 +321,12 @@ impl GirandoleLights {
 
     /// Gives an instance the state of a light of the same kind.
     fn adjust(&mut self, key: InstanceKey, state: State) -> Result<(), WorldError> {
-        self.world.set_user_data(key, state.kind)?;
+        self.world.set_appearance(key, |a| a.user_data = state.kind)?;
         self.world.move_instance(key, state.placement)?;
-        self.world.set_factor(key, state.factor)?;
-        self.world.set_enabled(key, state.shown)
+        self.world.set_appearance(key, |appearance| {
+            appearance.factor = state.factor;
+            appearance.is_enabled = state.shown;
+        })
     }
 
     /// Changes a light. One that is refused goes dark.
@@ -360,25 +362,27 @@ impl GirandoleLights {
 
     fn set_sky(&mut self, kind: u32, map: Sky) -> Result<(), WorldError> {
         let sky = self.world.set_sky(map);
-        let patches = self.world.instance_tree(sky).and_then(|tree| self.world.tree(tree));
+        let patches = self.world.instance(sky).and_then(|sky| self.world.tree(sky.tree));
         self.record(kind, KindRecord::sky(patches.map_or(0, LightTree::light_count)));
         self.slot_count = self.slot_count.max(self.world.slot(sky).map_or(0, |slot| slot + 1));
-        self.world.set_user_data(sky, kind)
+        self.world.set_appearance(sky, |a| a.user_data = kind)
     }
 
     /// Turns the sky and sets its factor. A sky that is refused is dark until the next one is right.
     fn adjust_sky(&mut self, rotation: Quat, factor: f32) -> Result<(), WorldError> {
         let Some((sky, _)) = self.world.sky() else { return Ok(()) };
         let placement = Placement { linear: Mat3::from_quat(rotation), ..Placement::IDENTITY };
-        let adjusted =
-            self.world.move_instance(sky, placement).and_then(|()| self.world.set_factor(sky, Vec3::splat(factor)));
-        self.world.set_enabled(sky, adjusted.is_ok())?;
+        let adjusted = self
+            .world
+            .move_instance(sky, placement)
+            .and_then(|()| self.world.set_appearance(sky, |sky| sky.factor = Vec3::splat(factor)));
+        self.world.set_appearance(sky, |sky| sky.is_enabled = adjusted.is_ok())?;
         adjusted
     }
 
     fn remove_sky(&mut self) -> Result<(), WorldError> {
         let Some((sky, _)) = self.world.sky() else { return Ok(()) };
-        let patches = self.world.instance_tree(sky);
+        let patches = self.world.instance(sky).map(|sky| sky.tree);
         self.world.remove_instance(sky)?;
         patches.map_or(Ok(()), |tree| self.world.remove_tree(tree))
     }

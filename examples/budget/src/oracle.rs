@@ -72,7 +72,7 @@ impl Gains {
     /// Starts without any frame.
     pub fn new(stage: &Stage, instances: &[Vec<InstanceKey>]) -> Self {
         let history = |instances: &Vec<InstanceKey>| History {
-            placements: instances.iter().filter_map(|key| stage.world.placement(*key)).collect(),
+            placements: instances.iter().filter_map(|key| stage.world.instance(*key).map(|i| i.placement)).collect(),
             snapshots: Vec::new(),
             noises: Mutex::default(),
             lux: Mutex::default(),
@@ -91,7 +91,7 @@ impl Gains {
         let mut ranges: HashMap<InstanceKey, Range<usize>> = HashMap::new();
         let mut end = 0;
         for key in world.instances() {
-            let tree = world.instance_tree(key).and_then(|tree| world.tree(tree));
+            let tree = world.instance(key).and_then(|i| world.tree(i.tree));
             let start = end;
             end += tree.map_or(0, |tree| tree.lights().len());
             ranges.insert(key, start..end);

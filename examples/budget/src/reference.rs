@@ -91,7 +91,7 @@ pub fn instances(stage: &Stage) -> Vec<Vec<InstanceKey>> {
     let indices: std::collections::HashMap<_, _> = stage.trees.iter().enumerate().map(|(i, key)| (*key, i)).collect();
     let mut instances = vec![Vec::new(); stage.trees.len()];
     for key in stage.world.instances() {
-        if let Some(index) = stage.world.instance_tree(key).and_then(|tree| indices.get(&tree)) {
+        if let Some(index) = stage.world.instance(key).map(|i| i.tree).and_then(|tree| indices.get(&tree)) {
             instances[*index].push(key);
         }
     }

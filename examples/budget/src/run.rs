@@ -114,7 +114,7 @@ fn play(mut player: Player<'_>, plan: &Plan, budget: Duration) -> Result<Played,
         worst_overrun: Duration::ZERO,
         longest_wait: 0,
         lights: player.stage.world.light_count(),
-        instances: player.stage.world.instance_count(),
+        instances: player.stage.world.instances().len(),
     };
     for frame in 1..=plan.frames {
         let spent = player.play(frame)?;

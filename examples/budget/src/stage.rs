@@ -122,7 +122,7 @@ impl Stage {
         let (scene, mut world) = (city.scene, city.world);
         let own: Vec<InstanceKey> = world.instances().collect();
         for instance in own {
-            if world.policy(instance).is_some_and(|policy| policy != Policy::Static) {
+            if world.instance(instance).map(|i| i.policy).is_some_and(|policy| policy != Policy::Static) {
                 world.set_policy(instance, Policy::RefitOnly)?;
             }
         }

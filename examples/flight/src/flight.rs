@@ -90,7 +90,7 @@ impl Flight {
         let blocks = stream.missing(camera);
         blocks.iter().for_each(|block| loader.fill(*block));
         for block in blocks {
-            let key = world.add_region(loader.take()?).map_err(|refused| refused.error)?;
+            let key = world.add_region(&mut loader.take()?)?;
             stream.resident.insert(block, key);
         }
         world.set_viewpoint(camera)?;
@@ -137,8 +137,8 @@ impl Flight {
             self.loader.free(self.world.remove_region(key)?);
         }
         let mut keys = Vec::with_capacity(regions.len());
-        for region in regions {
-            keys.push(self.world.add_region(region).map_err(|refused| refused.error)?);
+        for mut region in regions {
+            keys.push(self.world.add_region(&mut region)?);
         }
         parts[1] = thread_time();
         self.world.move_instances(&self.traffic.moves)?;

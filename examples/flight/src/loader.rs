@@ -1,7 +1,7 @@
 //! The loader thread: it fills regions, and frees those that have left the world.
 
 use super::blocks::{Block, Builder};
-use girandole::{Region, RemovedRegion, WorldError};
+use girandole::{LightTree, Region, WorldError};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
@@ -9,7 +9,7 @@ use std::thread::JoinHandle;
 #[derive(Debug)]
 enum Job {
     Fill(Block),
-    Free(RemovedRegion),
+    Free(Vec<LightTree>),
 }
 
 /// A handle of the thread, which ends when it is dropped.
@@ -55,7 +55,7 @@ impl Loader {
     }
 
     /// Hands over what has left the world.
-    pub fn free(&self, removed: RemovedRegion) {
+    pub fn free(&self, removed: Vec<LightTree>) {
         self.ask(Job::Free(removed));
     }
 

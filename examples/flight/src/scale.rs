@@ -56,7 +56,7 @@ fn of_size(thousands: u32, seed: u64) -> Result<Vec<String>, FlightError> {
     let median = |values: Vec<f64>| format!("{:.0}", Spread::of(values.into_iter()).median);
     Ok(vec![
         flight.world.light_count().to_string(),
-        flight.world.instance_count().to_string(),
+        flight.world.instances().len().to_string(),
         format!("{:.0}", frame.median),
         median(frames.iter().map(|costs| us(costs.edits)).collect()),
         median(frames.iter().map(|costs| us(costs.update)).collect()),

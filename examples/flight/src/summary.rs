@@ -22,7 +22,7 @@ impl Ends {
     pub fn of(flight: &Flight) -> Self {
         let world = &flight.world;
         let (cpu, gpu) = (world.memory(), flight.planner.memory());
-        Self { lights: world.light_count(), regions: world.region_count(), cpu, gpu }
+        Self { lights: world.light_count(), regions: world.regions().len(), cpu, gpu }
     }
 }
 

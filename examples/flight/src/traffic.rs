@@ -86,7 +86,7 @@ impl Traffic {
         self.edits.clear();
         self.markets.retain(|block, _| around.iter().any(|(other, _)| other == block));
         for (block, region) in around {
-            let Some(tree) = world.region(*region).map(|region| region.trees()[MARKET]) else { continue };
+            let Some(tree) = world.region(*region).map(|region| region.trees[MARKET]) else { continue };
             let lights = self.markets.entry(*block).or_insert_with(|| builder.market(*block));
             let mut rng = Rng::new(u64::from(frame), (block.x as u64) << 32 | block.z as u64);
             let flicker = |i: usize| {

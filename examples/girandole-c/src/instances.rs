@@ -96,7 +96,12 @@ pub unsafe extern "C" fn girandole_world_set_enabled(
     is_enabled: u32,
 ) -> GirandoleStatus {
     // SAFETY: see the crate's documentation.
-    unsafe { change(world, instance, |world, key| Ok(world.set_enabled(key, flag(is_enabled, "is_enabled")?)?)) }
+    unsafe {
+        change(world, instance, |world, key| {
+            let is_enabled = flag(is_enabled, "is_enabled")?;
+            Ok(world.set_appearance(key, |appearance| appearance.is_enabled = is_enabled)?)
+        })
+    }
 }
 
 /// Multiplies the emission of an instance by a linear colour: 0 to 10,000 per channel.
@@ -107,7 +112,7 @@ pub unsafe extern "C" fn girandole_world_set_factor(
     factor: GirandoleVec3,
 ) -> GirandoleStatus {
     // SAFETY: see the crate's documentation.
-    unsafe { change(world, instance, |world, key| Ok(world.set_factor(key, factor.into())?)) }
+    unsafe { change(world, instance, |world, key| Ok(world.set_appearance(key, |a| a.factor = factor.into())?)) }
 }
 
 /// Limits the lights of an instance to shading points whose mask shares a bit with this mask.
@@ -118,7 +123,7 @@ pub unsafe extern "C" fn girandole_world_set_mask(
     mask: u32,
 ) -> GirandoleStatus {
     // SAFETY: see the crate's documentation.
-    unsafe { change(world, instance, |world, key| Ok(world.set_mask(key, mask)?)) }
+    unsafe { change(world, instance, |world, key| Ok(world.set_appearance(key, |a| a.mask = mask)?)) }
 }
 
 /// Sets the number that light_user_data returns in shaders, and that samples have as user_data.
@@ -129,7 +134,7 @@ pub unsafe extern "C" fn girandole_world_set_user_data(
     user_data: u32,
 ) -> GirandoleStatus {
     // SAFETY: see the crate's documentation.
-    unsafe { change(world, instance, |world, key| Ok(world.set_user_data(key, user_data)?)) }
+    unsafe { change(world, instance, |world, key| Ok(world.set_appearance(key, |a| a.user_data = user_data)?)) }
 }
 
 /// Sets when an instance requests a rebuild of its tree.

@@ -5,7 +5,7 @@ use girandole::{LightTree, Region, RegionInstance, RegionKey, RegionTree, WorldE
 use crate::light::{GirandoleLight, lights};
 use crate::memory::{array, destroy, list, object, object_mut, result};
 use crate::place::{GirandolePlacement, GirandolePolicy, policy};
-use crate::status::{Failure, GirandoleStatus, call};
+use crate::status::{GirandoleStatus, call};
 use crate::vectors::{GirandoleVec3, flag};
 use crate::world::GirandoleWorld;
 
@@ -162,12 +162,7 @@ pub unsafe extern "C" fn girandole_world_add_region(
         let (world, region) = unsafe { (object(world, "world")?, object_mut(region, "region")?) };
         // SAFETY: see the crate's documentation.
         let stored = unsafe { result(key, "key")? };
-        let key = world.edit(|world| {
-            world.add_region(std::mem::take(&mut region.region)).map_err(|refused| {
-                region.region = *refused.region;
-                Failure::from(refused.error)
-            })
-        })?;
+        let key = world.edit(|world| Ok(world.add_region(&mut region.region)?))?;
         region.trees.clear();
         stored.set(key.into());
         Ok(())
@@ -203,7 +198,7 @@ pub unsafe extern "C" fn girandole_world_region_trees(
         let key = RegionKey::from(region);
         let view = world.region(key).ok_or(WorldError::NoSuchRegion(key))?;
         // SAFETY: see the crate's documentation.
-        unsafe { list(view.trees().iter().map(|key| u64::from(*key)), keys, capacity, count) }
+        unsafe { list(view.trees.iter().map(|key| u64::from(*key)), keys, capacity, count) }
     })
 }
 
@@ -223,7 +218,7 @@ pub unsafe extern "C" fn girandole_world_region_instances(
         let key = RegionKey::from(region);
         let view = world.region(key).ok_or(WorldError::NoSuchRegion(key))?;
         // SAFETY: see the crate's documentation.
-        unsafe { list(view.instances().iter().map(|key| u64::from(*key)), keys, capacity, count) }
+        unsafe { list(view.instances.iter().map(|key| u64::from(*key)), keys, capacity, count) }
     })
 }
 

@@ -164,10 +164,10 @@ pub unsafe extern "C" fn girandole_world_counts(
         // SAFETY: see the crate's documentation.
         let (world, counts) = unsafe { (object(world, "world")?.read()?, result(counts, "counts")?) };
         counts.set(GirandoleCounts {
-            trees: world.tree_count(),
-            instances: world.instance_count(),
+            trees: world.trees().len(),
+            instances: world.instances().len(),
             lights: world.light_count(),
-            directionals: world.directional_count(),
+            directionals: world.directionals().len(),
             effects: effect_bits(world.effects()),
             memory: world.memory().total(),
         });

@@ -103,13 +103,14 @@ impl World {
         instance: u64,
         #[wasm_bindgen(unchecked_param_type = "ArrayLike<number>")] factor: &[f32],
     ) -> Result<(), Failure> {
-        Ok(self.0.set_factor(InstanceKey::from(instance), vector("factor", factor)?)?)
+        let factor = vector("factor", factor)?;
+        Ok(self.0.set_appearance(InstanceKey::from(instance), |appearance| appearance.factor = factor)?)
     }
 
     /// Switches an instance on or off.
     #[wasm_bindgen(js_name = setEnabled)]
     pub fn set_enabled(&mut self, instance: u64, enabled: bool) -> Result<(), Failure> {
-        Ok(self.0.set_enabled(InstanceKey::from(instance), enabled)?)
+        Ok(self.0.set_appearance(InstanceKey::from(instance), |appearance| appearance.is_enabled = enabled)?)
     }
 
     /// Removes an instance, or the sky.
@@ -189,12 +190,12 @@ impl World {
     /// The number of instances, hidden ones and the sky included.
     #[wasm_bindgen(getter, js_name = instanceCount)]
     pub fn instance_count(&self) -> u32 {
-        self.0.instance_count() as u32
+        self.0.instances().len() as u32
     }
 
     /// The number of trees, that of the sky included.
     #[wasm_bindgen(getter, js_name = treeCount)]
     pub fn tree_count(&self) -> u32 {
-        self.0.tree_count() as u32
+        self.0.trees().len() as u32
     }
 }

@@ -270,7 +270,7 @@ impl City {
         format!(
             r#"{{"lights": {}, "instances": {}, "moved": {moved_instances}, "refitted": {refit_trees}, "rebuilt": {rebuilt_trees}, "waiting": {waiting_trees}, "spent": {:.3}, "refit": {:.3}, "frames": {}, "rebuiltSoFar": {}, "refittedSoFar": {}, "variants": {}, "hasVariant": {}, "software": {}, "stillFrames": {}, "adapter": "{}"}}"#,
             world.light_count(),
-            world.instance_count(),
+            world.instances().len(),
             millis(spent),
             millis(refit_time),
             self.totals.frames,

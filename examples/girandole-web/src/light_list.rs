@@ -27,7 +27,7 @@ impl Drop for LightList {
 }
 
 fn counts(world: &LightWorld) -> [usize; 2] {
-    [world.instance_count(), world.light_count()]
+    [world.instances().len(), world.light_count()]
 }
 
 impl LightList {

@@ -86,7 +86,7 @@ pub fn measure(machine: &Machine, timer: &Timer, size: Size, picture: (u32, u32)
         rows.push(Row {
             city: format!("{size:?}"),
             lights: world.light_count(),
-            instances: world.instance_count(),
+            instances: world.instances().len(),
             picture,
             candidates,
             time,

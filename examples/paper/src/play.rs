@@ -146,7 +146,7 @@ pub fn play(
     Ok(Results {
         scene: source.name(),
         lights: film.lights.len(),
-        instances: film.stage.world.instance_count(),
+        instances: film.stage.world.instances().len(),
         changed_lights: changed as f64 / f64::from(plan.frames - 1),
         reference_error,
         runs: cast.runs,

@@ -89,7 +89,7 @@ impl Contender {
             trees.push((key, copy));
         }
         for key in film.instances() {
-            let tree = film.instance_tree(key).and_then(|tree| copies.get(&tree));
+            let tree = film.instance(key).and_then(|instance| copies.get(&instance.tree));
             if let (Some(tree), Some(placement)) = (tree, film.placement(key)) {
                 instances.push((key, world.add_instance(*tree, placement, policy)?));
             }
@@ -154,7 +154,7 @@ impl Contender {
         }
         for (key, own) in &self.instances {
             let placement = film.placement(*key);
-            if let Some(placement) = placement.filter(|_| placement != self.world.placement(*own)) {
+            if let Some(placement) = placement.filter(|_| placement != self.world.instance(*own).map(|i| i.placement)) {
                 self.world.move_instance(*own, placement)?;
             }
         }

@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let estimate = sum / f64::from(SAMPLES);
     let exact: f32 = sampler.all_lights().filter_map(|l| sampler.sample_light(&road, l, [0.5, 0.5])).map(lux).sum();
-    println!("{} lights in {} instances", world.light_count(), world.instance_count());
+    println!("{} lights in {} instances", world.light_count(), world.instances().len());
     println!("illuminance: {estimate:.4} lux from samples, {exact:.4} lux as the sum over all lights");
     Ok(())
 }

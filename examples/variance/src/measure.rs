@@ -76,7 +76,7 @@ pub fn measure(lit: &Lit, effort: Effort) -> Result<Measured, SceneError> {
     Ok(Measured {
         rows: rows.collect(),
         lights: lights.len(),
-        instances: lit.world.instance_count(),
+        instances: lit.world.instances().len(),
         lit_shading_points,
     })
 }

@@ -112,7 +112,7 @@ fn world(rng: &mut Rng) -> LightWorld {
             let placement = Placement { linear, translation: exact(rng.position(20.0)) };
             let key = world.add_instance(tree, placement, Policy::Static).expect("valid");
             if i % 3 == 0 {
-                world.set_factor(key, Vec3::splat(size(rng, -2.0, 2.0))).expect("valid");
+                world.set_appearance(key, |a| a.factor = Vec3::splat(size(rng, -2.0, 2.0))).expect("valid");
             }
         }
     }
@@ -136,9 +136,9 @@ fn compare_worlds(seed: u64, shading_point: impl Fn(&mut Rng, f32) -> ShadingPoi
             let below = |leaf: u32| {
                 let part = top.part(leaf)?;
                 let key = world.instance_at(part.slot)?;
-                let placement = world.placement(key)?;
-                let tree = world.tree(world.instance_tree(key)?)?;
-                let brightness = f64::from(luminance(world.factor(key)?));
+                let placement = world.instance(key)?.placement;
+                let tree = world.tree(world.instance(key)?.tree)?;
+                let brightness = f64::from(luminance(world.instance(key)?.appearance.factor));
                 let view = here.in_tree(&Map::new(placement.linear.as_dmat3()), placement.translation, brightness);
                 let target = match part.entry {
                     ChildRef::Node(index) => girandole::tree::ChildRef::Node(index),

@@ -591,7 +591,7 @@ fn cuts_are_kept_while_nothing_changes_and_void_after_a_change_until_they_are_bu
 
     assert_eq!(rig.lights.upload(&world).expect("nothing has changed").bytes, 0);
     let instance = world.instance_at(3).expect("it lives");
-    let placement = world.placement(instance).expect("it lives");
+    let placement = world.instance(instance).expect("it lives").placement;
     let lifted = Placement { translation: placement.translation + DVec3::Y, ..placement };
     world.move_instance(instance, lifted).expect("valid");
     world.update(FrameBudget::NONE);
@@ -632,7 +632,7 @@ fn cells_keep_their_cuts_as_on_the_cpu_while_lights_move_come_and_go() {
     for frame in 0..16 {
         let keys: Vec<_> = world.instances().collect();
         for (i, key) in keys.iter().enumerate().filter(|(i, _)| i % 5 == frame % 5) {
-            let placement = world.placement(*key).expect("it lives");
+            let placement = world.instance(*key).expect("it lives").placement;
             let by = 0.1 * DVec3::new(f64::from(unit(i as u32)) - 0.5, 0.0, 0.5);
             if frame > 0 && Some(*key) != world.sky().map(|(sky, _)| sky) {
                 let moved = Placement { translation: placement.translation + by, ..placement };
@@ -642,12 +642,12 @@ fn cells_keep_their_cuts_as_on_the_cpu_while_lights_move_come_and_go() {
         match frame {
             3 => world.remove_instance(keys[4]).expect("it lives"),
             5 => {
-                let tree = world.instance_tree(keys[5]).expect("it lives");
-                let placement = world.placement(keys[5]).expect("it lives");
+                let tree = world.instance(keys[5]).expect("it lives").tree;
+                let placement = world.instance(keys[5]).expect("it lives").placement;
                 world.add_instance(tree, placement, Policy::Static).expect("valid");
             }
-            7 => world.set_factor(keys[6], Vec3::splat(20.0)).expect("valid"),
-            9 => world.set_mask(keys[7], 2).expect("valid"),
+            7 => world.set_appearance(keys[6], |a| a.factor = Vec3::splat(20.0)).expect("valid"),
+            9 => world.set_appearance(keys[7], |a| a.mask = 2).expect("valid"),
             _ => {}
         }
         world.update(FrameBudget::NONE);

@@ -208,15 +208,15 @@ fn the_gpu_samples_the_sky_as_the_cpu_does_and_follows_its_changes() {
     // Turned and stretched, tinted, and masked for nobody here.
     let linear = Mat3::from_rotation_x(1.1) * Mat3::from_diagonal(Vec3::new(1.0, 1.5, -1.0));
     world.move_instance(sky, Placement { linear, ..Placement::IDENTITY }).expect("a placement");
-    world.set_factor(sky, Vec3::new(0.5, 1.5, 0.7)).expect("a factor");
+    world.set_appearance(sky, |a| a.factor = Vec3::new(0.5, 1.5, 0.7)).expect("a factor");
     lights.upload(&world).expect("room enough");
     compare(&world, &run(&mut lights, &pipeline, &own), 1400, "turned");
-    world.set_mask(sky, 0).expect("an instance");
+    world.set_appearance(sky, |a| a.mask = 0).expect("an instance");
     lights.upload(&world).expect("room enough");
     let slot = world.slot(sky).expect("an instance");
     let outputs = run(&mut lights, &pipeline, &own);
     assert!(outputs.iter().all(|output| output.sample.instance != slot && output.hit.instance != slot));
-    world.set_mask(sky, u32::MAX).expect("an instance");
+    world.set_appearance(sky, |a| a.mask = u32::MAX).expect("an instance");
 
     // In rooms, which half of the points are in.
     world.set_portals(&rooms()).expect("sound portals");

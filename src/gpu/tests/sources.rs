@@ -386,7 +386,7 @@ fn mean_and_sum(lights: &mut GpuLights, world: &LightWorld, all: &LightWorld) ->
     let sampler = all.sampler();
     let mut sum = 0.0;
     for instance in all.instances() {
-        let lights = all.tree(all.instance_tree(instance).expect("live")).expect("live").lights().len() as u32;
+        let lights = all.tree(all.instance(instance).expect("live").tree).expect("live").lights().len() as u32;
         for light in 0..lights {
             let id = crate::LightId::Local { instance, light };
             let points = 256;

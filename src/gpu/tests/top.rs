@@ -127,8 +127,8 @@ fn world_of(slots: u32, place: impl Fn(u32) -> Placement) -> LightWorld {
         .collect();
     keys.iter().skip(3).step_by(7).for_each(|key| world.remove_instance(*key).unwrap());
     for (i, key) in (0..).zip(&keys).skip(1).step_by(7) {
-        world.set_factor(*key, Vec3::new(0.5, 100.0 * random(i, 25), 2.0)).unwrap();
-        world.set_mask(*key, 1 << (i % 32)).unwrap();
+        world.set_appearance(*key, |a| a.factor = Vec3::new(0.5, 100.0 * random(i, 25), 2.0)).unwrap();
+        world.set_appearance(*key, |a| a.mask = 1 << (i % 32)).unwrap();
     }
     world.update(FrameBudget::NONE);
     world

@@ -33,7 +33,7 @@ fn turned(angle: f32) -> Placement {
 /// The directions of all texels in the world, and the solid angle and radiance of each.
 pub(super) fn texels(world: &LightWorld) -> Vec<(Vec3, f32, Vec3)> {
     let (key, sky) = world.sky().expect("a sky");
-    let linear = world.placement(key).expect("an instance").linear;
+    let linear = world.instance(key).expect("an instance").placement.linear;
     let [width, height] = sky.size();
     let mut all = Vec::new();
     for row in 0..height {
@@ -83,7 +83,7 @@ fn means_are_the_sums_over_all_texels_and_lamps() {
     let mut cuts = CutTable::new(CutOptions::new(0.5, 64).expect("sound").with_min_marks(1));
     for (turn, factor) in [(0.0, 1.0), (2.3, 0.25)] {
         world.move_instance(sky, turned(turn)).expect("a rotation");
-        world.set_factor(sky, Vec3::splat(factor)).expect("a factor");
+        world.set_appearance(sky, |a| a.factor = Vec3::splat(factor)).expect("a factor");
         let mut texels = texels(&world);
         texels.iter_mut().for_each(|(_, _, radiance)| *radiance *= factor);
         let position = Vec3::new(3.0, 0.2, -2.0);
@@ -236,17 +236,17 @@ fn the_sky_can_be_masked_darkened_replaced_and_removed() {
     };
     let all = share(&world, &at);
     assert!((0.05..0.999).contains(&all), "{all}");
-    world.set_factor(sky, Vec3::splat(0.1)).expect("a factor");
+    world.set_appearance(sky, |a| a.factor = Vec3::splat(0.1)).expect("a factor");
     let dim = share(&world, &at);
     assert!((dim / (0.1 * all / (0.1 * all + 1.0 - all)) - 1.0).abs() < 0.1, "{all} {dim}");
-    world.set_mask(sky, 2).expect("an instance");
+    world.set_appearance(sky, |a| a.mask = 2).expect("an instance");
     assert_eq!(share(&world, &at.with_mask(1)), 0.0);
     assert!(world.sampler().hit(&at.with_mask(1), Vec3::Y, f32::INFINITY).is_none());
     assert!((share(&world, &at.with_mask(2)) / dim - 1.0).abs() < 0.05);
-    world.set_mask(sky, u32::MAX).expect("an instance");
-    world.set_enabled(sky, false).expect("an instance");
+    world.set_appearance(sky, |a| a.mask = u32::MAX).expect("an instance");
+    world.set_appearance(sky, |a| a.is_enabled = false).expect("an instance");
     assert_eq!(share(&world, &at), 0.0);
-    world.set_enabled(sky, true).expect("an instance");
+    world.set_appearance(sky, |a| a.is_enabled = true).expect("an instance");
 
     let bright = vec![Vec3::splat(1.0e7); SIZE[0] * SIZE[1]];
     assert_eq!(world.set_sky(Sky::equirectangular(SIZE[0], &bright).expect("sound pixels")), sky);

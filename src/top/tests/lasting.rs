@@ -55,7 +55,7 @@ fn settle(world: &mut LightWorld) {
 }
 
 fn shift(world: &mut LightWorld, key: InstanceKey, by: Vec3) {
-    let mut placement = world.placement(key).expect("it lives");
+    let mut placement = world.instance(key).expect("it lives").placement;
     placement.translation += by.as_dvec3();
     world.move_instance(key, placement).expect("valid");
 }

@@ -9,6 +9,7 @@ use crate::light::DirectionalLight;
 use crate::policy::Policy;
 use crate::profile::Profile;
 use crate::tree::LightTree;
+use crate::world::delta::Delta;
 use crate::world::opening::MAX_OPENINGS;
 use crate::world::{Instance, LightWorld, OriginMode, TreeSource};
 
@@ -106,7 +107,10 @@ impl Reader {
         if switches >> SWITCHES.len() != 0 {
             return Err(refused);
         }
-        SWITCHES.iter().zip(0..).for_each(|(effect, bit)| world.switch(*effect, switches >> bit & 1 == 1));
+        SWITCHES
+            .iter()
+            .zip(0..)
+            .for_each(|(effect, bit)| world.record(Delta::Switch(*effect, switches >> bit & 1 == 1)));
         Ok(Header { left_out: LeftOut { skies, portals, waiting_trees, gpu_trees }, counts })
     }
 
@@ -117,11 +121,10 @@ impl Reader {
         let key = self.world.add_tree(tree);
         let sourced = self.world.set_light_source(key, source);
         sourced.map_err(|source| DumpError::World { what: "tree", index, source })?;
-        let LightWorld { scene, sums, .. } = &mut self.world;
-        let entry = &mut scene.trees[key];
+        let entry = &mut self.world.scene.trees[key];
         entry.is_loose = is_loose;
         entry.openings = entry.openings_due();
-        entry.recount(sums);
+        self.world.record(Delta::Counts(key));
         self.trees.push(key);
         Ok(())
     }

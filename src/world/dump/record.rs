@@ -50,10 +50,10 @@ fn to_policy(words: [u32; 4]) -> Option<Policy> {
 
 /// The numbers of an instance.
 pub(super) fn encode(placement: &Placement, policy: Policy, appearance: &Appearance) -> [u32; WORDS] {
-    let [r, g, b] = of_vector(appearance.factor());
+    let [r, g, b] = of_vector(appearance.factor);
     let parts = [
         &of_policy(policy)[..],
-        &[u32::from(appearance.is_enabled()), r, g, b, appearance.mask, appearance.user_data],
+        &[u32::from(appearance.is_enabled), r, g, b, appearance.mask, appearance.user_data],
         &placement.linear.to_cols_array().map(f32::to_bits),
         &of_point(placement.translation),
     ];
@@ -75,11 +75,6 @@ pub(super) fn decode(words: &[u32; WORDS]) -> Option<Result<(Placement, Policy, 
     let [x, y] = [at(19), at(22)];
     let placement = Placement { linear, translation: to_point([x[0], x[1], x[2], y[0], y[1], y[2]]) };
     let checked = policy.validate().and_then(|()| check_factor(factor));
-    Some(checked.map(|()| {
-        let mut appearance = Appearance::default();
-        (appearance.mask, appearance.user_data) = (words[8], words[9]);
-        appearance.set_factor(factor);
-        appearance.set_enabled(*is_enabled);
-        (placement, policy, appearance)
-    }))
+    let appearance = Appearance { is_enabled: *is_enabled, factor, mask: words[8], user_data: words[9] };
+    Some(checked.map(|()| (placement, policy, appearance)))
 }

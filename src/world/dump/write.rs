@@ -47,7 +47,7 @@ impl LightWorld {
             skies: u32::from(sky.is_some()),
             portals: scene.portals.len() as u32,
             waiting_trees: trees.iter().filter(|tree| !scene.trees[**tree].staged.is_empty()).count() as u32,
-            gpu_trees: scene.sources.trees.len() as u32,
+            gpu_trees: scene.sources.iter().flatten().count() as u32,
         };
         let mut sink = Sink::new(out);
         sink.bytes(&MAGIC)?;
@@ -71,7 +71,7 @@ impl LightWorld {
         for key in &trees {
             let entry = &scene.trees[*key];
             let tree = entry.tree.bake_as_is();
-            let source = scene.sources.of(*key).map_or(TreeSource::Cpu, |(source, _)| source);
+            let source = self.light_source(*key).map_or(TreeSource::Cpu, |(source, _)| source);
             let bytes = tree.len() as u64;
             sink.words(&[source as u32, entry.is_loose.into(), bytes as u32, (bytes >> 32) as u32])?;
             sink.bytes(&tree)?;

@@ -3,14 +3,9 @@
 //! A region is filled on any thread, which checks and computes all that does not depend on the
 //! world.
 
-mod refused;
-
-pub use refused::RefusedRegion;
-
 use std::fmt;
 
-use glam::Vec3;
-
+use super::Instance;
 use super::reference::reference_for;
 use crate::error::WorldError;
 use crate::instance::appearance::{Appearance, check_factor};
@@ -43,18 +38,19 @@ use crate::tree::LightTree;
 /// }
 /// // On the thread of the world.
 /// let mut world = LightWorld::new();
-/// let key = world.add_region(region)?;
+/// let key = world.add_region(&mut region)?;
 /// assert_eq!(world.light_count(), 1000);
-/// assert_eq!(world.region(key).map(|region| region.instances().len()), Some(10));
+/// assert_eq!(world.region(key).map(|region| region.instances.len()), Some(10));
 /// // Dropping this frees the memory of the trees, on any thread.
 /// let removed = world.remove_region(key)?;
-/// assert_eq!((removed.trees().len(), world.light_count()), (1, 0));
+/// assert_eq!((removed.len(), world.light_count()), (1, 0));
 /// # Ok::<(), girandole::WorldError>(())
 /// ```
 #[derive(Default)]
 pub struct Region {
     pub(super) trees: Vec<RegionSource>,
-    pub(super) instances: Vec<PlacedInstance>,
+    /// With the index of the tree. Each is placed relative to an origin at its own position.
+    pub(super) instances: Vec<(usize, Instance)>,
 }
 
 /// Names a tree of the [`Region`] that returned it, for instances of that tree.
@@ -80,21 +76,14 @@ pub struct RegionInstance {
     pub placement: Placement,
     /// As in [`LightWorld::add_instance`](crate::LightWorld::add_instance).
     pub policy: Policy,
-    /// As in [`LightWorld::set_enabled`](crate::LightWorld::set_enabled).
-    pub is_enabled: bool,
-    /// As in [`LightWorld::set_factor`](crate::LightWorld::set_factor).
-    pub factor: Vec3,
-    /// As in [`LightWorld::set_mask`](crate::LightWorld::set_mask).
-    pub mask: u32,
-    /// As in [`LightWorld::set_user_data`](crate::LightWorld::set_user_data).
-    pub user_data: u32,
+    /// As in [`LightWorld::set_appearance`](crate::LightWorld::set_appearance).
+    pub appearance: Appearance,
 }
 
 impl RegionInstance {
-    /// An instance that is enabled, with factor 1, a mask of all bits and user data 0.
+    /// An instance whose lights are as the tree has them.
     pub fn new(tree: RegionTree, placement: impl Into<Placement>, policy: Policy) -> Self {
-        let placement = placement.into();
-        Self { tree, placement, policy, is_enabled: true, factor: Vec3::ONE, mask: u32::MAX, user_data: 0 }
+        Self { tree, placement: placement.into(), policy, appearance: Appearance::default() }
     }
 }
 
@@ -104,16 +93,6 @@ pub(super) enum RegionSource {
     Own { tree: Box<LightTree>, has_instance: bool },
     /// The world has it.
     OfWorld(TreeKey),
-}
-
-/// An instance that has been checked, but for its distance from the world's origin.
-pub(super) struct PlacedInstance {
-    pub tree: usize,
-    pub placement: Placement,
-    pub policy: Policy,
-    pub appearance: Appearance,
-    /// The placement relative to an origin at the instance's own position.
-    pub placed: Option<Placed>,
 }
 
 impl Region {
@@ -168,23 +147,19 @@ impl Region {
     /// [`WorldError::Placement`]. How far the placement is from the world's origin is checked when
     /// the region is added.
     pub fn add_instance(&mut self, instance: RegionInstance) -> Result<usize, WorldError> {
-        let RegionInstance { tree: RegionTree(tree), placement, policy, is_enabled, factor, mask, user_data } =
-            instance;
+        let RegionInstance { tree: RegionTree(index), placement, policy, appearance } = instance;
         let count = self.trees.len();
-        let source = self.trees.get_mut(tree).ok_or(WorldError::NoSuchRegionTree { index: tree, count })?;
+        let source = self.trees.get_mut(index).ok_or(WorldError::NoSuchRegionTree { index, count })?;
         policy.validate()?;
-        check_factor(factor)?;
+        check_factor(appearance.factor)?;
         let placed = Placed::new(&placement, Anchor::Point(placement.translation))?;
-        let mut appearance = Appearance::default();
-        (appearance.mask, appearance.user_data) = (mask, user_data);
-        appearance.set_factor(factor);
-        appearance.set_enabled(is_enabled);
+        let instance = Instance { appearance, ..Instance::new(TreeKey::default(), placement, policy, placed) };
         if let RegionSource::Own { tree, has_instance } = source
             && !std::mem::replace(has_instance, true)
         {
-            divide_for(tree, placed.as_ref().filter(|_| appearance.is_shown()));
+            divide_for(tree, instance.shown());
         }
-        self.instances.push(PlacedInstance { tree, placement, policy, appearance, placed });
+        self.instances.push((index, instance));
         Ok(self.instances.len() - 1)
     }
 }

@@ -91,13 +91,15 @@ impl Edited {
         }
         let key = self.instances[self.rng.bits() as usize % self.instances.len()];
         match self.rng.bits() % 8 {
-            0 => self.world.set_enabled(key, false),
-            1 | 2 => self.world.set_enabled(key, true),
+            0 => self.world.set_appearance(key, |a| a.is_enabled = false),
+            1 | 2 => self.world.set_appearance(key, |a| a.is_enabled = true),
             3 => {
                 let factor = (self.rng.position(0.5) + 0.5) * 10.0_f32.powf(self.rng.between(-2.0, 2.0));
-                self.world.set_factor(key, factor)
+                self.world.set_appearance(key, |a| a.factor = factor)
             }
-            4 => self.world.set_mask(key, [u32::MAX, 0b01, 0b10, 0b11][self.rng.bits() as usize % 4]),
+            4 => {
+                self.world.set_appearance(key, |a| a.mask = [u32::MAX, 0b01, 0b10, 0b11][self.rng.bits() as usize % 4])
+            }
             _ => self.world.move_instance(key, self.rng.affine(SIZE)),
         }
         .expect("a live instance and a valid value");
@@ -111,7 +113,7 @@ impl Edited {
     fn replace_tree(&mut self) {
         let index = self.rng.bits() as usize % self.trees.len();
         let tree = self.trees[index];
-        let has_tree = |key: &InstanceKey| self.world.instance_tree(*key) == Some(tree);
+        let has_tree = |key: &InstanceKey| self.world.instance(*key).map(|i| i.tree) == Some(tree);
         let users: Vec<InstanceKey> = self.instances.iter().copied().filter(has_tree).collect();
         if users.len() > 20 {
             return;
@@ -149,7 +151,7 @@ impl Edited {
             let instance = girandole::RegionInstance::new(tree, self.rng.affine(SIZE), Policy::Budgeted);
             region.add_instance(instance).expect("a valid placement");
         }
-        self.region = Some(self.world.add_region(region).expect("a sound region"));
+        self.region = Some(self.world.add_region(&mut region).expect("a sound region"));
     }
 
     /// Shading points among the instances, relative to the origin, one of them with few bits in its mask.

@@ -63,8 +63,8 @@ fn in_f64(world: &LightWorld, point: &ShadingPoint, splits: usize) -> Option<BTr
     let view = View::of(point.position.as_dvec3(), point.normal.as_dvec3());
     let below = |leaf| {
         let (instance, target) = sampler.top_leaf(leaf)?;
-        let placement = world.placement(instance)?;
-        let tree = world.tree(world.instance_tree(instance)?)?;
+        let placement = world.instance(instance)?.placement;
+        let tree = world.tree(world.instance(instance)?.tree)?;
         let view = view.in_tree(&Map::new(placement.linear.as_dmat3()), placement.translation, 1.0);
         Some((Tree { nodes: tree.nodes(), view, instance: world.slot(instance) }, target))
     };

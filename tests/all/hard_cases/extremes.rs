@@ -271,7 +271,7 @@ fn a_world_that_is_switched_off_and_on_again_has_the_same_probabilities() {
     let trees: Vec<_> = world.trees().collect();
     let all = shading_points(&mut rng, 10, 240.0);
     for (key, i) in world.instances().collect::<Vec<_>>().into_iter().zip(0..) {
-        let place = world.placement(key).expect("it lives");
+        let place = world.instance(key).expect("it lives").placement;
         let place = Placement { translation: DVec3::new(f64::from(i % 3), 0.0, f64::from(i / 3)) * 160.0, ..place };
         world.move_instance(key, place).expect("valid");
     }

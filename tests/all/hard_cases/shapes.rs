@@ -202,7 +202,8 @@ fn rotated_slivers_and_degenerate_triangles_keep_their_sides() {
         let turn = Mat3::from_quat(Quat::from_axis_angle(rng.direction(), rng.between(0.0, 6.0)));
         let mut world = placed(lights, [Placement { linear: turn, translation: rng.position(100.0).as_dvec3() }]);
         let middle = world
-            .placement(world.instances().next().expect("one instance"))
+            .instance(world.instances().next().expect("one instance"))
+            .map(|i| i.placement)
             .expect("a live instance")
             .translation
             .as_vec3();

@@ -97,10 +97,10 @@ impl Edited {
             let mask = [u32::MAX, 0, 1, 2][self.below(4)];
             let (place, bits) = (self.place(), self.below(8));
             return match kind {
-                0 => self.world.set_enabled(instance, bits > 1).is_ok(),
-                1 => self.world.set_factor(instance, factor).is_ok(),
-                2 => self.world.set_mask(instance, mask).is_ok(),
-                3 => self.world.set_user_data(instance, bits as u32).is_ok(),
+                0 => self.world.set_appearance(instance, |a| a.is_enabled = bits > 1).is_ok(),
+                1 => self.world.set_appearance(instance, |a| a.factor = factor).is_ok(),
+                2 => self.world.set_appearance(instance, |a| a.mask = mask).is_ok(),
+                3 => self.world.set_appearance(instance, |a| a.user_data = bits as u32).is_ok(),
                 4..=6 => self.world.move_instance(instance, place).is_ok(),
                 7 => match self.world.make_unique(instance) {
                     Ok(own) if !self.trees.contains(&own) && self.trees.len() < 20 => {
@@ -187,7 +187,7 @@ impl Edited {
                     return self.world.remove_directional(key).is_ok();
                 }
                 let light = DirectionalLight { direction: self.rng.direction(), illuminance: Vec3::ONE };
-                self.world.directional_count() > 3 || self.world.add_directional(light).is_ok()
+                self.world.directionals().len() > 3 || self.world.add_directional(light).is_ok()
             }
             2 => {
                 let at = self.rng.position(500.0).as_dvec3();
@@ -209,7 +209,7 @@ impl Edited {
                 region.add_instance(instance).expect("a valid placement");
             }
         }
-        self.region = Some(self.world.add_region(region).expect("a sound region"));
+        self.region = Some(self.world.add_region(&mut region).expect("a sound region"));
         true
     }
 

@@ -238,7 +238,7 @@ fn gaps_are_joined_within_the_bytes_of_each_frame_and_then_nothing_is_sent() {
     // Every other tree goes.
     let instances: Vec<_> = world.instances().collect();
     for (key, tree) in instances.into_iter().zip(&keys).step_by(2) {
-        assert_eq!(world.instance_tree(key), Some(*tree));
+        assert_eq!(world.instance(key).map(|i| i.tree), Some(*tree));
         world.remove_instance(key).expect("it lives");
         world.remove_tree(*tree).expect("no instances");
     }
@@ -298,7 +298,7 @@ fn what_shaders_see_is_sound_after_any_sequence_of_edits_and_limits() {
                     }
                     4 | 5 | 13 if !trees.is_empty() => {
                         let tree = trees.swap_remove(pick);
-                        let of = |key: &girandole::InstanceKey| world.instance_tree(*key) == Some(tree);
+                        let of = |key: &girandole::InstanceKey| world.instance(*key).map(|i| i.tree) == Some(tree);
                         let instances: Vec<_> = world.instances().filter(of).collect();
                         instances.into_iter().for_each(|key| world.remove_instance(key).expect("it lives"));
                         world.remove_tree(tree).expect("no instances");

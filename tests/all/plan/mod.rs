@@ -34,7 +34,7 @@ fn update(world: &mut LightWorld) {
 
 /// Moves an instance by a millimetre, so that no space is divided anew.
 fn nudge(world: &mut LightWorld, key: InstanceKey) {
-    let place = world.placement(key).expect("it lives");
+    let place = world.instance(key).expect("it lives").placement;
     let translation = place.translation + DVec3::splat(1.0e-3);
     world.move_instance(key, Placement { translation, ..place }).expect("valid");
 }
@@ -160,16 +160,16 @@ fn a_frame_without_changes_has_an_empty_plan() {
     update(&mut world);
     assert!(played.frame(&world).is_empty());
     // Edits that change nothing.
-    let at = world.placement(keys[3]).expect("it lives");
+    let at = world.instance(keys[3]).expect("it lives").placement;
     world.move_instance(keys[3], at).expect("valid");
-    world.set_enabled(keys[4], true).expect("valid");
-    world.set_factor(keys[5], Vec3::ONE).expect("valid");
-    world.set_user_data(keys[6], 0).expect("valid");
+    world.set_appearance(keys[4], |a| a.is_enabled = true).expect("valid");
+    world.set_appearance(keys[5], |a| a.factor = Vec3::ONE).expect("valid");
+    world.set_appearance(keys[6], |a| a.user_data = 0).expect("valid");
     assert!(world.set_emission(tree, 0, Vec3::ONE).is_err(), "the tree is static");
     update(&mut world);
     assert!(played.frame(&world).is_empty());
     // User data need no build of the top level, and a move needs one.
-    world.set_user_data(keys[6], 9).expect("valid");
+    world.set_appearance(keys[6], |a| a.user_data = 9).expect("valid");
     update(&mut world);
     let plan = played.frame(&world);
     assert!(plan.top.is_empty() && plan.report.bytes == INSTANCE_BYTES as u64);

@@ -27,7 +27,7 @@ fn records(played: &Played, world: &LightWorld) -> Vec<Vec<u32>> {
         let mut record = instances[slot * instance_stride..][..instance_stride].to_vec();
         let [node, light] = [14, 15].map(|word| record[word] as usize);
         record[PLACES].fill(0);
-        let tree = world.instance_at(slot as u32).and_then(|key| world.instance_tree(key));
+        let tree = world.instance_at(slot as u32).and_then(|key| world.instance(key).map(|i| i.tree));
         // Hidden instances have no place.
         if let Some(tree) = tree.and_then(|tree| world.tree(tree)).filter(|_| record[12] & 1 == 1) {
             record.extend(&nodes[node * node_stride..][..tree.nodes().len() * node_stride]);
@@ -64,7 +64,7 @@ fn edit(world: &mut LightWorld, rng: &mut Rng) {
         _ if keys.is_empty() => {}
         5 => {
             let tree = trees[pick(trees.len(), rng)];
-            let of = |key: &&InstanceKey| world.instance_tree(**key) == Some(tree);
+            let of = |key: &&InstanceKey| world.instance(**key).map(|i| i.tree) == Some(tree);
             let instances: Vec<_> = keys.iter().filter(of).collect();
             instances.into_iter().for_each(|key| world.remove_instance(*key).expect("it lives"));
             world.remove_tree(tree).expect("no instances");
@@ -72,9 +72,11 @@ fn edit(world: &mut LightWorld, rng: &mut Rng) {
         6 => drop(world.add_instance(trees[pick(trees.len(), rng)], place(rng), Policy::Budgeted).expect("valid")),
         7 => world.remove_instance(keys[pick(keys.len(), rng)]).expect("it lives"),
         8 => drop(world.make_unique(keys[pick(keys.len(), rng)]).expect("it lives")),
-        9 => world.set_enabled(keys[pick(keys.len(), rng)], is_yes).expect("it lives"),
-        10 => world.set_factor(keys[pick(keys.len(), rng)], Vec3::splat(rng.between(0.0, 2.0))).expect("valid"),
-        11 => world.set_user_data(keys[pick(keys.len(), rng)], rng.bits() as u32).expect("it lives"),
+        9 => world.set_appearance(keys[pick(keys.len(), rng)], |a| a.is_enabled = is_yes).expect("it lives"),
+        10 => world
+            .set_appearance(keys[pick(keys.len(), rng)], |a| a.factor = Vec3::splat(rng.between(0.0, 2.0)))
+            .expect("valid"),
+        11 => world.set_appearance(keys[pick(keys.len(), rng)], |a| a.user_data = rng.bits() as u32).expect("it lives"),
         12 => world.set_lights(trees[pick(trees.len(), rng)], &[(0, lamp(rng))]).expect("the first one stays"),
         13 => {
             let tree = trees[pick(trees.len(), rng)];
@@ -86,7 +88,7 @@ fn edit(world: &mut LightWorld, rng: &mut Rng) {
             world.replace_lights(trees[pick(trees.len(), rng)], lamps(rng, count)).expect("valid");
         }
         15 => drop(world.rebuild_tree(trees[pick(trees.len(), rng)]).expect("it lives")),
-        16 => world.set_mask(keys[pick(keys.len(), rng)], rng.bits() as u32).expect("it lives"),
+        16 => world.set_appearance(keys[pick(keys.len(), rng)], |a| a.mask = rng.bits() as u32).expect("it lives"),
         17 => {
             let moves: Vec<_> = keys.iter().step_by(2).map(|key| (*key, place(rng))).collect();
             world.move_instances(&moves).expect("valid");
@@ -135,8 +137,8 @@ fn readers_that_skip_frames_or_start_late_end_with_the_records_of_one_that_follo
         // Every instance that the top level is built from must be shown.
         let keys: Vec<_> = world.instances().collect();
         for key in keys {
-            world.set_enabled(key, true).expect("it lives");
-            world.set_factor(key, Vec3::ONE).expect("valid");
+            world.set_appearance(key, |a| a.is_enabled = true).expect("it lives");
+            world.set_appearance(key, |a| a.factor = Vec3::ONE).expect("valid");
         }
         update(&mut world);
         for reader in [&mut follower, &mut skipper] {

@@ -38,7 +38,7 @@ fn a_world_recovers_from_work_that_took_no_time_and_survives_work_that_took_the_
             // A clock at the greatest time cannot advance any more, so only the other one recovers.
             is_extreme.store(frame < 5 && extreme.is_zero(), Ordering::Relaxed);
         }
-        assert_eq!(test.world.tree_count(), 10);
+        assert_eq!(test.world.trees().len(), 10);
         check_trees(&test.world);
         if extreme.is_zero() {
             let report = test.frame(100);

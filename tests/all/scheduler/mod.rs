@@ -95,7 +95,7 @@ impl TestWorld {
 
     /// The first instance of a tree.
     pub fn instance_of(&self, tree: TreeKey) -> InstanceKey {
-        let has_tree = |instance: &InstanceKey| self.world.instance_tree(*instance) == Some(tree);
+        let has_tree = |instance: &InstanceKey| self.world.instance(*instance).map(|i| i.tree) == Some(tree);
         self.world.instances().find(has_tree).expect("the tree has an instance")
     }
 

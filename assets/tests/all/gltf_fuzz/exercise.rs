@@ -32,7 +32,7 @@ pub fn exercise(bytes: &[u8]) -> Result<usize, AssetError> {
     assert_eq!(lights.ok().and_then(|lights| lights.sky), world.sky().map(|(sky, _)| sky));
     let mut world = LightWorld::new();
     if let Err(error) = load_lights(&mut world, &file, &[], &options()) {
-        assert_eq!((world.tree_count(), world.instance_count(), world.light_count()), (0, 0, 0), "{error}");
+        assert_eq!((world.trees().len(), world.instances().len(), world.light_count()), (0, 0, 0), "{error}");
         return Err(error);
     }
     world.update(FrameBudget::UNLIMITED);

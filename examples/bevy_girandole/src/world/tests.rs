@@ -21,9 +21,9 @@ fn a_sky_comes_turns_and_goes() {
     );
     let (key, map) = lights.world.sky().expect("there is a sky");
     assert!((map.radiance(Vec3::Y).x - 800.0).abs() < 4.0);
-    assert_eq!(lights.world.factor(key), Some(Vec3::splat(0.25)));
-    assert_eq!(lights.world.placement(key).map(|placement| placement.linear), Some(Mat3::from_quat(turn)));
-    assert_eq!(lights.world.user_data(key), Some(3));
+    assert_eq!(lights.world.instance(key).map(|i| i.appearance.factor), Some(Vec3::splat(0.25)));
+    assert_eq!(lights.world.instance(key).map(|i| i.placement.linear), Some(Mat3::from_quat(turn)));
+    assert_eq!(lights.world.instance(key).map(|i| i.appearance.user_data), Some(3));
     let record = lights.records[3];
     assert_eq!(record, KindRecord::sky(record.lights as usize));
     assert!(record.lights > 0 && lights.world.slot(key).is_some_and(|slot| slot < lights.slot_count));
@@ -33,11 +33,11 @@ fn a_sky_comes_turns_and_goes() {
     apply(&mut lights, [Edit::SetSky { kind: 3, map: even_sky(100.0) }]);
     let (same, map) = lights.world.sky().expect("there is a sky");
     assert!(same == key && map.radiance(Vec3::Y).x < 101.0);
-    assert_eq!(lights.world.factor(key), Some(Vec3::splat(0.25)));
+    assert_eq!(lights.world.instance(key).map(|i| i.appearance.factor), Some(Vec3::splat(0.25)));
 
     apply(&mut lights, [Edit::RemoveSky]);
     assert!(lights.world.sky().is_none());
-    assert_eq!((lights.world.instance_count(), lights.world.tree_count()), (0, 0));
+    assert_eq!((lights.world.instances().len(), lights.world.trees().len()), (0, 0));
     assert_eq!(lights.counts.refused, 0);
 }
 
@@ -47,9 +47,9 @@ fn a_sky_that_is_refused_is_dark_until_it_is_right() {
     let adjust = |factor| Edit::AdjustSky { rotation: Quat::IDENTITY, factor };
     apply(&mut lights, [Edit::SetSky { kind: 1, map: even_sky(800.0) }, adjust(-1.0)]);
     let (key, _) = lights.world.sky().expect("there is a sky");
-    assert_eq!((lights.world.is_enabled(key), lights.counts.refused), (Some(false), 1));
+    assert_eq!((lights.world.instance(key).map(|i| i.appearance.is_enabled), lights.counts.refused), (Some(false), 1));
     apply(&mut lights, [adjust(1.0)]);
-    assert_eq!((lights.world.is_enabled(key), lights.counts.refused), (Some(true), 1));
+    assert_eq!((lights.world.instance(key).map(|i| i.appearance.is_enabled), lights.counts.refused), (Some(true), 1));
     apply(&mut lights, [Edit::AdjustSky { rotation: Quat::from_xyzw(f32::NAN, 0.0, 0.0, 1.0), factor: 1.0 }]);
-    assert_eq!((lights.world.is_enabled(key), lights.counts.refused), (Some(false), 2));
+    assert_eq!((lights.world.instance(key).map(|i| i.appearance.is_enabled), lights.counts.refused), (Some(false), 2));
 }

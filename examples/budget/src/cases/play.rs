@@ -31,7 +31,7 @@ pub fn world_on(clock: &Arc<VirtualClock>) -> LightWorld {
 
 /// Adds a tree with one instance, beside those that are there.
 pub fn add(world: &mut LightWorld, lights: Vec<Light>, policy: Policy) -> Result<TreeKey, SceneError> {
-    let index = world.tree_count();
+    let index = world.trees().len();
     let translation: DVec3 = STEP * dvec3((index % 16) as f64, 0.0, (index / 16) as f64);
     let tree = world.add_tree(LightTree::new(lights)?);
     world.add_instance(tree, Placement { linear: Mat3::IDENTITY, translation }, policy)?;

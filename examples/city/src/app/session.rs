@@ -241,7 +241,7 @@ impl Session {
         let world = &self.stage.world;
         let stats = FrameStats {
             frame: number,
-            instances: world.instance_count(),
+            instances: world.instances().len(),
             lights: world.light_count(),
             moved_instances: report.moved_instances,
             refit_trees: report.refit_trees,

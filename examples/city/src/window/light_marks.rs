@@ -29,9 +29,10 @@ pub fn draw_lights(world: &LightWorld, view: &View, aspect: f32, overlay: &mut O
     let half = Vec2::new(CROSS / aspect, CROSS);
     let mut left = MAX_LIGHTS;
     for instance in in_front(world, view) {
-        let tree = world.instance_tree(instance).and_then(|tree| world.tree(tree));
+        let shown = world.instance(instance);
+        let tree = shown.and_then(|shown| world.tree(shown.tree));
         let (Some(tree), Some((linear, translation))) = (tree, map(world, instance)) else { continue };
-        let factor = if world.is_enabled(instance) == Some(true) { world.factor(instance) } else { None };
+        let factor = shown.filter(|shown| shown.appearance.is_enabled).map(|shown| shown.appearance.factor);
         let at = |point: Vec3| linear * point + translation;
         for light in tree.lights().iter().filter(|light| !light.is_removed()).take(left) {
             left -= 1;
@@ -82,7 +83,7 @@ mod tests {
         };
         let [red, white] = [[255, 0, 0], [255; 3]];
         assert_eq!(colors(&world), [red, red, white, white, white, white, DARK, DARK, DARK]);
-        world.set_enabled(key, false).expect("it lives");
+        world.set_appearance(key, |a| a.is_enabled = false).expect("it lives");
         assert_eq!(colors(&world), [DARK; 9]);
     }
 }

@@ -11,7 +11,7 @@ pub fn looseness(world: &LightWorld) -> HashMap<TreeKey, f32> {
     // Trees of stretched instances are built for them.
     let mut placements = HashMap::new();
     for instance in world.instances() {
-        if let (Some(tree), Some(placement)) = (world.instance_tree(instance), world.placement(instance)) {
+        if let Some((tree, placement)) = world.instance(instance).map(|i| (i.tree, i.placement)) {
             placements.entry(tree).or_insert(placement);
         }
     }

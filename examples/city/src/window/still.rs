@@ -29,8 +29,8 @@ pub fn run(options: &Options, print: &mut dyn FnMut(&str)) -> Result<(), SceneEr
     print(&format!(
         "{} lights in {} instances of {} trees, the loosest {loosest:.2}; picture in {}",
         world.light_count(),
-        world.instance_count(),
-        world.tree_count(),
+        world.instances().len(),
+        world.trees().len(),
         path.display()
     ));
     Ok(())

@@ -49,14 +49,14 @@ impl TreeColors<'_> {
 
 /// The map of an instance to the world relative to its origin, in which cameras are.
 pub fn map(world: &LightWorld, instance: InstanceKey) -> Option<(Mat3, Vec3)> {
-    let placement = world.placement(instance)?;
+    let placement = world.instance(instance)?.placement;
     Some((placement.linear, (placement.translation - world.origin()).as_vec3()))
 }
 
 /// The instances with lights that are in front of the camera, the nearest first.
 pub fn in_front(world: &LightWorld, view: &View) -> Vec<InstanceKey> {
     let of = |instance: InstanceKey| {
-        let bounds = world.tree(world.instance_tree(instance)?)?.cluster().aabb;
+        let bounds = world.tree(world.instance(instance)?.tree)?.cluster().aabb;
         let (linear, translation) = map(world, instance)?;
         let corners = corners(&bounds, &linear, translation);
         let distance_sq = (corners.iter().sum::<Vec3>() / 8.0 - view.eye).length_squared();
@@ -83,7 +83,7 @@ pub fn tree_boxes(world: &LightWorld, view: &View, level: i32, colors: &TreeColo
     }
     let mut left = MAX_BOXES;
     for instance in in_front(world, view) {
-        let Some(key) = world.instance_tree(instance) else { continue };
+        let Some(key) = world.instance(instance).map(|i| i.tree) else { continue };
         let (Some(tree), Some((linear, translation))) = (world.tree(key), map(world, instance)) else { continue };
         let Some(color) = colors.of(world, key) else { continue };
         let boxes = if level == 0 { vec![tree.cluster().aabb] } else { boxes_below(tree.nodes(), level as usize) };

@@ -77,7 +77,7 @@ fn a_dump_of_a_session_shows_the_boxes_and_lights_of_its_world() {
     // Of the top level a dump has no partition, so its nodes depend on the moves before.
     for level in [0, 2] {
         let lines = open(&file, &folder, level).expect("a dump");
-        let lights = format!("{} lights in {} instances", world.light_count(), world.instance_count());
+        let lights = format!("{} lights in {} instances", world.light_count(), world.instances().len());
         assert!(lines.last().is_some_and(|line| line.starts_with(&lights)), "{lines:?}");
         let expected = still::paint(&drawing(world, &camera, level), SIZE);
         assert!(expected.chunks(3).filter(|pixel| *pixel != [0; 3]).count() > 2000);

@@ -258,7 +258,7 @@ fn both_backends_render_the_same_picture_of_a_smooth_scene() {
 #[test]
 fn unlit_surfaces_show_their_colour_and_are_no_lights() {
     let stage = stage("unlit", &smooth_scene());
-    assert_eq!(stage.world.tree_count(), 0);
+    assert_eq!(stage.world.trees().len(), 0);
     let geometry = Geometry::new(&stage.scene).expect("a valid scene");
     let hit = geometry.nearest(Vec3::new(2.1, 1.0, 5.0), Vec3::NEG_Z).expect("the sign");
     let material = geometry.material(&stage.scene, &hit);
@@ -372,7 +372,7 @@ fn instances_are_placed_and_flat_nodes_are_hidden() {
     assert_eq!(geometry.objects.iter().map(|object| object.visible).collect::<Vec<_>>(), [true, false, true, false]);
     let hit = geometry.nearest(Vec3::new(11.5, 1.5, 9.0), Vec3::NEG_Z).expect("the third instance");
     assert_eq!((hit.object, hit.distance), (2, 6.0));
-    assert_eq!((stage.world.tree_count(), stage.world.instance_count()), (1, 4));
+    assert_eq!((stage.world.trees().len(), stage.world.instances().len()), (1, 4));
 }
 
 /// A floor and a block on it that are `size` metres wide, at an offset. `lamp` is a point light above

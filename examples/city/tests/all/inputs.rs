@@ -38,7 +38,11 @@ fn hidden_nodes_are_neither_shown_nor_lit() {
     ));
     let stage = stage("hidden_nodes", &text);
     let shown: Vec<bool> = stage.scene.objects.iter().map(|object| object.visible).collect();
-    let lit: Vec<_> = stage.world.instances().map(|instance| stage.world.is_enabled(instance)).collect();
+    let lit: Vec<_> = stage
+        .world
+        .instances()
+        .map(|instance| stage.world.instance(instance).map(|i| i.appearance.is_enabled))
+        .collect();
     assert_eq!((shown, lit.len()), (vec![true, false, false], 3));
     assert_eq!(lit.iter().filter(|lit| **lit == Some(true)).count(), 1);
     assert_eq!(stage.scene.warnings, Vec::<String>::new());

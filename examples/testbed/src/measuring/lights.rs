@@ -11,8 +11,8 @@ use girandole::{Incident, Light, LightId, LightSampler, LightWorld, Placement, S
 pub fn carried(world: &LightWorld) -> Vec<Light> {
     let mut lights = Vec::with_capacity(world.light_count());
     for instance in world.instances() {
-        let tree = world.instance_tree(instance).and_then(|tree| world.tree(tree));
-        if let (Some(placement), Some(tree)) = (world.placement(instance), tree) {
+        let tree = world.instance(instance).and_then(|i| world.tree(i.tree));
+        if let (Some(placement), Some(tree)) = (world.instance(instance).map(|i| i.placement), tree) {
             lights.extend(tree.lights().iter().map(|light| carry(light, &placement)));
         }
     }

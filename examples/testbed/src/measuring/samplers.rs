@@ -207,7 +207,7 @@ impl Chooser for TwoLevel<'_> {
     fn bytes(&self) -> usize {
         let trees = self.world.trees().filter_map(|tree| self.world.tree(tree));
         let bottom: usize = trees.map(|tree| tree.nodes().len()).sum();
-        (bottom + top_level_nodes(self.world.instance_count())) * size_of::<girandole::tree::Node>()
+        (bottom + top_level_nodes(self.world.instances().len())) * size_of::<girandole::tree::Node>()
     }
 }
 

@@ -106,7 +106,7 @@ impl TwoLevel {
     /// The tree of the top level's leaf and the place in it, as a shading point sees it.
     fn below(&self, sampler: &LightSampler<'_>, leaf: u32, view: View) -> Below<'_> {
         let (instance, target) = sampler.top_leaf(leaf)?;
-        let tree = self.world.tree(self.world.instance_tree(instance)?)?;
+        let tree = self.world.tree(self.world.instance(instance)?.tree)?;
         let Shown { map, position, .. } = self.shown.get(&instance)?;
         let view = view.in_tree(map, *position - self.origin(), 1.0);
         Some((Tree { nodes: tree.nodes(), view, instance: self.world.slot(instance) }, target))

@@ -48,7 +48,7 @@ impl Baseline {
         let ids: Arc<[LightId]> = world.sampler().all_lights().filter(is_local).collect();
         // Uniform choices need no light but its name.
         let lights = if choice == LightChoice::Uniform { Vec::new() } else { carried(world) };
-        let (count, local_count) = (world.directional_count() as f64, ids.len() as f64);
+        let (count, local_count) = (world.directionals().len() as f64, ids.len() as f64);
         let area = PI * f64::from(scene_radius).powi(2);
         let flux = |light: &DirectionalLight| f64::from(luminance(light.illuminance)) * area;
         let (local, local_weight) = match choice {

@@ -74,7 +74,7 @@ pub fn check(played: &Played, world: &LightWorld) -> Found {
         let flags = instances.word(slot, FLAGS);
         assert_eq!(flags & LIVE, LIVE, "slot {slot} is shown");
         let [node_base, light_base] = [14, 15].map(|word| instances.word(slot, word));
-        let tree_key = world.instance_tree(key).expect("it lives");
+        let tree_key = world.instance(key).expect("it lives").tree;
         let tree = world.tree(tree_key).expect("it lives");
         let (mut found, mut openings) = (Vec::new(), Vec::new());
         let mut stack = vec![0];
@@ -174,7 +174,7 @@ pub fn check_as_new_within(limits: PlanLimits, played: &Played, world: &LightWor
             assert_eq!(instances.word(slot, FLAGS) & LIVE, 0, "slot {slot}");
             continue;
         };
-        let tree_key = world.instance_tree(key).expect("it lives");
+        let tree_key = world.instance(key).expect("it lives").tree;
         let tree = world.tree(tree_key).expect("it lives");
         let stands_in = instances.word(slot, FLAGS) & STANDS_IN != 0;
         let is_older = !stands_in && played.planner.is_waiting(tree_key);

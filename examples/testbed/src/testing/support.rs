@@ -3,7 +3,8 @@
 pub use crate::common::split_mix::Rng;
 use girandole::glam::{Affine3A, Mat3, Quat, Vec3};
 use girandole::{
-    DirectionalLight, InstanceKey, Light, LightId, LightSampler, LightTree, LightWorld, Policy, ShadingPoint,
+    Appearance, DirectionalLight, InstanceKey, Light, LightId, LightSampler, LightTree, LightWorld, Policy,
+    ShadingPoint,
 };
 
 impl Rng {
@@ -112,11 +113,11 @@ pub fn vary(world: &mut LightWorld) {
             i if i % 3 == 1 => (rng.position(0.5) + 0.5) * 10.0_f32.powf(rng.between(-2.0, 2.0)),
             _ => Vec3::ONE,
         };
-        world.set_factor(key, factor).expect("a valid factor");
         let mask = [u32::MAX, 0b01, 0b10, 1 << 31, u32::MAX, 0b11, u32::MAX, 0b100][i as usize % 8];
-        world.set_mask(key, if i % 16 == 14 { 0 } else { mask }).expect("a live key");
-        world.set_enabled(key, i % 8 != 5).expect("a live key");
-        world.set_user_data(key, user_data_of(world, key)).expect("a live key");
+        let mask = if i % 16 == 14 { 0 } else { mask };
+        let user_data = user_data_of(world, key);
+        let appearance = Appearance { is_enabled: i % 8 != 5, factor, mask, user_data };
+        world.set_appearance(key, |present| *present = appearance).expect("a valid factor");
     }
 }
 

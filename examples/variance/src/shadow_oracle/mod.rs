@@ -34,7 +34,7 @@ pub fn run(gltf: Option<&Path>, count: usize, out: &Path) -> Result<(), SceneErr
     for place in &places {
         let measured = measure::measure(place, count)?;
         let lights = place.world.light_count();
-        testbed::say!("\n{}: {lights} lights in {} instances\n", place.name, place.world.instance_count());
+        testbed::say!("\n{}: {lights} lights in {} instances\n", place.name, place.world.instances().len());
         testbed::say!("{}", markdown_head(&table::COLUMNS));
         for row in table::rows(&measured) {
             testbed::say!("| {} |", row.join(" | "));

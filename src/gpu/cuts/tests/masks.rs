@@ -77,9 +77,9 @@ fn no_cell_brings_lights_that_the_mask_of_a_point_does_not_see() {
             }
             _ => {}
         }
-        world.set_enabled(instances[2], has_sky).expect("it lives");
+        world.set_appearance(instances[2], |a| a.is_enabled = has_sky).expect("it lives");
         for (key, mask) in instances.into_iter().zip([1, 2, 2]) {
-            world.set_mask(key, if has_masks { mask } else { u32::MAX }).expect("it lives");
+            world.set_appearance(key, |a| a.mask = if has_masks { mask } else { u32::MAX }).expect("it lives");
         }
         rig.lights.upload(&world).expect("room enough");
         let points = masked_inputs(&world, instances);
@@ -98,7 +98,9 @@ fn no_cell_brings_lights_that_the_mask_of_a_point_does_not_see() {
             for (input, output) in points.iter().zip(&outputs) {
                 let slots = chosen(&sampler, input, output);
                 all += slots.len();
-                let mask = |slot: &u32| world.instance_at(*slot).and_then(|key| world.mask(key)).unwrap_or(0);
+                let mask = |slot: &u32| {
+                    world.instance_at(*slot).and_then(|key| world.instance(key).map(|i| i.appearance.mask)).unwrap_or(0)
+                };
                 if slots.iter().any(|slot| mask(slot) & input.mask == 0) {
                     unseen.push((case, is_marked, input.mask, slots));
                 }

@@ -35,7 +35,7 @@ fn children(built: &Built, runs: u32) -> HashMap<usize, Vec<(usize, ChildRef)>> 
 /// Moves one in so many instances by up to `length` to each side.
 fn shake(world: &mut LightWorld, (one_in, length): (usize, f64), round: u32) {
     for (i, key) in (0..).zip(world.instances().collect::<Vec<_>>()).step_by(one_in) {
-        let mut place = world.placement(key).unwrap();
+        let mut place = world.instance(key).unwrap().placement;
         let by = |k: u32| f64::from(random(i, 100 + 3 * round + k)) - 0.5;
         place.translation += 2.0 * length * DVec3::new(by(0), by(1), by(2));
         world.move_instance(key, place).unwrap();

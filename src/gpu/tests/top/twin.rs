@@ -109,7 +109,8 @@ pub(super) fn check(top: &mut TopRig, world: &LightWorld) -> Built {
     // From the GPU's own leaves the CPU makes the same tree.
     let parts: Vec<_> = built.parts.iter().copied().zip(built.leaves.iter().copied()).collect();
     let mut twin = TopLevel::build(&parts, world.slot_count(), world.partition());
-    let mask_of = |slot| world.instance_at(slot).and_then(|key| world.mask(key)).unwrap_or(0);
+    let mask_of =
+        |slot| world.instance_at(slot).and_then(|key| world.instance(key).map(|i| i.appearance.mask)).unwrap_or(0);
     if world.effects().contains(Effects::MASKS) {
         twin.set_masks(mask_of);
         for (index, record) in built.records.iter().enumerate() {

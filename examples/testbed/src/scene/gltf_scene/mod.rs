@@ -126,7 +126,7 @@ pub fn stage_in_frame(path: &Path, camera: Option<Camera>, aspect: f32) -> Resul
     scene.warnings.extend(placed.warnings);
     let extent = extent::Extent::of(&scene);
     scene.lamp_clearance = LAMP_CLEARANCE.min(extent.size() * LAMP_CLEARANCE_SHARE);
-    if world.light_count() == 0 && world.directional_count() == 0 {
+    if world.light_count() == 0 && world.directionals().len() == 0 {
         scene.warnings.push("the file has no lights; a moon is added".into());
         world.add_directional(moon())?;
     }

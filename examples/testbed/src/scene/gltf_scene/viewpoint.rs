@@ -26,7 +26,9 @@ const SLOPE: f32 = 0.06;
 fn bright_lights(world: &LightWorld) -> Vec<(Vec3, f32)> {
     let mut lights = Vec::new();
     for instance in world.instances() {
-        let (Some(tree), Some(placement)) = (world.instance_tree(instance), world.placement(instance)) else {
+        let (Some(tree), Some(placement)) =
+            (world.instance(instance).map(|i| i.tree), world.instance(instance).map(|i| i.placement))
+        else {
             continue;
         };
         let Some(tree) = world.tree(tree) else { continue };

@@ -199,7 +199,7 @@ mod tests {
             [(Size::S, 1_000.0, 20_000.0), (Size::M, 10_000.0, 300_000.0), (Size::L, 100_000.0, 3_000_000.0)]
         {
             let world = city(size).world;
-            let share = [world.instance_count() as f64 / instances, world.light_count() as f64 / lights];
+            let share = [world.instances().len() as f64 / instances, world.light_count() as f64 / lights];
             assert!(share.iter().all(|share| (0.85..1.15).contains(share)), "{size:?}: {share:?}");
         }
     }
@@ -309,7 +309,7 @@ mod tests {
         }
         let mut lights = 0.0;
         for instance in stage.world.instances() {
-            let tree = stage.world.tree(stage.world.instance_tree(instance).unwrap()).unwrap();
+            let tree = stage.world.tree(stage.world.instance(instance).unwrap().tree).unwrap();
             for light in tree.lights() {
                 let area = match light.shape {
                     girandole::Shape::Rectangle { half_u, half_v, .. } => 4.0 * half_u.cross(half_v).length(),

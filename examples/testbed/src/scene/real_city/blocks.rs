@@ -247,7 +247,7 @@ mod tests {
         far.rings.iter_mut().flatten().for_each(|at| at.x += 1_000.0);
         let footprints = [block(), block(), far];
         place(&mut assembly, &mut Palette::default(), &footprints, shift, Vec2::ZERO, 1).unwrap();
-        assert_eq!((assembly.scene.objects.len(), assembly.world.instance_count()), (2, 2));
+        assert_eq!((assembly.scene.objects.len(), assembly.world.instances().len()), (2, 2));
         assert_eq!(highest_near(&footprints, Vec2::ZERO, 50.0, shift), 16.0);
         assert_eq!(bounds(&footprints, shift), Some([vec2(0.0, -40.0), vec2(1_030.0, 0.0)]));
     }

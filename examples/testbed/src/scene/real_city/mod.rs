@@ -295,7 +295,8 @@ mod tests {
     #[test]
     fn lamps_have_the_positions_and_fluxes_of_the_file() {
         let stage = load(true, false).unwrap();
-        let all: Vec<_> = stage.world.instances().map(|instance| stage.world.placement(instance).unwrap()).collect();
+        let all: Vec<_> =
+            stage.world.instances().map(|instance| stage.world.instance(instance).unwrap().placement).collect();
         // The first lamp: 135 m west and 7 m north of the origin.
         assert!(all.iter().any(|place| place.translation.as_vec3().abs_diff_eq(vec3(-135.0, 0.0, -7.0), 1e-3)));
         let fluxes: Vec<f32> = stage
@@ -323,7 +324,7 @@ mod tests {
             std::fs::write(&path, format!("x,y,height,lumens\n{lamps}")).unwrap();
             grid::LOOKED_AT.set(0);
             let stage = stage(&RealCityOptions { lamps: Some(path.clone()), cars: Some(0), ..Default::default() });
-            assert!(stage.unwrap().world.instance_count() >= COUNT as usize);
+            assert!(stage.unwrap().world.instances().len() >= COUNT as usize);
             // Houses look at all lamps near each of some hundred places.
             let share = grid::LOOKED_AT.get() as f64 / f64::from(COUNT);
             assert!(share < 200.0, "{share} lamps are looked at for each lamp at {name}");
@@ -377,7 +378,7 @@ mod tests {
     fn traffic_of_a_moved_network_is_moved_back_and_without_the_network_there_is_a_warning() {
         let place = |stage: &Stage| {
             let mut places: Vec<_> =
-                stage.world.instances().map(|key| stage.world.placement(key).unwrap().translation).collect();
+                stage.world.instances().map(|key| stage.world.instance(key).unwrap().placement.translation).collect();
             places.retain(|at| (at.z - 1.6).abs() < 1e-3 && at.x < -55.0 && at.y == 0.0);
             places
         };

@@ -225,7 +225,7 @@ mod tests {
         for time in [0.0, 1.0, 2.5] {
             stage.animation.advance(time, &mut stage.scene, &mut stage.world).unwrap();
             let visible = stage.scene.objects.iter().filter(|object| object.visible);
-            seen.push((visible.map(|object| object.mesh).collect(), stage.world.instance_count()));
+            seen.push((visible.map(|object| object.mesh).collect(), stage.world.instances().len()));
         }
         std::fs::remove_file(path).unwrap();
         let (rest, instances) = seen.pop().unwrap();
@@ -247,12 +247,12 @@ mod tests {
     fn vehicles_appear_and_disappear_with_the_file() {
         let mut stage = load();
         let hidden = |stage: &Stage| stage.scene.objects.iter().filter(|object| !object.visible).count();
-        let houses = stage.world.instance_count() - 1;
+        let houses = stage.world.instances().len() - 1;
         let pool = hidden(&stage) + 1;
         let mut counts = Vec::new();
         for tenth in 0..=120 {
             stage.animation.advance(f64::from(tenth) * 0.1, &mut stage.scene, &mut stage.world).unwrap();
-            let shown = stage.world.instance_count() - houses;
+            let shown = stage.world.instances().len() - houses;
             assert_eq!(shown, pool - hidden(&stage));
             counts.push(shown);
         }
