@@ -1,6 +1,6 @@
 //! Regions: trees and instances that are filled on any thread, and added and removed as a whole.
 
-use girandole::{LightTree, Region, RegionInstance, RegionKey, RegionTree, WorldError};
+use girandole::{Appearance, LightTree, Region, RegionInstance, RegionKey, RegionTree, WorldError};
 
 use crate::light::{GirandoleLight, lights};
 use crate::memory::{array, destroy, list, object, object_mut, result};
@@ -140,10 +140,12 @@ pub unsafe extern "C" fn girandole_region_add_instance(
         let no_tree = WorldError::NoSuchRegionTree { index: given.tree as usize, count };
         let tree = *region.trees.get(given.tree as usize).ok_or(no_tree)?;
         let mut instance = RegionInstance::new(tree, &given.placement, policy(&given.policy)?);
-        instance.is_enabled = flag(given.is_enabled, "is_enabled")?;
-        instance.factor = given.factor.into();
-        instance.mask = given.mask;
-        instance.user_data = given.user_data;
+        instance.appearance = Appearance {
+            is_enabled: flag(given.is_enabled, "is_enabled")?,
+            factor: given.factor.into(),
+            mask: given.mask,
+            user_data: given.user_data,
+        };
         region.region.add_instance(instance)?;
         Ok(())
     })

@@ -89,8 +89,8 @@ impl Contender {
             trees.push((key, copy));
         }
         for key in film.instances() {
-            let tree = film.instance(key).and_then(|instance| copies.get(&instance.tree));
-            if let (Some(tree), Some(placement)) = (tree, film.placement(key)) {
+            let instance = film.instance(key);
+            if let Some((tree, placement)) = instance.and_then(|i| Some((copies.get(&i.tree)?, i.placement))) {
                 instances.push((key, world.add_instance(*tree, placement, policy)?));
             }
         }
@@ -153,7 +153,7 @@ impl Contender {
             }
         }
         for (key, own) in &self.instances {
-            let placement = film.placement(*key);
+            let placement = film.instance(*key).map(|instance| instance.placement);
             if let Some(placement) = placement.filter(|_| placement != self.world.instance(*own).map(|i| i.placement)) {
                 self.world.move_instance(*own, placement)?;
             }
