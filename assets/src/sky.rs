@@ -31,7 +31,7 @@ const MAX_PIXELS_OF_BYTE: u64 = 16;
 const MAX_RUNS: usize = 2;
 
 /// Makes a sky of the bytes of a Radiance HDR file, whose map is [equirectangular](Sky::equirectangular). Its
-/// numbers count as nits: a [factor](girandole::LightWorld::set_factor) of the sky's instance scales those of files
+/// numbers count as nits: a [factor](girandole::Appearance::factor) of the sky's instance scales those of files
 /// that mean something else. The lines EXPOSURE, COLORCORR and PRIMARIES are not regarded.
 ///
 /// No bytes make this function panic, and it takes at most some 400 bytes of memory for each byte of the file.

@@ -21,7 +21,7 @@ pub enum EmissiveSides {
 /// [`load_lights`](super::load_lights).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GltfOptions {
-    /// Whether emissive triangles become lights. Default: true. A [factor](girandole::LightWorld::set_factor) of their
+    /// Whether emissive triangles become lights. Default: true. A [factor](girandole::Appearance::factor) of their
     /// instances scales their emission.
     pub surfaces: bool,
     /// Which sides of emissive triangles emit. Default: [`EmissiveSides::OfMaterial`].
