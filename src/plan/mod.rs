@@ -146,7 +146,9 @@ pub const KERNELS: &[Kernel] = &[
 /// What the GPU holds of one [`LightWorld`](crate::LightWorld), and what it has to do to follow the world.
 ///
 /// Keep one for each world and device. It holds no GPU object and no copy of the world's data: at
-/// most 97 bytes for each tree and 9 bytes for each instance.
+/// most 97 bytes for each tree and 9 bytes for each instance. A clone shares all of it until one of the two follows the
+/// world, so it costs O(1).
+#[derive(Clone)]
 pub struct LightPlanner {
     held: Held,
 }

@@ -754,7 +754,7 @@ typedef struct GirandoleKernel {
 // thread is in a call that changes the object, which the rules for threads forbid.
 #define GIRANDOLE_ERROR_BROKEN 11
 
-// The world or the planner is part of a reservation: end the reservation with girandole_planner_plan or
+// The planner has a reservation: end it with girandole_planner_plan or
 // girandole_planner_cancel first.
 #define GIRANDOLE_ERROR_RESERVED 12
 
@@ -1021,9 +1021,8 @@ uint32_t girandole_version(void);
 // Creates an empty world. Destroy it with girandole_world_destroy.
 GirandoleStatus girandole_world_create(struct GirandoleWorld **world);
 
-// Destroys a world and everything in it. NULL is allowed. While a planner has a reservation for the world,
-// the call is refused with GIRANDOLE_ERROR_RESERVED and destroys nothing.
-GirandoleStatus girandole_world_destroy(struct GirandoleWorld *world);
+// Destroys a world and everything in it. NULL is allowed.
+void girandole_world_destroy(struct GirandoleWorld *world);
 
 // Stores the sizes of a world. Cheap.
 GirandoleStatus girandole_world_counts(const struct GirandoleWorld *world, struct GirandoleCounts *counts);
@@ -1587,8 +1586,8 @@ void girandole_readback_destroy(struct GirandoleReadback *readback);
 // the buffers to make; the array belongs to the planner and is valid until the reservation ends.
 //
 // The reservation ends with girandole_planner_plan, or, if there is no memory for a buffer, with
-// girandole_planner_cancel. Until then, calls that change the world and other calls that use the planner are
-// refused with GIRANDOLE_ERROR_RESERVED; calls that take a const world work.
+// girandole_planner_cancel. Until then, other calls that use the planner are refused with
+// GIRANDOLE_ERROR_RESERVED. The world may change; the plan has it as it is now.
 //
 // On GIRANDOLE_ERROR_FULL the next call has the changes too.
 GirandoleStatus girandole_planner_reserve(struct GirandolePlanner *planner,
@@ -1601,7 +1600,7 @@ GirandoleStatus girandole_planner_reserve(struct GirandolePlanner *planner,
 GirandoleStatus girandole_planner_plan(struct GirandolePlanner *planner, struct GirandolePlan **plan);
 
 // Ends the reservation without a plan. Its changes become part of the next reservation, which lists all buffers
-// again, most with new numbers: free the buffers of this reservation that were already made.
+// again and may give their numbers to others: free the buffers of this reservation that were already made.
 GirandoleStatus girandole_planner_cancel(struct GirandolePlanner *planner);
 
 // Stores what a shader holds. The pointers are valid until the shader is destroyed.

@@ -273,14 +273,11 @@ static void plans(GirandoleWorld *world)
     EXPECT(GIRANDOLE_OK, girandole_planner_reserve(planner, world, 0, &buffers, &count));
     REQUIRE(count >= 8);
     EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_planner_set_cut_view(planner, nowhere, 0.001f));
-    EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_world_update(world, 0.0, NULL));
-    EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_world_destroy(world));
     EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_planner_bindings(planner, ids));
     EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_planner_lose(planner));
     EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_planner_reserve(planner, world, 0, &buffers, &count));
-    state_of(world); /* calls for a const world work */
+    EXPECT(GIRANDOLE_OK, girandole_world_update(world, 0.0, NULL)); /* the world is not part of the reservation */
     EXPECT(GIRANDOLE_OK, girandole_planner_cancel(planner));
-    EXPECT(GIRANDOLE_OK, girandole_world_update(world, 0.0, NULL));
     EXPECT(GIRANDOLE_ERROR_OTHER_WORLD,
            girandole_planner_reserve(planner, other_world, 0, &buffers, &count));
     EXPECT(GIRANDOLE_OK, girandole_planner_reserve(planner, world, 1, &buffers, &count));
@@ -327,7 +324,7 @@ static void plans(GirandoleWorld *world)
     girandole_cursor_destroy(cursor);
     girandole_planner_destroy(planner);
     girandole_planner_destroy(small);
-    EXPECT(GIRANDOLE_OK, girandole_world_destroy(other_world));
+    girandole_world_destroy(other_world);
 }
 
 /* Trees whose lights a kernel writes. */
@@ -448,7 +445,7 @@ static void sources(GirandoleWorld *world)
     girandole_readback_destroy(parts);
     girandole_readback_destroy(lights);
     girandole_plan_destroy(plan);
-    EXPECT(GIRANDOLE_OK, girandole_world_destroy(other));
+    girandole_world_destroy(other);
 }
 
 static void regions(GirandoleWorld *world)
@@ -646,9 +643,9 @@ int main(void)
     sources(world);
     textures();
     shaders();
-    EXPECT(GIRANDOLE_OK, girandole_world_destroy(world));
+    girandole_world_destroy(world);
     /* NULL may be destroyed. */
-    EXPECT(GIRANDOLE_OK, girandole_world_destroy(NULL));
+    girandole_world_destroy(NULL);
     girandole_planner_destroy(NULL);
     girandole_plan_destroy(NULL);
     girandole_reader_destroy(NULL);

@@ -60,7 +60,7 @@ public:
         try {
             for (size_t i = 0; i < count; i++) made.push_back(make_buffer(wanted[i]));
         } catch (...) {
-            // An engine that has no memory left draws with the last frame. The next reservation has new numbers.
+            // An engine that has no memory left draws with the last frame. The next reservation may use their numbers.
             for (const auto &buffer : made) device_.free_buffer(buffer);
             girandole::check(girandole_planner_cancel(planner_.get()));
             throw;

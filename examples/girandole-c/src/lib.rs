@@ -14,8 +14,7 @@
 //! - No other thread is in a call that may change the same object.
 //! - What a call stores does not overlap with what it reads.
 //!
-//! `memory` follows pointers to values, and `world` and `planner` look after the lifetime of what a
-//! reservation borrows.
+//! `memory` follows pointers to values, and `world` holds what several threads read.
 
 #![deny(unsafe_op_in_unsafe_fn, clippy::undocumented_unsafe_blocks)]
 #![warn(missing_docs, missing_debug_implementations)]

@@ -1,12 +1,8 @@
 //! Planners as objects: what the GPU holds of a world, and reservations of buffers.
 
-use std::ptr::NonNull;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
-
 use girandole::CutOptions;
 use girandole::glam::DVec3;
-use girandole::plan::{Commands, LightPlanner, NewBuffer, PlanLimits, Reservation};
+use girandole::plan::{Commands, FramePlan, LightPlanner, NewBuffer, PlanLimits};
 
 use crate::buffers::{GirandoleNewBuffer, new_buffers};
 use crate::plan::GirandolePlan;
@@ -42,9 +38,8 @@ pub(crate) fn limit(bytes: u64) -> Option<u64> {
 /// Threads: one thread at a time.
 #[derive(Debug)]
 pub struct GirandolePlanner {
-    /// From `Box::into_raw`. Not a box, since the reservation borrows it while calls have references to this.
-    planner: NonNull<LightPlanner>,
-    pub(crate) held: Option<Held>,
+    planner: LightPlanner,
+    pub(crate) reserved: Option<Reserved>,
     /// The buffers of the cells, until the first plan.
     cut_buffers: Vec<NewBuffer>,
     /// What the next plan uploads first: the cells, and cameras.
@@ -55,48 +50,21 @@ pub struct GirandolePlanner {
     is_whole: bool,
 }
 
-/// A reservation with what it borrows. Fields are dropped in their order.
+/// A frame that is planned, and not yet taken.
 #[derive(Debug)]
-pub(crate) struct Held {
-    /// Borrows the planner, which `GirandolePlanner` keeps until this is dropped, and the world, which
-    /// refuses changes and its end until `borrow` is dropped.
-    pub reservation: Reservation<'static>,
+pub(crate) struct Reserved {
+    /// The planner after the frame.
+    planner: LightPlanner,
+    frame: FramePlan,
     pub new_buffers: Vec<GirandoleNewBuffer>,
-    pub borrow: Borrow,
-}
-
-/// Counts a reservation of a world.
-#[derive(Debug)]
-pub(crate) struct Borrow(Arc<AtomicUsize>);
-
-impl Borrow {
-    fn new(count: &Arc<AtomicUsize>) -> Self {
-        count.fetch_add(1, Ordering::AcqRel);
-        Self(Arc::clone(count))
-    }
-}
-
-impl Drop for Borrow {
-    fn drop(&mut self) {
-        self.0.fetch_sub(1, Ordering::AcqRel);
-    }
-}
-
-impl Drop for GirandolePlanner {
-    fn drop(&mut self) {
-        self.held = None;
-        // SAFETY: from `Box::into_raw`, and no reservation borrows it any more.
-        drop(unsafe { Box::from_raw(self.planner.as_ptr()) });
-    }
 }
 
 impl GirandolePlanner {
     pub(crate) fn new(limits: PlanLimits, cuts: CutOptions) -> Self {
         let mut planner = LightPlanner::new(limits);
         let cells = planner.reserve_cells(cuts, None).plan();
-        let planner = NonNull::from(Box::leak(Box::new(planner)));
         let (cut_buffers, ahead) = (cells.new_buffers, vec![cells.upload]);
-        Self { planner, held: None, cut_buffers, ahead, world: None, is_whole: true }
+        Self { planner, reserved: None, cut_buffers, ahead, world: None, is_whole: true }
     }
 
     fn check_whole(&self) -> Result<(), Failure> {
@@ -106,14 +74,13 @@ impl GirandolePlanner {
         Err(Failure::new(GIRANDOLE_ERROR_BROKEN, "the planner is broken: an earlier call panicked"))
     }
 
-    /// The planner, which no reservation borrows.
+    /// The planner, which has no reservation.
     pub(crate) fn free(&mut self) -> Result<&mut LightPlanner, Failure> {
-        if self.held.is_some() {
+        if self.reserved.is_some() {
             let message = "the planner has a reservation: plan or cancel it first";
             return Err(Failure::new(GIRANDOLE_ERROR_RESERVED, message));
         }
-        // SAFETY: from a box, and there is no reservation.
-        Ok(unsafe { self.planner.as_mut() })
+        Ok(&mut self.planner)
     }
 
     /// The world that it follows, after the first reservation.
@@ -132,22 +99,16 @@ impl GirandolePlanner {
     }
 
     pub(crate) fn reserve(&mut self, world: &GirandoleWorld, exactly: bool) -> Result<(), Failure> {
-        self.free()?;
+        let mut planner = self.free()?.clone();
         if self.world.is_some_and(|follows| follows != world.id) {
             return Err(Failure::new(GIRANDOLE_ERROR_OTHER_WORLD, "the planner follows another world"));
         }
-        let borrow = Borrow::new(&world.reservations);
-        // SAFETY: `borrow` counts the reservation, and is dropped after it.
-        let lights = unsafe { world.read_while_reserved()? };
+        let lights = world.read()?;
         self.world = Some(world.id);
-        // SAFETY: from a box that is dropped after `held`; `free` gives out no reference while it is set.
-        let planner: &'static mut LightPlanner = unsafe { &mut *self.planner.as_ptr() };
-        let reservation = match exactly {
-            false => planner.reserve(lights)?,
-            true => planner.reserve_exactly(lights)?,
-        };
+        let reservation = if exactly { planner.reserve_exactly(lights)? } else { planner.reserve(lights)? };
         let new_buffers = new_buffers(self.cut_buffers.iter().chain(reservation.new_buffers()))?;
-        self.held = Some(Held { reservation, new_buffers, borrow });
+        let frame = reservation.plan();
+        self.reserved = Some(Reserved { planner, frame, new_buffers });
         Ok(())
     }
 
@@ -159,20 +120,19 @@ impl GirandolePlanner {
 
     /// Ends the reservation with a plan.
     pub(crate) fn plan(&mut self) -> Result<GirandolePlan, Failure> {
-        let Held { reservation, new_buffers, borrow } = self.take()?;
-        let mut frame = reservation.plan();
-        drop(borrow);
+        let Reserved { planner, mut frame, new_buffers } = self.take()?;
+        self.planner = planner;
         // The plan of the cells, which this one contains, has the number 1.
         frame.number -= 1;
         self.cut_buffers.clear();
         let ahead = std::mem::take(&mut self.ahead);
-        let cuts = self.free()?.build_cuts();
+        let cuts = self.planner.build_cuts();
         GirandolePlan::new(frame, new_buffers, ahead, cuts)
     }
 
-    pub(crate) fn take(&mut self) -> Result<Held, Failure> {
+    pub(crate) fn take(&mut self) -> Result<Reserved, Failure> {
         let none = || Failure::new(GIRANDOLE_ERROR_NOT_RESERVED, "the planner has no reservation");
-        self.held.take().ok_or_else(none)
+        self.reserved.take().ok_or_else(none)
     }
 }
 
@@ -186,13 +146,12 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_breaks_the_planner_and_frees_the_world() {
+    fn a_panic_breaks_the_planner_and_not_the_world() {
         let (world, mut planner) = (GirandoleWorld::new(), planner());
         assert_eq!(call(|| planner.edit(|planner| planner.reserve(&world, false))), GIRANDOLE_OK);
-        assert_eq!(call(|| world.edit(|_| Ok(()))), GIRANDOLE_ERROR_RESERVED);
         let dies = call(|| {
             planner.edit(|planner| {
-                let _held = planner.take()?;
+                let _reserved = planner.take()?;
                 panic!("a test")
             })
         });
@@ -213,11 +172,11 @@ mod tests {
     }
 
     #[test]
-    fn a_planner_that_is_dropped_ends_its_reservation() {
+    fn a_world_may_change_and_end_during_a_reservation() {
         let (world, mut planner) = (GirandoleWorld::new(), planner());
         planner.reserve(&world, true).expect("it fits");
-        assert_eq!(world.reservations.load(Ordering::Acquire), 1);
-        drop(planner);
-        assert_eq!(world.reservations.load(Ordering::Acquire), 0);
+        assert_eq!(call(|| world.edit(|_| Ok(()))), GIRANDOLE_OK);
+        drop(world);
+        assert!(planner.plan().is_ok());
     }
 }

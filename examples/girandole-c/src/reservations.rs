@@ -15,8 +15,8 @@ use crate::world::GirandoleWorld;
 /// the buffers to make; the array belongs to the planner and is valid until the reservation ends.
 ///
 /// The reservation ends with girandole_planner_plan, or, if there is no memory for a buffer, with
-/// girandole_planner_cancel. Until then, calls that change the world and other calls that use the planner are
-/// refused with GIRANDOLE_ERROR_RESERVED; calls that take a const world work.
+/// girandole_planner_cancel. Until then, other calls that use the planner are refused with
+/// GIRANDOLE_ERROR_RESERVED. The world may change; the plan has it as it is now.
 ///
 /// On GIRANDOLE_ERROR_FULL the next call has the changes too.
 #[unsafe(no_mangle)]
@@ -34,7 +34,7 @@ pub unsafe extern "C" fn girandole_planner_reserve(
         // SAFETY: see the crate's documentation.
         let (array, count) = unsafe { (result(new_buffers, "new_buffers")?, result(count, "count")?) };
         planner.edit(|planner| planner.reserve(world, exactly))?;
-        let made: &[_] = planner.held.as_ref().map_or(&[], |held| &held.new_buffers);
+        let made: &[_] = planner.reserved.as_ref().map_or(&[], |reserved| &reserved.new_buffers);
         array.set(made.as_ptr());
         count.set(made.len());
         Ok(())
@@ -56,7 +56,7 @@ pub unsafe extern "C" fn girandole_planner_plan(
 }
 
 /// Ends the reservation without a plan. Its changes become part of the next reservation, which lists all buffers
-/// again, most with new numbers: free the buffers of this reservation that were already made.
+/// again and may give their numbers to others: free the buffers of this reservation that were already made.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_planner_cancel(planner: *mut GirandolePlanner) -> GirandoleStatus {
     call(|| {

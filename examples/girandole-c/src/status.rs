@@ -44,7 +44,7 @@ pub const GIRANDOLE_ERROR_PANIC: GirandoleStatus = 10;
 /// An earlier call on this object has panicked: the object can only be destroyed. Also returned while another
 /// thread is in a call that changes the object, which the rules for threads forbid.
 pub const GIRANDOLE_ERROR_BROKEN: GirandoleStatus = 11;
-/// The world or the planner is part of a reservation: end the reservation with girandole_planner_plan or
+/// The planner has a reservation: end it with girandole_planner_plan or
 /// girandole_planner_cancel first.
 pub const GIRANDOLE_ERROR_RESERVED: GirandoleStatus = 12;
 /// The planner has no reservation: call girandole_planner_reserve first.

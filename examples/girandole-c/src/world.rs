@@ -1,17 +1,14 @@
 //! Worlds as objects, and the calls that concern a whole world.
 
 use std::cell::UnsafeCell;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
 use girandole::{FrameBudget, LightWorld};
 
-use crate::memory::{object, result, wanted};
+use crate::memory::{destroy, object, result, wanted};
 use crate::shader_text::effect_bits;
-use crate::status::{
-    Failure, GIRANDOLE_ERROR_BAD_VALUE, GIRANDOLE_ERROR_BROKEN, GIRANDOLE_ERROR_RESERVED, GirandoleStatus, call,
-};
+use crate::status::{Failure, GIRANDOLE_ERROR_BAD_VALUE, GIRANDOLE_ERROR_BROKEN, GirandoleStatus, call};
 
 /// The version of this header: major * 0x10000 + minor * 0x100 + patch.
 pub const GIRANDOLE_VERSION: u32 = 0x000100;
@@ -29,14 +26,11 @@ pub extern "C" fn girandole_version() -> u32 {
 /// that takes a world that is not const. Different worlds are independent of each other.
 #[derive(Debug)]
 pub struct GirandoleWorld {
-    /// Shared references exist during calls for a const world and during reservations, and a mutable one
-    /// during other calls, which reservations refuse.
+    /// Shared references exist during calls for a const world, and a mutable one during other calls.
     world: UnsafeCell<LightWorld>,
     pub(crate) id: u64,
     /// False during a call that changes the world, and for ever if it panics.
     is_whole: AtomicBool,
-    /// How many planners have a reservation that borrows the world.
-    pub(crate) reservations: Arc<AtomicUsize>,
 }
 
 // SAFETY: the `UnsafeCell` is the reason that this needs a statement. `LightWorld` is `Send` and `Sync`
@@ -57,7 +51,6 @@ impl GirandoleWorld {
             world: UnsafeCell::new(LightWorld::new()),
             id: WORLDS.fetch_add(1, Ordering::Relaxed),
             is_whole: AtomicBool::new(true),
-            reservations: Arc::default(),
         }
     }
 
@@ -77,30 +70,11 @@ impl GirandoleWorld {
         Ok(unsafe { &*self.world.get() })
     }
 
-    /// The world, for as long as a reservation borrows it.
-    ///
-    /// # Safety
-    /// `reservations` counts it as long as the reference is used.
-    pub(crate) unsafe fn read_while_reserved(&self) -> Result<&'static LightWorld, Failure> {
-        self.check_whole()?;
-        // SAFETY: `edit` and `girandole_world_destroy` refuse to run while `reservations` is not 0.
-        Ok(unsafe { &*self.world.get() })
-    }
-
-    fn check_not_reserved(&self) -> Result<(), Failure> {
-        if self.reservations.load(Ordering::Acquire) == 0 {
-            return Ok(());
-        }
-        let message = "a planner has a reservation for this world: plan or cancel it first";
-        Err(Failure::new(GIRANDOLE_ERROR_RESERVED, message))
-    }
-
     /// Changes the world.
     pub(crate) fn edit<R>(&self, change: impl FnOnce(&mut LightWorld) -> Result<R, Failure>) -> Result<R, Failure> {
-        self.check_not_reserved()?;
         self.check_whole()?;
         self.is_whole.store(false, Ordering::Release);
-        // SAFETY: no other call uses the world (the rules for threads), and no reservation does.
+        // SAFETY: no other call uses the world (the rules for threads).
         let result = change(unsafe { &mut *self.world.get() });
         // Not reached by a panic.
         self.is_whole.store(true, Ordering::Release);
@@ -119,20 +93,11 @@ pub unsafe extern "C" fn girandole_world_create(world: *mut *mut GirandoleWorld)
     })
 }
 
-/// Destroys a world and everything in it. NULL is allowed. While a planner has a reservation for the world,
-/// the call is refused with GIRANDOLE_ERROR_RESERVED and destroys nothing.
+/// Destroys a world and everything in it. NULL is allowed.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn girandole_world_destroy(world: *mut GirandoleWorld) -> GirandoleStatus {
-    call(|| {
-        if world.is_null() {
-            return Ok(());
-        }
-        // SAFETY: see the crate's documentation.
-        unsafe { object(world, "world")? }.check_not_reserved()?;
-        // SAFETY: made by `Box::into_raw`, and see the crate's documentation.
-        drop(unsafe { Box::from_raw(world) });
-        Ok(())
-    })
+pub unsafe extern "C" fn girandole_world_destroy(world: *mut GirandoleWorld) {
+    // SAFETY: made by `Box::into_raw`, and see the crate's documentation.
+    unsafe { destroy(world) }
 }
 
 /// The sizes of a world.
