@@ -52,7 +52,8 @@ impl LightWorld {
         };
         for TreeEntry { tree, successor, staged, log, instances, openings, births, .. } in trees.values() {
             memory.trees.add(&tree.memory());
-            memory.successors += successor.as_ref().map_or(0, |built| size_of::<LightTree>() + built.tree.memory_bytes());
+            memory.successors +=
+                successor.as_ref().map_or(0, |built| size_of::<LightTree>() + built.tree.memory_bytes());
             memory.edits += staged.memory_bytes() + log.memory_bytes();
             memory.lists += size_of::<InstanceKey>() * instances.capacity()
                 + size_of::<Opening>() * openings.len()

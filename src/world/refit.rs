@@ -63,7 +63,7 @@ impl LightWorld {
             if job.changes_nodes() {
                 report.refit_trees += 1;
                 report.refit_lights += job.tree.light_count();
-                report.refit_nodes += job.refit_nodes;
+                report.refit_nodes += job.done.nodes;
             }
             self.finish_refit(job);
         }
@@ -88,19 +88,12 @@ impl LightWorld {
                 key,
                 is_edited: !entry.staged.is_empty(),
                 is_measured: entry.may_rebuild(),
-                former_effects: *entry.tree.effects(),
-                former_lights: entry.tree.light_count(),
+                before: TreeBefore { effects: *entry.tree.effects(), lights: entry.tree.light_count() },
                 tree: std::mem::take(&mut entry.tree),
                 staged: std::mem::take(&mut entry.staged),
                 log: std::mem::take(&mut entry.log),
-                refit_nodes: 0,
                 successor,
-                former: None,
-                swap: None,
-                is_newly_measured: false,
-                features: None,
-                added: Vec::new(),
-                removed: Vec::new(),
+                done: RefitDone::default(),
             })
         };
         pending.iter().filter_map(job).collect()
@@ -109,8 +102,8 @@ impl LightWorld {
     /// Moves a tree back into the map and updates its rebuild request.
     fn finish_refit(&mut self, job: RefitJob) {
         let (changes_nodes, is_as_built) = (job.changes_nodes(), job.is_as_built());
-        let RefitJob { key, is_edited, former_effects, former_lights, .. } = job;
-        let RefitJob { tree, staged, log, swap, features, added, removed, former, .. } = job;
+        let RefitJob { key, is_edited, before, tree, staged, log, done, .. } = job;
+        let RefitDone { swap, features, added, removed, former, .. } = done;
         if let Some(former) = former {
             let nodes = former.nodes().len();
             self.rebuilds.long_builder.free(former, nodes);
@@ -125,7 +118,7 @@ impl LightWorld {
         }
         let lights = entry.tree.light_count();
         let have_leaves_moved = !entry.tree.moved_leaves().is_empty();
-        if lights != former_lights {
+        if lights != before.lights {
             self.rebuilds.scheduler.was_resized(key, lights);
         }
         if let Some(Swap { features, history, .. }) = swap {
@@ -149,7 +142,7 @@ impl LightWorld {
             self.rebuilds.update_request(key, &mut self.scene);
         }
         if changes_nodes {
-            self.record(Delta::Tree(key, &former_effects));
+            self.record(Delta::Tree(key, &before.effects));
             if is_replaced {
                 self.open_replaced(key)
             } else if !added.is_empty() || !removed.is_empty() || have_leaves_moved {
@@ -170,23 +163,30 @@ struct RefitJob {
     is_edited: bool,
     /// Some policy needs the attributes.
     is_measured: bool,
-    /// The effects of the lights before the edits.
-    former_effects: EffectCounts,
-    /// The number of lights before the edits.
-    former_lights: usize,
+    before: TreeBefore,
     tree: LightTree,
     staged: Rare<StagedLights>,
     log: ChangeLog,
-    /// The nodes that were refitted.
-    refit_nodes: usize,
     /// The tree that was built in slices or in the background and replaces this one.
     successor: Option<Successor>,
+    done: RefitDone,
+}
+
+/// A tree before the edits.
+struct TreeBefore {
+    effects: EffectCounts,
+    lights: usize,
+}
+
+/// What a job did.
+#[derive(Default)]
+struct RefitDone {
+    /// The nodes that were refitted.
+    nodes: usize,
     /// The tree that was replaced.
     former: Option<LightTree>,
     /// What the replacement changed.
     swap: Option<Swap>,
-    /// The attributes were not up to date before, though no light changed.
-    is_newly_measured: bool,
     /// What the scheduler predicts noise from, if some policy needs it and it has changed.
     features: Option<TreeFeatures>,
     /// The lights that the edits add and remove.
@@ -208,12 +208,12 @@ struct Swap {
 impl RefitJob {
     /// Whether the tree's nodes change, so that it counts as refitted and is uploaded.
     fn changes_nodes(&self) -> bool {
-        self.is_edited || self.successor.is_some() || self.swap.is_some()
+        self.is_edited || self.successor.is_some() || self.done.swap.is_some()
     }
 
     /// Whether the tree was replaced and its lights have not changed since they were copied.
     fn is_as_built(&self) -> bool {
-        self.swap.as_ref().is_some_and(|swap| !swap.is_outdated) && !self.is_edited
+        self.done.swap.as_ref().is_some_and(|swap| !swap.is_outdated) && !self.is_edited
     }
 
     fn run(&mut self) {
@@ -223,8 +223,8 @@ impl RefitJob {
             let history = AttributeHistory::start(built.attributes());
             let changed = self.log.since(since).map(|changes| changes.lights);
             let (former, is_outdated) = self.tree.succeed(*built, changed);
-            self.former = Some(former);
-            self.swap = Some(Swap { features, history, is_outdated });
+            self.done.former = Some(former);
+            self.done.swap = Some(Swap { features, history, is_outdated });
         }
         self.tree.forget_refitted();
         self.list_added_and_removed();
@@ -233,13 +233,13 @@ impl RefitJob {
         if is_rebuilt {
             let features = TreeFeatures::of(&self.tree);
             let history = AttributeHistory::start(self.tree.attributes());
-            self.swap = Some(Swap { features, history, is_outdated: true });
+            self.done.swap = Some(Swap { features, history, is_outdated: true });
         }
         if self.is_measured {
             self.tree.refit();
-            self.is_newly_measured = self.tree.attributes() != before;
-            if (self.changes_nodes() || self.is_newly_measured) && !self.is_as_built() {
-                self.features = Some(TreeFeatures::of(&self.tree));
+            let is_newly_measured = self.tree.attributes() != before;
+            if (self.changes_nodes() || is_newly_measured) && !self.is_as_built() {
+                self.done.features = Some(TreeFeatures::of(&self.tree));
             }
         } else if self.changes_nodes() {
             self.tree.refit_without_attributes();
@@ -252,8 +252,8 @@ impl RefitJob {
         for (index, light) in self.staged.changes() {
             let was_removed = self.tree.lights().get(*index as usize).is_none_or(Light::is_removed);
             match (was_removed, light.is_removed()) {
-                (true, false) => self.added.push(*index),
-                (false, true) => self.removed.push(*index),
+                (true, false) => self.done.added.push(*index),
+                (false, true) => self.done.removed.push(*index),
                 _ => {}
             }
         }
@@ -264,17 +264,17 @@ impl RefitJob {
     fn log_changes(&mut self, former_indices: usize) {
         let records = self.tree.nodes().len() + self.tree.lights().len();
         match self.tree.refitted() {
-            _ if self.swap.is_some() => {
-                self.refit_nodes = self.tree.nodes().len();
+            _ if self.done.swap.is_some() => {
+                self.done.nodes = self.tree.nodes().len();
                 self.log.restart();
             }
             _ if !self.changes_nodes() => {}
             Refitted::All => {
-                self.refit_nodes = self.tree.nodes().len();
+                self.done.nodes = self.tree.nodes().len();
                 self.log.restart();
             }
             Refitted::Some(nodes) => {
-                self.refit_nodes = nodes.len();
+                self.done.nodes = nodes.len();
                 self.log.add(nodes, self.staged.changes().iter().map(|(light, _)| *light), records);
                 self.log.add(&[], self.tree.moved_leaves().iter().copied(), records);
                 // Of lights that were added and removed before this update.
