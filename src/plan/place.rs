@@ -305,7 +305,7 @@ impl TreeStore {
         let bases = [state.nodes.start, state.lights.start];
         let count = TreeRecord::count(subject.openings) as usize;
         let has_new_records = state.waits || state.openings != subject.openings || state.records.len() != count;
-        if has_new_records || state.replaced != subject.entry.replaced {
+        if has_new_records || state.replaced != subject.entry.births.replaced {
             let state = TreeState { waits: false, ..state.clone() };
             self.set_state(world, subject, state, subject.openings, frame)?;
         }
@@ -403,7 +403,7 @@ impl TreeStore {
         if state.records.len() as u32 != count {
             state.records = self.records.alloc(count, frame.growth)?;
         }
-        (state.openings, state.replaced) = (openings, subject.entry.replaced);
+        (state.openings, state.replaced) = (openings, subject.entry.births.replaced);
         let is_weighed = state.waits || self.residency.is_sorted();
         state.usefulness = if is_weighed { subject.usefulness(world) } else { NOT_WEIGHED };
         self.put(subject.slot, state, frame);

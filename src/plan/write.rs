@@ -127,7 +127,7 @@ impl Held {
             let birth = |light| match write.source {
                 // Stand-ins are drawn anew when the tree changes.
                 Source::StandIns(_) => hash(write.slot).wrapping_add(entry.log.revision() as u32),
-                Source::Tree | Source::Piece => entry.births.of(light),
+                Source::Tree | Source::Piece => entry.births.lights.of(light),
             };
             let lights = run.clone().zip(&tree.lights()[range.clone()]).zip(&tree.leaves()[range]);
             let fill = lights.map(|((index, light), place)| {

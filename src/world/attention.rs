@@ -35,23 +35,23 @@ pub(super) struct ViewWeights {
 impl ViewWeights {
     /// The weight of a tree: its share of the illuminance of all trees.
     pub fn of(&mut self, key: TreeKey, frame: u64, scene: &mut Scene) -> f32 {
-        let weight = scene.trees[key].weight;
+        let weight = scene.trees[key].requests.weight;
         if weight.computed_at.is_none_or(|computed_at| frame - computed_at >= ILLUMINANCE_LIFETIME) {
             let illuminance = self.illuminance_of(key, scene);
             let total = &mut self.total_illuminance;
             *total = *total + in_units(illuminance) - in_units(weight.illuminance);
-            let weight = &mut scene.trees[key].weight;
+            let weight = &mut scene.trees[key].requests.weight;
             weight.illuminance = illuminance;
             weight.computed_at = Some(frame);
         }
         let total = self.total_illuminance as f64 / LUX;
-        let illuminance = f64::from(scene.trees[key].weight.illuminance);
+        let illuminance = f64::from(scene.trees[key].requests.weight.illuminance);
         if total > 0.0 { (illuminance / total) as f32 } else { 0.0 }
     }
 
     /// Takes a tree that is to be removed out of the sum over all trees.
     pub fn remove(&mut self, entry: &TreeEntry) {
-        self.total_illuminance -= in_units(entry.weight.illuminance);
+        self.total_illuminance -= in_units(entry.requests.weight.illuminance);
     }
 
     /// The illuminance of a tree at the viewpoint; see [`TreeWeight`](super::scene::TreeWeight).

@@ -126,7 +126,7 @@ mod tests {
     }
 
     fn crowd(world: &LightWorld, tree: TreeKey) -> f32 {
-        world.scene.trees[tree].crowd
+        world.scene.trees[tree].crowd.lights
     }
 
     const FAR: [DVec3; 2] = [DVec3::ZERO, DVec3::new(1.0e7, -9.0e6, 8.0e6)];
@@ -279,7 +279,7 @@ mod tests {
                 let translation = place.translation + 1.0e-3 * way;
                 world.move_instance(key, Placement { translation, ..place }).expect("valid");
                 world.update(FrameBudget::NONE);
-                let loose: Vec<bool> = world.scene.trees.values().map(|entry| entry.is_loose).collect();
+                let loose: Vec<bool> = world.scene.trees.values().map(|entry| entry.crowd.is_loose).collect();
                 assert!(step < 60 || loose == before, "seed {seed}, step {step}");
                 before = loose;
             }

@@ -5,6 +5,7 @@ use glam::Vec3;
 use super::delta::Delta;
 use super::log::InstanceChange;
 use super::rest::Rest;
+use super::scene::Requests;
 use super::{Instance, LightWorld, TreeEntry};
 use crate::effects::{EffectCounts, Effects};
 use crate::error::WorldError;
@@ -239,11 +240,11 @@ impl LightWorld {
     pub(super) fn exchange(&mut self, tree: TreeKey, by: LightTree) -> LightTree {
         self.cancel_build(tree);
         let entry = &mut self.scene.trees[tree];
-        entry.births = Rare::default();
-        entry.replaced = self.scene.births.next();
-        entry.history = AttributeHistory::start(by.attributes());
+        entry.births.lights = Rare::default();
+        entry.births.replaced = self.scene.births.next();
+        entry.requests.history = AttributeHistory::start(by.attributes());
         entry.staged = Rare::default();
-        entry.has_new_policy = false;
+        entry.requests.has_new_policy = false;
         self.rebuilds.scheduler.was_replaced(tree, TreeFeatures::of(&by), by.light_count());
         let former = std::mem::replace(&mut entry.tree, by);
         self.has_moved(tree);
@@ -326,10 +327,10 @@ impl LightWorld {
         let former = std::mem::replace(&mut instance.policy, policy);
         let tree = instance.tree;
         let entry = &mut self.scene.trees[tree];
-        entry.policies.remove(former);
-        entry.policies.insert(policy);
+        entry.requests.policies.remove(former);
+        entry.requests.policies.insert(policy);
         if policy.may_rebuild() && policy != Policy::AlwaysRebuild {
-            entry.has_new_policy = true;
+            entry.requests.has_new_policy = true;
             self.await_update(tree);
         }
         self.forget_requests_that_no_policy_allows(tree);
@@ -349,12 +350,11 @@ impl LightWorld {
         if entry.instances.len() == 1 {
             return Ok(shared);
         }
+        let Requests { history, has_new_policy, .. } = entry.requests;
         let own = self.insert_tree(TreeEntry {
             births: entry.births.clone(),
-            replaced: entry.replaced,
-            history: entry.history,
+            requests: Requests { history, has_new_policy, ..Requests::default() },
             staged: entry.staged.clone(),
-            has_new_policy: entry.has_new_policy,
             ..TreeEntry::new(entry.tree.clone())
         });
         self.await_update(own);
@@ -483,7 +483,7 @@ impl LightWorld {
             entry.instances.reserve_exact(1);
         }
         entry.instances.push(key);
-        entry.policies.insert(instance.policy);
+        entry.requests.policies.insert(instance.policy);
     }
 
     /// Removes an instance from the list of its tree; the last instance of the list takes its index. O(1).
@@ -493,7 +493,7 @@ impl LightWorld {
         if let Some(moved) = entry.instances.get(instance.index_in_tree as usize) {
             self.scene.instances[*moved].index_in_tree = instance.index_in_tree;
         }
-        entry.policies.remove(instance.policy);
+        entry.requests.policies.remove(instance.policy);
         self.forget_requests_that_no_policy_allows(instance.tree);
     }
 

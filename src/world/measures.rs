@@ -35,10 +35,10 @@ impl LightWorld {
         let (last, total) = source.refused;
         let more = measure.refused.checked_sub(last).unwrap_or(measure.refused);
         source.refused = (measure.refused, total + u64::from(more));
-        if source.by != TreeSource::GpuMesh || present != Some(version) || !entry.policies.may_rebuild() {
+        if source.by != TreeSource::GpuMesh || present != Some(version) || !entry.requests.policies.may_rebuild() {
             return false;
         }
-        entry.history.observe(&measure.attributes);
+        entry.requests.history.observe(&measure.attributes);
         let SourceMeasure { attributes, spread, axis_length, .. } = *measure;
         let features = TreeFeatures::new(&attributes, spread, axis_length, entry.tree.light_count());
         let scheduler = &mut self.rebuilds.scheduler;

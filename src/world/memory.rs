@@ -57,7 +57,7 @@ impl LightWorld {
             memory.edits += staged.memory_bytes() + log.memory_bytes();
             memory.lists += size_of::<InstanceKey>() * instances.capacity()
                 + size_of::<Opening>() * openings.len()
-                + births.memory_bytes();
+                + births.lights.memory_bytes();
         }
         memory
     }

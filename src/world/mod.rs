@@ -240,8 +240,12 @@ impl LightWorld {
             LightId::Local { instance, light } => {
                 let Instance { tree, birth, .. } = self.instance(instance).filter(|shown| shown.shown().is_some())?;
                 let entry = &self.scene.trees[*tree];
-                ((light as usize) < entry.tree.lights().len())
-                    .then(|| births::generation(births::of_instance(*birth, entry.replaced), entry.births.of(light)))
+                ((light as usize) < entry.tree.lights().len()).then(|| {
+                    births::generation(
+                        births::of_instance(*birth, entry.births.replaced),
+                        entry.births.lights.of(light),
+                    )
+                })
             }
             LightId::Directional(key) => {
                 self.scene.directionals.contains_key(key).then(|| births::generation(0, birth_of_directional(key)))

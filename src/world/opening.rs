@@ -40,14 +40,14 @@ impl TreeEntry {
     }
 
     fn is_crowded(&self) -> bool {
-        let least = if self.is_loose { STILL_CROWDED } else { CROWDED };
-        self.may_be_loose() && self.crowd > 0.0 && self.crowd >= least * self.tree.light_count() as f32
+        let least = if self.crowd.is_loose { STILL_CROWDED } else { CROWDED };
+        self.may_be_loose() && self.crowd.lights > 0.0 && self.crowd.lights >= least * self.tree.light_count() as f32
     }
 
     /// The openings that the tree should have, in the order of their places. O(openings · log openings).
     pub(super) fn openings_due(&self) -> Box<[Opening]> {
         match () {
-            () if self.is_loose || self.has_particles() => self.tree.all_lights(),
+            () if self.crowd.is_loose || self.has_particles() => self.tree.all_lights(),
             () if self.tree.sides().is_empty() => Box::default(),
             () => self.tree.below_root(),
         }
@@ -60,12 +60,12 @@ impl LightWorld {
         let (due, mut may_close) = self.crowds.take_due(has_changed, &self.scene);
         // All of them before the first is opened, since its parts are not filed as it is then.
         for tree in &due {
-            self.scene.trees[*tree].crowd = crowds::crowd(&self.scene, &self.filing, *tree);
+            self.scene.trees[*tree].crowd.lights = crowds::crowd(&self.scene, &self.filing, *tree);
         }
         let (mut has_opened, mut has_closed) = (false, false);
         for tree in &due {
             if self.open_if_due(*tree, may_close) {
-                let is_loose = self.scene.trees[*tree].is_loose;
+                let is_loose = self.scene.trees[*tree].crowd.is_loose;
                 (has_opened, has_closed) = (has_opened | is_loose, has_closed | !is_loose);
                 // One at a time, since the crowds of the others may be larger then.
                 may_close &= is_loose;
@@ -106,11 +106,11 @@ impl LightWorld {
         let entry = &mut scene.trees[tree];
         let of_others = sums.openings() - entry.counted.openings as usize * entry.counted.instances as usize;
         let all = of_others + entry.tree.light_count() * entry.instances.len();
-        let was_loose = entry.is_loose;
+        let was_loose = entry.crowd.is_loose;
         let is_crowded = entry.is_crowded() || was_loose && entry.may_be_loose() && !may_close;
-        entry.is_loose = is_crowded && all <= MAX_OPENINGS;
-        entry.is_held_back = is_crowded && !entry.is_loose;
-        let has_changed = entry.is_loose != was_loose;
+        entry.crowd.is_loose = is_crowded && all <= MAX_OPENINGS;
+        entry.crowd.is_held_back = is_crowded && !entry.crowd.is_loose;
+        let has_changed = entry.crowd.is_loose != was_loose;
         self.record(Delta::Counts(tree));
         has_changed
     }

@@ -87,7 +87,7 @@ impl LightWorld {
         let entry = &mut self.scene.trees[key];
         entry.tree.rebuild();
         let features = TreeFeatures::of(&entry.tree);
-        entry.history = AttributeHistory::start(entry.tree.attributes());
+        entry.requests.history = AttributeHistory::start(entry.tree.attributes());
         self.rebuilds.scheduler.was_rebuilt(key, features);
         self.wake(key);
         self.record(Delta::WholeTree(key));

@@ -78,7 +78,7 @@ impl LightWorld {
             let entry = &mut trees[key];
             entry.is_pending = false;
             let successor = entry.successor.take();
-            let has_new_policy = std::mem::take(&mut entry.has_new_policy);
+            let has_new_policy = std::mem::take(&mut entry.requests.has_new_policy);
             // Otherwise all edits were taken back.
             let is_needed = !entry.staged.is_empty() || successor.is_some() || has_new_policy;
             if !is_needed {
@@ -114,7 +114,7 @@ impl LightWorld {
         entry.staged = staged;
         entry.log = log;
         if !added.is_empty() {
-            entry.births.add(&added, entry.tree.lights().len(), self.scene.births.next());
+            entry.births.lights.add(&added, entry.tree.lights().len(), self.scene.births.next());
         }
         let lights = entry.tree.light_count();
         let have_leaves_moved = !entry.tree.moved_leaves().is_empty();
@@ -123,10 +123,10 @@ impl LightWorld {
         }
         if let Some(Swap { features, history, .. }) = swap {
             self.rebuilds.scheduler.was_rebuilt(key, features);
-            entry.history = history;
+            entry.requests.history = history;
         }
         if let Some(features) = features {
-            entry.history.observe(&entry.tree.attributes());
+            entry.requests.history.observe(&entry.tree.attributes());
             self.rebuilds.scheduler.has_changed(key, &features);
         }
         if is_edited {

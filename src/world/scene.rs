@@ -48,7 +48,7 @@ impl Scene {
     /// The present version of a tree.
     pub fn version(&self, tree: TreeKey) -> Option<TreeVersion> {
         let entry = self.trees.get(tree)?;
-        Some(TreeVersion { tree, made_by: (entry.replaced, entry.tree.builds()) })
+        Some(TreeVersion { tree, made_by: (entry.births.replaced, entry.tree.builds()) })
     }
 }
 
@@ -56,37 +56,55 @@ impl Scene {
 #[derive(Default)]
 pub(crate) struct TreeEntry {
     pub tree: LightTree,
-    pub births: Rare<Births>,
-    /// The number of the last edit that put another tree in the place of this one; 0 before any.
-    pub replaced: u32,
+    pub births: TreeBirths,
     pub instances: Vec<InstanceKey>,
-    /// The policies of all instances.
-    pub policies: PolicySet,
     /// The nodes and lights that changed, for uploads.
     pub log: ChangeLog,
-    pub history: AttributeHistory,
     pub(super) staged: Rare<StagedLights>,
-    pub(super) rest: Rest,
     /// The next update looks at the tree.
     pub is_pending: bool,
-    /// A policy changed since the last update, so that the tree may request a rebuild although no
-    /// light changes.
-    pub has_new_policy: bool,
+    pub requests: Requests,
+    pub(super) rest: Rest,
     /// The kernel that writes its lights, if one does.
     pub(super) source: Option<Box<Source>>,
-    /// Its crowd makes it loose, so that each light is an opening.
-    pub is_loose: bool,
-    /// Its crowd would make it loose, but the openings would be too many.
-    pub is_held_back: bool,
-    pub weight: TreeWeight,
-    /// About how many lights of others lie between those of an instance, in the mean.
-    pub crowd: f32,
+    pub crowd: Crowd,
     /// Where the top level leads into the tree, in the order of their places; none of a whole tree.
     pub openings: Box<[Opening]>,
     /// The result of a build in slices or in the background.
     pub successor: Option<Successor>,
     /// What the sums over all trees hold of this one.
     pub(super) counted: TreeTerms,
+}
+
+/// The edits by which a shader knows whether a light is still the one that it has kept.
+#[derive(Clone, Default)]
+pub(crate) struct TreeBirths {
+    pub lights: Rare<Births>,
+    /// The number of the last edit that put another tree in the place of this one; 0 before any.
+    pub replaced: u32,
+}
+
+/// What a tree's request for a rebuild follows from, besides its attributes.
+#[derive(Default)]
+pub(crate) struct Requests {
+    /// The policies of all instances.
+    pub policies: PolicySet,
+    pub history: AttributeHistory,
+    /// A policy changed since the last update, so that the tree may request a rebuild although no
+    /// light changes.
+    pub has_new_policy: bool,
+    pub weight: TreeWeight,
+}
+
+/// The lights of others between those of a tree.
+#[derive(Default)]
+pub(crate) struct Crowd {
+    /// About how many there are for an instance, in the mean.
+    pub lights: f32,
+    /// They make the tree loose, so that each light is an opening.
+    pub is_loose: bool,
+    /// They would make it loose, but the openings would be too many.
+    pub is_held_back: bool,
 }
 
 /// A tree that was built in slices or in the background. It replaces that of its entry at the next
@@ -145,17 +163,18 @@ pub struct Instance {
 
 impl TreeEntry {
     pub fn new(tree: LightTree) -> Self {
-        Self { history: AttributeHistory::start(tree.attributes()), tree, ..Self::default() }
+        let history = AttributeHistory::start(tree.attributes());
+        Self { tree, requests: Requests { history, ..Requests::default() }, ..Self::default() }
     }
 
     /// Some instance has a policy that can request a rebuild.
     pub fn may_rebuild(&self) -> bool {
-        self.policies.may_rebuild()
+        self.requests.policies.may_rebuild()
     }
 
     /// The most demanding request of the tree's policies, if it has these attributes.
     pub(super) fn rebuild_request(&self, attributes: &Attributes, excess: Excess) -> RebuildRequest {
-        let request = self.policies.rebuild_request(&self.history, attributes, excess);
+        let request = self.requests.policies.rebuild_request(&self.requests.history, attributes, excess);
         // There is only one tree over so few lights.
         let is_pointless = request <= RebuildRequest::Optional && self.tree.light_count() <= WIDTH;
         if is_pointless { RebuildRequest::None } else { request }
@@ -169,13 +188,13 @@ impl TreeEntry {
             openings: self.openings.len() as u32,
             moving: u8::from(self.rest.is_moving()) + u8::from(self.source.is_some()),
             is_awake: self.rest.is_awake(),
-            is_held_back: self.is_held_back,
+            is_held_back: self.crowd.is_held_back,
         }
     }
 
     /// There are instances, and all of them promise that the lights do not change.
     pub fn is_static(&self) -> bool {
-        self.policies.is_static()
+        self.requests.policies.is_static()
     }
 }
 

@@ -10,7 +10,7 @@ impl LightWorld {
         let Scene { trees, instances, directionals, sky, origin, .. } = &self.scene;
         let lights = |entry: &TreeEntry| {
             let tree = TreeEntry::new(LightTree::of_lights(entry.tree.lights()));
-            TreeEntry { births: entry.births.clone(), replaced: entry.replaced, ..tree }
+            TreeEntry { births: entry.births.clone(), ..tree }
         };
         let scene = Scene {
             trees: trees.map(lights),

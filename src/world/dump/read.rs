@@ -122,7 +122,7 @@ impl Reader {
         let sourced = self.world.set_light_source(key, source);
         sourced.map_err(|source| DumpError::World { what: "tree", index, source })?;
         let entry = &mut self.world.scene.trees[key];
-        entry.is_loose = is_loose;
+        entry.crowd.is_loose = is_loose;
         entry.openings = entry.openings_due();
         self.world.record(Delta::Counts(key));
         self.trees.push(key);

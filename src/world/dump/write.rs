@@ -73,7 +73,7 @@ impl LightWorld {
             let tree = entry.tree.bake_as_is();
             let source = self.light_source(*key).map_or(TreeSource::Cpu, |(source, _)| source);
             let bytes = tree.len() as u64;
-            sink.words(&[source as u32, entry.is_loose.into(), bytes as u32, (bytes >> 32) as u32])?;
+            sink.words(&[source as u32, entry.crowd.is_loose.into(), bytes as u32, (bytes >> 32) as u32])?;
             sink.bytes(&tree)?;
         }
         let numbers: HashMap<TreeKey, u32> = trees.into_iter().zip(1..).collect();
