@@ -66,11 +66,7 @@ fn light_source(light: LightRecord, instance: LightInstance, shading_point: Ligh
         );
         let weight = select(1.0 / 3.0, 1.0 / 12.0, kind == LIGHT_KIND_TRIANGLE);
         var source = light_source_of(light_toward(center, instance, shading_point), carried, weight);
-        var is_one_sided = true;
-        // #if TWO_SIDED
-        is_one_sided = (light.kind & LIGHT_TWO_SIDED) == 0u;
-        // #endif
-        if is_one_sided {
+        if (light.kind & LIGHT_TWO_SIDED) == 0u {
             source.axis = light_normalize_or_zero(light_flat_normal_area(light, instance));
             source.cos = 0.0;
         }

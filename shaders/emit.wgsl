@@ -95,11 +95,9 @@ fn light_from_surface(
     let dist = sqrt(dist_sq);
     let direction = toward / dist;
     var facing_area = -dot(normal_area, direction);
-    // #if TWO_SIDED
     if (light.kind & LIGHT_TWO_SIDED) != 0u {
         facing_area = abs(facing_area);
     }
-    // #endif
     if facing_area <= 0.0 || !light_is_density(dist_sq, facing_area) {
         return light_nothing();
     }
@@ -156,11 +154,7 @@ fn light_near(light: LightRecord, instance: LightInstance, shading_point: LightS
 // Whether a flat surface emits to the side of the shading point. Twin of `is_lit_side`.
 fn light_is_lit_side(light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint) -> bool {
     let to_plane = light_toward(light.a, instance, shading_point);
-    var is_lit = dot(light_flat_normal_area(light, instance), to_plane) < 0.0;
-    // #if TWO_SIDED
-    is_lit = is_lit || (light.kind & LIGHT_TWO_SIDED) != 0u;
-    // #endif
-    return is_lit;
+    return (light.kind & LIGHT_TWO_SIDED) != 0u || dot(light_flat_normal_area(light, instance), to_plane) < 0.0;
 }
 
 // From a rectangle or triangle that is sampled by solid angle. Twin of `from_near_surface`.

@@ -78,10 +78,8 @@ fn light_hit_dist(
     }
     let hit = light_flat_hit(light, instance, shading_point, direction);
     let to_corner = light_toward(light_flat_corner(light), instance, shading_point);
-    var is_lit = dot(light_flat_normal_area(light, instance), to_corner) < 0.0;
-    // #if TWO_SIDED
-    is_lit = is_lit || (light.kind & LIGHT_TWO_SIDED) != 0u;
-    // #endif
+    let is_lit =
+        (light.kind & LIGHT_TWO_SIDED) != 0u || dot(light_flat_normal_area(light, instance), to_corner) < 0.0;
     let is_inside = hit.x >= 0.0 && hit.y >= 0.0 && select(hit.x + hit.y, max(hit.x, hit.y), is_parallelogram) <= 1.0;
     return select(0.0, hit.z, is_inside && is_lit);
 }
@@ -154,11 +152,9 @@ fn light_first_hit(shading_point: LightShadingPoint, direction: vec3<f32>, max_d
             // #if RANGES
             reaches = reaches && light_range_window(dist_sq, light.range) > 0.0;
             // #endif
-            // #if FACTORS
             // What a factor makes black hides nothing.
             let sent = light_factored(LightIncident(direction, dist, light.emission, 0.0, false), 0u, instance);
             reaches = reaches && any(sent.radiance != vec3(0.0));
-            // #endif
             if reaches {
                 found = LightFirstHit(below.instance, index, dist);
             }
@@ -226,9 +222,7 @@ fn light_hit(shading_point: LightShadingPoint, direction: vec3<f32>, max_dist: f
     // #endif
     // #if AREAS | SKY
     if slot != LIGHT_NO_INSTANCE {
-        // #if FACTORS
         incident = light_factored(incident, slot, light_instance(slot));
-        // #endif
         let pmf = light_pmf(shading_point, slot, light);
         hit = LightSample(incident.direction, incident.dist, incident.radiance, incident.pdf, pmf, slot, light, 0u);
     }

@@ -20,7 +20,6 @@ fn light_rows(x: vec4<u32>, y: vec4<u32>, z: vec4<u32>) -> array<vec4<f32>, 3> {
     return array(bitcast<vec4<f32>>(x), bitcast<vec4<f32>>(y), bitcast<vec4<f32>>(z));
 }
 
-// #if SECTORS
 // A map with its translation relative to the centre of the sector `home`, instead of that of
 // `sector`. Twin of `SectorPoint::relative_to`.
 fn light_from_home(rows: array<vec4<f32>, 3>, sector: vec3<i32>, home: vec3<i32>) -> array<vec4<f32>, 3> {
@@ -31,15 +30,12 @@ fn light_from_home(rows: array<vec4<f32>, 3>, sector: vec3<i32>, home: vec3<i32>
     moved[2].w += away.z;
     return moved;
 }
-// #endif
 
-// #if FACTORS
 // What the flux of lights with this factor is multiplied by: its luminance. Twin of
 // `Appearance::brightness`.
 fn light_brightness(factor: vec3<f32>) -> f32 {
     return dot(factor, vec3(0.2126, 0.7152, 0.0722));
 }
-// #endif
 
 // #if NON_RIGID
 // #if CONES

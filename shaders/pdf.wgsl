@@ -6,11 +6,9 @@
 // `surface_pdf`.
 fn light_surface_pdf(to_plane: vec3<f32>, normal_area: vec3<f32>, kind: u32, dist_sq: f32) -> f32 {
     var facing_area = -dot(normal_area, to_plane) / sqrt(dist_sq);
-    // #if TWO_SIDED
     if (kind & LIGHT_TWO_SIDED) != 0u {
         facing_area = abs(facing_area);
     }
-    // #endif
     if facing_area <= 0.0 || !light_is_density(dist_sq, facing_area) {
         return 0.0;
     }

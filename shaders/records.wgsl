@@ -154,10 +154,8 @@ fn light_instance(slot: u32) -> LightInstance {
     let words = light_instance_quad(at + LIGHT_INSTANCE_TREE);
     var instance: LightInstance;
     instance.to_world = light_rows(light_instance_quad(at), light_instance_quad(at + 1u), light_instance_quad(at + 2u));
-    // #if SECTORS
     let sector = bitcast<vec3<i32>>(light_instance_quad(at + LIGHT_INSTANCE_SECTOR).xyz);
     instance.to_world = light_from_home(instance.to_world, sector, light_params.home);
-    // #endif
     instance.flags = words.x;
     instance.tree = words.y;
     instance.node_base = words.z;
@@ -171,9 +169,7 @@ fn light_instance(slot: u32) -> LightInstance {
     instance.to_local =
         light_rows(light_instance_quad(local), light_instance_quad(local + 1u), light_instance_quad(local + 2u));
     // #endif
-    // #if FACTORS
     instance.factor = bitcast<vec3<f32>>(light_instance_quad(at + LIGHT_INSTANCE_FACTOR).xyz);
-    // #endif
     // #if MASKS
     instance.mask = light_instance_quad(at + LIGHT_INSTANCE_FACTOR).w;
     // #endif

@@ -62,8 +62,6 @@ effects! {
     RANGES,
     /// A light is a surface: a rectangle, a triangle or a sphere.
     AREAS,
-    /// A surface emits from both sides.
-    TWO_SIDED,
     /// The world has a directional light.
     DIRECTIONAL,
     /// An instance is scaled, sheared or mirrored (not only rotated and translated, to
@@ -93,17 +91,9 @@ effects! {
     /// This is a setting: its count is 0 or 1. It changes no layout. Shaders without it treat a
     /// segment as the point in its middle.
     SEGMENTS,
-    /// An instance that is shown has a factor other than 1: see
-    /// [`Appearance::factor`](crate::Appearance::factor).
-    FACTORS,
     /// An instance that is shown has a mask with a bit that is not set: see
     /// [`Appearance::mask`](crate::Appearance::mask).
     MASKS,
-    /// Placements are stored by sector, so that the origin moves without them: see
-    /// [`OriginMode`](crate::OriginMode).
-    ///
-    /// This is a setting: its count is 0 or 1.
-    SECTORS,
     /// The world has a sky that is shown: see [`LightWorld::set_sky`](crate::LightWorld::set_sky). It comes with
     /// [`Effects::AREAS`].
     SKY,

@@ -36,9 +36,7 @@ fn light(i: u32, effects: Effects) -> Light {
         1 if has_cones => Light::spot(at, direction, 0.01, 0.1 + 1.2 * random(i, 7), emission),
         2 if has_areas && has_cones => Light::rectangle(at, direction, side * 0.3, emission),
         3 if has_areas && has_cones => Light::triangle([at, at + direction, at + side], emission),
-        4 if has_areas && effects.contains(Effects::TWO_SIDED) => {
-            Light::triangle([at, at + direction, at + side], emission).two_sided()
-        }
+        4 if has_areas => Light::triangle([at, at + direction, at + side], emission).two_sided(),
         5 if has_areas => Light::sphere(at, 0.1 + random(i, 7), emission),
         _ => Light::point(at, emission),
     };
@@ -73,7 +71,7 @@ const LIGHTS: u32 = 130;
 
 /// Gives an instance what these effects allow.
 fn adorn(world: &mut LightWorld, instance: InstanceKey, i: u32, effects: Effects) {
-    if effects.contains(Effects::FACTORS) && i.is_multiple_of(2) {
+    if i.is_multiple_of(2) {
         world.set_appearance(instance, |a| a.factor = Vec3::new(0.2, 3.0 * random(i, 30), 1.0)).unwrap();
     }
     // The shading points of these tests have all bits.
@@ -82,7 +80,7 @@ fn adorn(world: &mut LightWorld, instance: InstanceKey, i: u32, effects: Effects
     }
 }
 
-/// The origin of worlds with sectors, 12,000 km from zero.
+/// 12,000 km from zero.
 const ORIGIN: DVec3 = DVec3::new(9_766.0 * 1024.0, -8_000.0 * 1024.0, 7.0 * 1024.0);
 
 /// A world with exactly these effects.
@@ -91,10 +89,8 @@ fn world_of(effects: Effects) -> LightWorld {
     world.set_solid_angle_sampling(effects.contains(Effects::SOLID_ANGLES));
     world.set_glossy_sampling(effects.contains(Effects::GLOSSY));
     world.set_segment_sampling(effects.contains(Effects::SEGMENTS));
-    if effects.contains(Effects::SECTORS) {
-        world.set_origin_mode(OriginMode::Grid).unwrap();
-        world.set_origin(ORIGIN).unwrap();
-    }
+    world.set_origin_mode(OriginMode::Grid).unwrap();
+    world.set_origin(ORIGIN).unwrap();
     let origin = world.origin();
     for tree in 0..4 {
         let key =
@@ -172,16 +168,13 @@ fn assert_alike(ours: &[SampleRecord], twin: &[SampleRecord], what: &str) {
     assert!(mismatches <= MAX_MISMATCHES && lit > 500, "{what}: {mismatches} differ, {lit} are lit");
 }
 
-const EFFECTS: [Effects; 12] = [
+const EFFECTS: [Effects; 9] = [
     Effects::CONES,
     Effects::RANGES,
     Effects::AREAS,
-    Effects::TWO_SIDED,
     Effects::DIRECTIONAL,
     Effects::NON_RIGID,
-    Effects::FACTORS,
     Effects::MASKS,
-    Effects::SECTORS,
     Effects::SKY,
     Effects::PROFILES,
     Effects::PORTALS,
@@ -190,10 +183,10 @@ const EFFECTS: [Effects; 12] = [
 #[test]
 fn a_world_that_lacks_an_effect_is_sampled_alike_by_the_variant_without_it() {
     let all = Effects::all();
-    for absent in EFFECTS.into_iter().chain([Effects::AREAS | Effects::TWO_SIDED, all - Effects::AREAS, all]) {
+    for absent in EFFECTS.into_iter().chain([all - Effects::AREAS, all]) {
         let effects = match all - absent {
-            // Only surfaces have two sides, and patches of the sky count as surfaces.
-            rest if !rest.contains(Effects::AREAS) => rest - Effects::TWO_SIDED - Effects::SKY,
+            // Patches of the sky count as surfaces.
+            rest if !rest.contains(Effects::AREAS) => rest - Effects::SKY,
             // And a profile is a cone of directions.
             rest if !rest.contains(Effects::CONES) => rest - Effects::PROFILES,
             rest => rest,

@@ -406,7 +406,7 @@ impl Light {
             Shape::Profile { .. } => PROFILE_EFFECTS,
             Shape::Sphere { .. } => Effects::AREAS,
             Shape::Rectangle { two_sided, .. } | Shape::Triangle { two_sided, .. } => {
-                Effects::AREAS | if two_sided { Effects::TWO_SIDED } else { Effects::CONES }
+                Effects::AREAS | if two_sided { Effects::empty() } else { Effects::CONES }
             }
         };
         if self.range < f32::INFINITY { kind | Effects::RANGES } else { kind }

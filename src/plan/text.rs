@@ -182,7 +182,7 @@ fn cut_build(effects: Effects, learns: bool) -> String {
 /// The stage that looks at rows. It reads any layout.
 pub(crate) fn wgsl_of_cut_keep() -> String {
     let own = [include_str!("../../shaders/row.wgsl"), include_str!("../../shaders/cut_keep.wgsl")].concat();
-    cut_stage(Effects::MASKS | Effects::SKY | Effects::FACTORS, Extras::default(), &own)
+    cut_stage(Effects::MASKS | Effects::SKY, Extras::default(), &own)
 }
 
 /// A stage that writes cuts, behind the functions that it shares with shaders.
@@ -784,7 +784,6 @@ mod tests {
                  LightFirstHit LightFirstHit.instance LightFirstHit.light LightFirstHit.dist",
             ),
             (Effects::SOLID_ANGLES, SOLID_ANGLE_NAMES),
-            (Effects::TWO_SIDED, "LIGHT_TWO_SIDED"),
             (
                 Effects::GLOSSY,
                 "light_gloss light_reflected light_reflectance LightGloss LightChild.tangents \
@@ -796,11 +795,6 @@ mod tests {
                  LIGHT_GREATEST_RATIO LIGHT_LEAST_RATIO LIGHT_ROUGHNESS_STEPS LIGHT_VIEW_COSINE",
             ),
             (Effects::SEGMENTS, SEGMENT_NAMES),
-            (
-                Effects::FACTORS,
-                "light_brightness light_factored LightInstance.factor LightLocalShadingPoint.brightness \
-                 LIGHT_MAX_FINITE",
-            ),
             (
                 Effects::MASKS,
                 "light_met_children light_seen_share LightInstance.mask LightShadingPoint.mask \
@@ -821,7 +815,6 @@ mod tests {
                  LightProfile LightProfile.first LightProfile.polar LightProfile.around LightRecord.profile \
                  LIGHT_KIND_PROFILE LIGHT_WHOLE_TURN",
             ),
-            (Effects::SECTORS, "light_from_home LightInstance.sector LIGHT_SECTOR_EDGE LIGHT_INSTANCE_SECTOR"),
             (
                 Effects::DIRECTIONAL,
                 "light_illuminance light_directional_lux light_directional_lux_of light_pick_directional LIGHT_KIND_DIRECTIONAL",

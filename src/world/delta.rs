@@ -80,7 +80,6 @@ impl LightWorld {
             Delta::Switch(effect, is_on) => self.effects.set(effect, usize::from(is_on)),
             Delta::Origin => {
                 let origin = self.scene.origin;
-                self.effects.set(Effects::SECTORS, usize::from(origin.is_on_grid()));
                 self.scene.place_portals();
                 self.filing.partition.set_origin(origin.position, origin.is_on_grid());
                 self.top.clear();

@@ -13,9 +13,7 @@ use crate::instance::sector::{self, ORIGIN_GRID};
 ///
 /// With [`OriginMode::Free`] a new origin changes the data of every instance. With the other modes
 /// the origin lies on a grid of [`ORIGIN_GRID`](crate::ORIGIN_GRID) metres, and the data of
-/// instances do not depend on it. These modes add
-/// [`Effects::SECTORS`](crate::Effects::SECTORS): 16 bytes more for each instance on the GPU, and
-/// three more additions for each instance that a walk enters.
+/// instances do not depend on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum OriginMode {

@@ -30,9 +30,7 @@ impl LightWorld {
     /// Sets how the origin moves. The origin itself stays where it is.
     ///
     /// Call it before instances are added: then it is O(1). Later, a change from or to
-    /// [`OriginMode::Free`] is O(instances) and uploads every instance again. It also changes
-    /// [`LightWorld::effects`], so other shaders are needed. Between the other two modes it is
-    /// O(1).
+    /// [`OriginMode::Free`] is O(instances) and uploads every instance again. Between the other two modes it is O(1).
     ///
     /// # Errors
     /// [`WorldError::OriginOffGrid`] and [`WorldError::OriginTooFar`] if the new mode does not

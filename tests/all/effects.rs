@@ -6,7 +6,7 @@ use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::{
     DirectionalKey, DirectionalLight, EffectCounts, Effects, FrameBudget, InstanceKey, Light, LightTree, LightWorld,
-    OriginMode, Placement, Policy,
+    Placement, Policy,
 };
 use proptest::prelude::*;
 
@@ -36,9 +36,6 @@ fn counted(world: &LightWorld) -> HashMap<Effects, u64> {
         {
             continue;
         }
-        if factor != Vec3::ONE {
-            add(Effects::FACTORS);
-        }
         if world.instance(instance).map(|i| i.appearance.mask) != Some(u32::MAX) {
             add(Effects::MASKS);
         }
@@ -47,9 +44,6 @@ fn counted(world: &LightWorld) -> HashMap<Effects, u64> {
         }
     }
     world.directionals().for_each(|_| add(Effects::DIRECTIONAL));
-    if world.origin_mode() != OriginMode::Free {
-        add(Effects::SECTORS);
-    }
     counts
 }
 
@@ -67,9 +61,9 @@ fn each_kind_of_light_has_its_effects_even_if_it_is_dark() {
             (Light::spot(one, x, 0.1, 0.2, emission), Effects::CONES),
             (Light::sphere(one, 0.1, emission), Effects::AREAS),
             (Light::rectangle(one, x, y, emission), Effects::AREAS | Effects::CONES),
-            (Light::rectangle(one, x, y, emission).two_sided(), Effects::AREAS | Effects::TWO_SIDED),
+            (Light::rectangle(one, x, y, emission).two_sided(), Effects::AREAS),
             (Light::triangle([one, x, y], emission), Effects::AREAS | Effects::CONES),
-            (Light::triangle([one, x, y], emission).two_sided(), Effects::AREAS | Effects::TWO_SIDED),
+            (Light::triangle([one, x, y], emission).two_sided(), Effects::AREAS),
         ] {
             assert_eq!(light.effects(), effects, "{light:?}");
             assert_eq!(light.with_range(5.0).effects(), effects | Effects::RANGES, "{light:?}");

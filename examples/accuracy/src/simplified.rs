@@ -10,11 +10,10 @@ use std::f32::consts::FRAC_PI_2;
 use testbed::scene::SceneError;
 
 /// The effects of lights that can be left out, and their names in tables.
-pub const LIGHT_EFFECTS: [(Effects, &str); 4] = [
+pub const LIGHT_EFFECTS: [(Effects, &str); 3] = [
     (Effects::CONES, "cones"),
     (Effects::RANGES, "ranges"),
     (Effects::AREAS, "areas"),
-    (Effects::TWO_SIDED, "two-sided surfaces"),
 ];
 
 /// A copy of a world whose lights lack an effect.
@@ -44,16 +43,13 @@ fn simplify(light: &Light, effect: Effects) -> Light {
     if effect == Effects::RANGES {
         return light.with_range(f32::INFINITY);
     }
-    let one_sided_to = |two_sided: bool| match light.shape {
-        Shape::Rectangle { center, half_u, half_v, .. } => Shape::Rectangle { center, half_u, half_v, two_sided },
-        Shape::Triangle { vertices, .. } => Shape::Triangle { vertices, two_sided },
-        shape => shape,
-    };
     let shape = match (effect, light.shape) {
         (Effects::CONES, Shape::Spot { position, .. })
         | (Effects::CONES | Effects::PROFILES, Shape::Profile { position, .. }) => Shape::Point { position },
-        (Effects::CONES, _) => one_sided_to(true),
-        (Effects::TWO_SIDED, _) => one_sided_to(false),
+        (Effects::CONES, Shape::Rectangle { center, half_u, half_v, .. }) => {
+            Shape::Rectangle { center, half_u, half_v, two_sided: true }
+        }
+        (Effects::CONES, Shape::Triangle { vertices, .. }) => Shape::Triangle { vertices, two_sided: true },
         (_, shape) => without_extent(shape),
     };
     let simple = light.with_shape(shape);

@@ -22,16 +22,14 @@ use crate::settings::{GirandoleReport, GirandoleSettings, GirandoleStats};
 use crate::shadows::GirandoleShadows;
 use crate::world::GirandoleLights;
 
-/// What the lights of this plugin may call for: everything but segments, masks, origins on a grid,
-/// and sampling by solid angle. The shader text supports the effects that are returned.
+/// What the lights of this plugin may call for: everything but segments, masks and
+/// sampling by solid angle. The shader text supports the effects that are returned.
 pub fn effects() -> Effects {
     Effects::CONES
         | Effects::RANGES
         | Effects::AREAS
-        | Effects::TWO_SIDED
         | Effects::DIRECTIONAL
         | Effects::NON_RIGID
-        | Effects::FACTORS
         | Effects::GLOSSY
         | Effects::SKY
 }

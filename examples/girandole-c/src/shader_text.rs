@@ -19,47 +19,38 @@ pub const GIRANDOLE_EFFECT_CONES: u32 = 1;
 pub const GIRANDOLE_EFFECT_RANGES: u32 = 2;
 /// A light is a surface.
 pub const GIRANDOLE_EFFECT_AREAS: u32 = 4;
-/// A surface emits from both sides.
-pub const GIRANDOLE_EFFECT_TWO_SIDED: u32 = 8;
 /// There is a directional light.
-pub const GIRANDOLE_EFFECT_DIRECTIONAL: u32 = 16;
+pub const GIRANDOLE_EFFECT_DIRECTIONAL: u32 = 8;
 /// An instance is scaled, sheared or mirrored.
-pub const GIRANDOLE_EFFECT_NON_RIGID: u32 = 32;
+pub const GIRANDOLE_EFFECT_NON_RIGID: u32 = 16;
 /// GIRANDOLE_SAMPLING_SOLID_ANGLE is set.
-pub const GIRANDOLE_EFFECT_SOLID_ANGLES: u32 = 128;
+pub const GIRANDOLE_EFFECT_SOLID_ANGLES: u32 = 32;
 /// GIRANDOLE_SAMPLING_GLOSSY is set.
-pub const GIRANDOLE_EFFECT_GLOSSY: u32 = 256;
+pub const GIRANDOLE_EFFECT_GLOSSY: u32 = 64;
 /// GIRANDOLE_SAMPLING_SEGMENTS is set.
-pub const GIRANDOLE_EFFECT_SEGMENTS: u32 = 512;
-/// An instance has a factor other than 1.
-pub const GIRANDOLE_EFFECT_FACTORS: u32 = 1024;
+pub const GIRANDOLE_EFFECT_SEGMENTS: u32 = 128;
 /// An instance has a mask with a bit that is not set.
-pub const GIRANDOLE_EFFECT_MASKS: u32 = 2048;
-/// The origin lies on a grid.
-pub const GIRANDOLE_EFFECT_SECTORS: u32 = 4096;
+pub const GIRANDOLE_EFFECT_MASKS: u32 = 256;
 /// The world has a sky.
-pub const GIRANDOLE_EFFECT_SKY: u32 = 8192;
+pub const GIRANDOLE_EFFECT_SKY: u32 = 512;
 /// A light has a profile.
-pub const GIRANDOLE_EFFECT_PROFILES: u32 = 16384;
+pub const GIRANDOLE_EFFECT_PROFILES: u32 = 1024;
 /// The world has portals: see girandole_world_set_portals.
-pub const GIRANDOLE_EFFECT_PORTALS: u32 = 32768;
+pub const GIRANDOLE_EFFECT_PORTALS: u32 = 2048;
 /// All effects: a shader for them reads the buffers of any world, and is the longest.
-pub const GIRANDOLE_ALL_EFFECTS: u32 = 0xffbf;
+pub const GIRANDOLE_ALL_EFFECTS: u32 = 0xfff;
 
 /// The effects with their bits in this interface.
-const EFFECTS: [(u32, Effects); 15] = [
+const EFFECTS: [(u32, Effects); 12] = [
     (GIRANDOLE_EFFECT_CONES, Effects::CONES),
     (GIRANDOLE_EFFECT_RANGES, Effects::RANGES),
     (GIRANDOLE_EFFECT_AREAS, Effects::AREAS),
-    (GIRANDOLE_EFFECT_TWO_SIDED, Effects::TWO_SIDED),
     (GIRANDOLE_EFFECT_DIRECTIONAL, Effects::DIRECTIONAL),
     (GIRANDOLE_EFFECT_NON_RIGID, Effects::NON_RIGID),
     (GIRANDOLE_EFFECT_SOLID_ANGLES, Effects::SOLID_ANGLES),
     (GIRANDOLE_EFFECT_GLOSSY, Effects::GLOSSY),
     (GIRANDOLE_EFFECT_SEGMENTS, Effects::SEGMENTS),
-    (GIRANDOLE_EFFECT_FACTORS, Effects::FACTORS),
     (GIRANDOLE_EFFECT_MASKS, Effects::MASKS),
-    (GIRANDOLE_EFFECT_SECTORS, Effects::SECTORS),
     (GIRANDOLE_EFFECT_SKY, Effects::SKY),
     (GIRANDOLE_EFFECT_PROFILES, Effects::PROFILES),
     (GIRANDOLE_EFFECT_PORTALS, Effects::PORTALS),

@@ -14,7 +14,7 @@ pub struct Subject {
 
 /// The effects of the worlds, by name. Those of the city are what `examples/city` needs.
 fn worlds() -> [(&'static str, Effects); 3] {
-    let city = Effects::CONES | Effects::AREAS | Effects::RANGES | Effects::TWO_SIDED | Effects::DIRECTIONAL;
+    let city = Effects::CONES | Effects::AREAS | Effects::RANGES | Effects::DIRECTIONAL;
     [("none", Effects::empty()), ("city", city), ("all", Effects::all())]
 }
 
