@@ -164,12 +164,10 @@ fn cases(machine: &Machine, lights: &GpuLights, own: &wgpu::BindGroupLayout, is_
             ("`CONES`", Effects::CONES),
             ("`RANGES`", Effects::RANGES),
             ("`AREAS`", Effects::AREAS),
-            ("`AREAS` and `TWO_SIDED`", Effects::AREAS | Effects::TWO_SIDED),
             ("`AREAS` and `SOLID_ANGLES`", Effects::AREAS | Effects::SOLID_ANGLES),
             ("`DIRECTIONAL`", Effects::DIRECTIONAL),
             ("`NON_RIGID`", Effects::NON_RIGID),
             ("`GLOSSY`", Effects::GLOSSY),
-            ("`FACTORS`", Effects::FACTORS),
             ("`MASKS`", Effects::MASKS),
         ];
         cases.extend(effects.map(|(name, effects)| case(name, &batch(effects))));

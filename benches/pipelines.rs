@@ -93,7 +93,7 @@ fn main() -> Result<(), String> {
     queue.submit([encoder.finish()]);
     gpu::wait(&device)?;
 
-    let city = Effects::CONES | Effects::AREAS | Effects::RANGES | Effects::TWO_SIDED | Effects::DIRECTIONAL;
+    let city = Effects::CONES | Effects::AREAS | Effects::RANGES | Effects::DIRECTIONAL;
     let sets = [("none", Effects::empty()), ("city", city), ("all", Effects::all())];
     let info = adapter.get_info();
     println!("{}, {} {}", info.name, info.driver, info.driver_info);

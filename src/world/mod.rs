@@ -171,7 +171,7 @@ impl LightWorld {
         self.effects.counts().effects()
     }
 
-    /// The effects that shaders and buffer layouts should be made for. O(1).
+    /// The effects that shaders should be made for. O(1).
     ///
     /// This is the set of all [`LightWorld::active_effects`] of now and of the last
     /// [`EFFECT_HOLD_UPDATES`](crate::effects::EFFECT_HOLD_UPDATES) calls of
