@@ -18,10 +18,9 @@
 //! | 800 | `tree::CheckError` |
 //! | 900 | `plan::ShaderNameError` |
 //! | 1000 to 1001 | [`CellError`] |
-//! | 1100 to 1107 | `tree::BakeError` |
+//! | 1100 to 1104 | `LoadError` |
 //! | 1300 to 1305 | [`SkyError`] |
 //! | 1400 | [`ProfileError`] |
-//! | 1600 to 1604 | `DumpError` |
 
 use glam::{DVec3, Vec3};
 
@@ -339,6 +338,70 @@ impl PlacementError {
             Self::TooFar { .. } => 302,
             Self::TooFarFromZero { .. } => 303,
         }
+    }
+}
+
+/// Why [`LightTree::from_baked`](crate::LightTree::from_baked) or [`LightWorld::from_dump`](crate::LightWorld::from_dump)
+/// refused some bytes. Nothing was loaded. Codes 1100 to 1104.
+#[cfg(feature = "bake")]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum LoadError {
+    /// The bytes do not start as those of the format.
+    #[error("the first bytes are not those of {expected}")]
+    Format {
+        /// What should have been loaded.
+        expected: &'static str,
+    },
+    /// The file has a version of the format that this version of the library does not read.
+    #[error("version {given} of the format; this library reads version {supported}: write the file again")]
+    Version {
+        /// The version of the file.
+        given: u32,
+        /// The version that is read.
+        supported: u32,
+    },
+    /// The content differs from what was written.
+    #[error("the {bytes} bytes do not have the checksum at their end: the file is damaged or incomplete")]
+    Damaged {
+        /// The given number of bytes.
+        bytes: usize,
+    },
+    /// A light has a [`Profile`](crate::Profile) that was not made in this process. Files of trees do not hold
+    /// profiles, which many trees share: read them before the trees.
+    #[error("light {light} has a profile that was not made before: its number is {id:#018x}")]
+    Profile {
+        /// The index of the light.
+        light: usize,
+        /// The [number](crate::Profile::id) of the profile.
+        id: u64,
+    },
+    /// The checksum is right, but no tree or world is written so, or it is larger than what is loaded.
+    #[error("{what}: {why}")]
+    Content {
+        /// What is refused, with its index among those of its kind.
+        what: String,
+        /// What is wrong with it.
+        why: String,
+    },
+}
+
+#[cfg(feature = "bake")]
+impl LoadError {
+    /// The stable code, see [`error`](self).
+    pub fn code(&self) -> u32 {
+        match self {
+            Self::Format { .. } => 1100,
+            Self::Version { .. } => 1101,
+            Self::Damaged { .. } => 1102,
+            Self::Profile { .. } => 1103,
+            Self::Content { .. } => 1104,
+        }
+    }
+
+    /// [`LoadError::Content`].
+    pub(crate) fn content(what: impl std::fmt::Display, why: impl std::fmt::Display) -> Self {
+        Self::Content { what: what.to_string(), why: why.to_string() }
     }
 }
 

@@ -138,6 +138,8 @@ mod rare;
 mod keys;
 pub mod effects;
 pub mod error;
+#[cfg(feature = "bake")]
+mod file;
 mod math;
 pub mod cluster;
 mod profile;
@@ -194,7 +196,9 @@ pub use world::{
     RegionInstance, RegionTree, RegionView, Revision, TreeSource, WorldMemory,
 };
 #[cfg(feature = "bake")]
-pub use world::{DumpError, LeftOut};
+pub use error::LoadError;
+#[cfg(feature = "bake")]
+pub use world::LeftOut;
 
 /// The README's programs, compiled and run as documentation tests.
 #[cfg(all(doctest, feature = "gpu"))]

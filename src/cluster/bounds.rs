@@ -1,5 +1,6 @@
 //! Axis-aligned boxes. Rounding only makes them larger.
 
+use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, Vec3};
 
 /// Relative outward padding of a transformed box. Three products and sums in f32 lose at most 4 ulp
@@ -8,7 +9,8 @@ pub(crate) const TRANSFORM_PADDING: f32 = 5.0e-7;
 
 /// An axis-aligned box in metres. [`Aabb::EMPTY`] contains nothing and is the identity of
 /// [`Aabb::union`].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Aabb {
     /// Least corner.
     pub min: Vec3,

@@ -7,6 +7,7 @@
 pub(crate) mod bounds;
 pub(crate) mod cone;
 
+use bytemuck::{Pod, Zeroable};
 use glam::{DMat3, DVec3, Mat3, Vec2, Vec3};
 
 pub use bounds::Aabb;
@@ -47,7 +48,8 @@ pub(crate) const MIN_AXIS: f32 = 1.0e-12;
 
 /// A group of lights. The box, the cap of directions and the range are conservative. The mean, the
 /// variance and the axis are weighted by flux.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Cluster {
     /// Contains every emitting point, in metres.
     pub aabb: Aabb,

@@ -4,6 +4,8 @@
 //! without units, weighted by the node's share of the flux. So moving, scaling or dimming the whole
 //! object changes none of them.
 
+use bytemuck::{Pod, Zeroable};
+
 use super::cost::{orientation, size};
 use super::node::WIDTH;
 use super::wide::{Lanes, Merged, WideCluster, sum};
@@ -24,7 +26,8 @@ pub enum Attribute {
 
 /// The four attributes of a tree after SS. They have no unit, and smaller is better. All are 0 for
 /// a tree of at most one light and for a dark tree.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Attributes {
     /// See [`Attribute::Distance`].
     pub distance: f32,

@@ -40,7 +40,6 @@ impl Edited {
     }
 
     /// Whether lights were added or removed since the last build.
-    #[cfg_attr(not(feature = "bake"), expect(dead_code, reason = "only bakes ask"))]
     pub fn is_changed(&self) -> bool {
         self.is_changed
     }

@@ -30,8 +30,6 @@ pub(crate) mod testing;
 mod wide;
 
 pub use attributes::{Attribute, Attributes};
-#[cfg(feature = "bake")]
-pub use bake::BakeError;
 pub use check::CheckError;
 pub use memory::TreeMemory;
 pub use node::{Bytes, ChildRef, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_LEAF, NO_PARENT, Node, WIDTH};

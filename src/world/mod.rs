@@ -57,7 +57,7 @@ pub(crate) use births::{BIRTH_BITS, of_instance as birth_of_instance};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use change_log::TreeChanges;
 #[cfg(feature = "bake")]
-pub use dump::{DumpError, LeftOut};
+pub use dump::LeftOut;
 #[cfg(feature = "gpu-plan")]
 pub(crate) use kernel_parts::KernelPart;
 pub use log::{Changes, Revision};

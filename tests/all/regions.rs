@@ -196,7 +196,7 @@ fn what_is_wrong_in_itself_is_refused_as_the_region_is_filled_and_leaves_it_as_i
     assert!(matches!(LightTree::new(bad), Err(WorldError::Light { index: 17, .. })));
     let mut damaged = LightTree::new(rng.lights(30, 5.0)).expect("valid").bake();
     damaged[900] ^= 4;
-    assert_eq!(LightTree::from_baked(&damaged).err().map(|error| error.code()), Some(1105));
+    assert_eq!(LightTree::from_baked(&damaged).err().map(|error| error.code()), Some(1102));
 
     let mut other = Region::new();
     let trees = [(); 4].map(|()| other.add_tree(LightTree::default()));

@@ -174,7 +174,7 @@ static void edits(GirandoleWorld *world, uint64_t tree, uint64_t instance)
     EXPECT(102, girandole_world_add_directional(world, &moon, &key));
     EXPECT(GIRANDOLE_ERROR_NO_SUCH_DIRECTIONAL, girandole_world_remove_directional(world, 1));
     EXPECT(1100, girandole_world_add_baked(world, (const uint8_t *)"not a tree, but long enough", 27, &key));
-    EXPECT(1103, girandole_world_add_baked(world, NULL, 0, &key));
+    EXPECT(1100, girandole_world_add_baked(world, NULL, 0, &key));
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_removed_lights(world, &removed, 1, NULL));
     REQUIRE(key == 7);
     /* Edits of lights take effect at the next update. */
@@ -461,7 +461,7 @@ static void regions(GirandoleWorld *world)
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_region_create(NULL));
     EXPECT(GIRANDOLE_OK, girandole_region_create(&region));
     EXPECT(101, girandole_region_add_tree(region, &bad, 1, &tree));
-    EXPECT(1103, girandole_region_add_baked(region, NULL, 0, &tree));
+    EXPECT(1100, girandole_region_add_baked(region, NULL, 0, &tree));
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_region_add_tree(NULL, &good, 1, &tree));
     instance = girandole_region_instance(0, girandole_placement_at(0.0, 0.0, 0.0));
     EXPECT(212, girandole_region_add_instance(region, &instance));

@@ -7,28 +7,28 @@
 //! | 3 | the emission |
 //! | 1 | the range |
 
+use std::fmt::Display;
+
 use glam::Vec3;
 
-use super::error::BakeError;
-use super::words::WORD;
+use crate::effects::EffectCounts;
+use crate::error::LoadError;
+use crate::file;
 use crate::light::{Light, Shape};
 use crate::profile::Profile;
 
 /// Numbers of a record.
-pub(super) const WORDS: usize = 14;
+const WORDS: usize = 14;
 
-/// Bytes of a record.
-pub(super) const LIGHT_BYTES: usize = WORDS * WORD;
-
-pub(super) const POINT: u32 = 0;
-pub(super) const SPOT: u32 = 1;
-pub(super) const RECTANGLE: u32 = 2;
-pub(super) const TRIANGLE: u32 = 3;
-pub(super) const SPHERE: u32 = 4;
-pub(super) const PROFILE: u32 = 5;
+const POINT: u32 = 0;
+const SPOT: u32 = 1;
+const RECTANGLE: u32 = 2;
+const TRIANGLE: u32 = 3;
+const SPHERE: u32 = 4;
+const PROFILE: u32 = 5;
 
 /// This bit is set in the kind of a rectangle or a triangle that emits from both sides.
-pub(super) const TWO_SIDED: u32 = 1 << 8;
+const TWO_SIDED: u32 = 1 << 8;
 
 /// The numbers of a record.
 pub(super) type Record = [u32; WORDS];
@@ -61,30 +61,55 @@ pub(super) fn encode(light: &Light) -> Record {
 }
 
 /// The record of [`Light::REMOVED`].
-pub(super) const REMOVED: Record = [0; WORDS];
+const REMOVED: Record = [0; WORDS];
 
-/// The light of a record, if a tree accepts it. `index` is that of the light.
+/// Checks that a tree accepts the lights of some records, or that they were removed. Returns their effects
+/// and the number of those that were removed.
 ///
 /// # Errors
-/// [`BakeError::Record`] for a record that [`encode`] never makes: of an unknown kind, or with
-/// numbers other than zero where the kind has no fields. [`BakeError::Light`] for an invalid light,
-/// [`BakeError::Profile`] for one whose profile was not made in this process.
-pub(super) fn decode(record: &Record, index: usize) -> Result<Light, BakeError> {
+/// [`LoadError`] for the first record that [`encode`] never makes: of an unknown kind, with numbers other
+/// than zero where the kind has no fields, of an invalid light, or of one whose profile was not made in
+/// this process.
+pub(super) fn check(records: &[u8]) -> Result<(EffectCounts, usize), LoadError> {
+    let pieces = file::map_pieces::<Record, _>(records, |first, piece| {
+        let (mut effects, mut removed) = (EffectCounts::default(), 0);
+        for (index, record) in (first..).zip(piece.chunks_exact(size_of::<Record>())) {
+            let record: Record = bytemuck::pod_read_unaligned(record);
+            if record == REMOVED {
+                removed += 1;
+            } else {
+                effects.add(check_light(&record, index)?.effects());
+            }
+        }
+        Ok((effects, removed))
+    });
+    let (mut effects, mut removed) = (EffectCounts::default(), 0);
+    for piece in pieces {
+        let (more_effects, more_removed) = piece?;
+        effects.add_all(&more_effects);
+        removed += more_removed;
+    }
+    Ok((effects, removed))
+}
+
+/// The light of a record, if a tree accepts it. `index` is that of the light.
+fn check_light(record: &Record, index: usize) -> Result<Light, LoadError> {
     let id = id_of(record);
     if record[0] == PROFILE && Profile::of_id(id).is_none() {
-        return Err(BakeError::Profile { index, id });
+        return Err(LoadError::Profile { light: index, id });
     }
-    let light = decode_accepted(record);
+    let light = decode(*record);
+    let refused = |why: &dyn Display| LoadError::content(format_args!("light {index}"), why);
     if encode(&light) != *record {
-        return Err(BakeError::Record { what: "a light: a field", index });
+        return Err(refused(&"a field has a value that is never written"));
     }
-    light.validate().map_err(|source| BakeError::Light { index, source })?;
+    light.validate().map_err(|error| refused(&error))?;
     Ok(light)
 }
 
-/// The light of a record that [`decode`] accepts; some light for any other.
+/// The light of a record that [`check`] accepts; some light for any other.
 #[inline(always)]
-pub(super) fn decode_accepted(record: &Record) -> Light {
+pub(super) fn decode(record: Record) -> Light {
     let number = |at: usize| f32::from_bits(record[at]);
     let point = |first: usize| Vec3::new(number(first), number(first + 1), number(first + 2));
     let two_sided = record[0] & TWO_SIDED != 0;
@@ -93,7 +118,7 @@ pub(super) fn decode_accepted(record: &Record) -> Light {
         RECTANGLE => Shape::Rectangle { center: point(1), half_u: point(4), half_v: point(7), two_sided },
         TRIANGLE => Shape::Triangle { vertices: [point(1), point(4), point(7)], two_sided },
         SPHERE => Shape::Sphere { center: point(1), radius: number(4) },
-        PROFILE => match Profile::of_id(id_of(record)) {
+        PROFILE => match Profile::of_id(id_of(&record)) {
             Some(profile) => Shape::Profile { position: point(1), rotation: [4, 5, 6, 7].map(number), profile },
             None => Shape::Point { position: point(1) },
         },
@@ -105,14 +130,6 @@ pub(super) fn decode_accepted(record: &Record) -> Light {
 /// The number of the profile of a record.
 fn id_of(record: &Record) -> u64 {
     u64::from(record[8]) | u64::from(record[9]) << 32
-}
-
-/// The record in some bytes, which are [`LIGHT_BYTES`].
-#[inline(always)]
-pub(super) fn read(bytes: &[u8]) -> Record {
-    let mut record: Record = bytemuck::pod_read_unaligned(bytes);
-    record.iter_mut().for_each(|word| *word = u32::from_le(*word));
-    record
 }
 
 #[cfg(test)]
@@ -150,7 +167,7 @@ mod tests {
         for shape in shapes {
             for range in [f32::INFINITY, 7.0] {
                 let light = Light { shape, emission: vector(), range };
-                let back = decode_accepted(&encode(&light));
+                let back = decode(encode(&light));
                 assert_eq!(bits(&back), bits(&light));
             }
         }
@@ -161,30 +178,34 @@ mod tests {
         let turn = glam::Quat::from_rotation_x(0.7);
         let lamp = Light::profile(Vec3::ONE, turn, street_lamp(33), Vec3::splat(0.5)).with_range(9.0);
         let record = encode(&lamp);
-        assert_eq!(decode(&record, 0).ok(), Some(lamp));
+        assert_eq!(check_light(&record, 0).ok(), Some(lamp));
         let mut unknown = record;
         unknown[9] ^= 1;
         let id = id_of(&unknown);
-        assert_eq!(decode(&unknown, 7), Err(BakeError::Profile { index: 7, id }));
+        assert_eq!(check_light(&unknown, 7), Err(LoadError::Profile { light: 7, id }));
         // The same number in all versions, or files would not find their profiles.
         let known = of_degrees(&[0.0, 90.0], &[0.0], &[1.0, 2.0]);
         assert_eq!(known.id(), 0xb4b2_8028_0871_1fa7);
         let bright = encode(&Light::profile(Vec3::ONE, turn, known, Vec3::splat(0.6 * crate::light::MAX_EMISSION)));
-        assert_eq!(decode(&bright, 7).map_err(|error| error.code()), Err(101));
+        let error = check_light(&bright, 7).expect_err("too bright").to_string();
+        assert!(error.starts_with("light 7: emission times the profile is "), "{error}");
     }
 
     #[test]
     fn the_record_of_a_removed_light_is_no_light() {
         assert_eq!(encode(&Light::REMOVED), REMOVED);
-        assert!(decode_accepted(&REMOVED).is_removed() && decode(&REMOVED, 0).is_err());
+        assert!(decode(REMOVED).is_removed() && check_light(&REMOVED, 0).is_err());
+        let records = [encode(&Light::point(Vec3::ONE, Vec3::ONE).with_range(2.0)), REMOVED, REMOVED];
+        let effects = EffectCounts::one(crate::effects::Effects::RANGES);
+        assert_eq!(check(bytemuck::cast_slice(&records)), Ok((effects, 2)));
     }
 
     #[test]
     fn records_that_are_never_written_are_refused() {
         let record = encode(&Light::point(Vec3::ONE, Vec3::ONE));
-        assert!(decode(&record, 0).is_ok());
-        let refused = |record: &Record| decode(record, 7).err();
-        let expected = Some(BakeError::Record { what: "a light: a field", index: 7 });
+        assert!(check_light(&record, 0).is_ok());
+        let refused = |record: &Record| check_light(record, 7).err();
+        let expected = Some(LoadError::content("light 7", "a field has a value that is never written"));
         for (place, value) in [(0, 6), (0, u32::MAX), (0, TWO_SIDED), (4, 1), (9, 1 << 31)] {
             let mut wrong = record;
             wrong[place] = value;
@@ -194,6 +215,7 @@ mod tests {
         sphere[0] |= TWO_SIDED;
         assert_eq!(refused(&sphere), expected);
         let dim = encode(&Light::point(Vec3::ONE, -Vec3::ONE));
-        assert_eq!(refused(&dim).map(|error| error.code()), Some(101));
+        let error = refused(&dim).expect("a light does not take light away").to_string();
+        assert!(error.starts_with("light 7: emission.r is -1, outside 0 to "), "{error}");
     }
 }

@@ -7,11 +7,17 @@ mod round_trips;
 
 use glam::{Mat3, Quat, Vec3};
 
+use super::Header;
+use super::light_record::{Record, encode};
+use crate::file::PREFIX_BYTES;
 use crate::instance::placement::Placement;
 use crate::light::{Light, Shape};
 use crate::profile::tests::street_lamp;
 use crate::tree::LightTree;
 use crate::tree::testing::{Rng, State, state_of};
+
+/// The bytes before the sides.
+const HEADER_BYTES: usize = PREFIX_BYTES + size_of::<Header>();
 
 /// A light of any shape, some of them dark, some with a range.
 fn any_light(rng: &mut Rng) -> Light {
@@ -81,8 +87,8 @@ fn present(tree: &LightTree) -> Vec<u32> {
 }
 
 /// The complete state of a tree.
-fn whole_state(tree: &LightTree) -> (State, Vec<super::light_record::Record>, String) {
-    let lights = tree.lights().iter().map(super::light_record::encode).collect();
+fn whole_state(tree: &LightTree) -> (State, Vec<Record>, String) {
+    let lights = tree.lights().iter().map(encode).collect();
     (state_of(tree), lights, format!("{:?}", tree.reference()))
 }
 

@@ -1,30 +1,24 @@
 //! A dump: the light world of one frame as a file, to be looked at elsewhere.
 //!
-//! All numbers have 32 bits, the least significant byte first.
+//! A dump is a file of `src/file.rs` with this content:
 //!
-//! | numbers | content |
+//! | bytes | content |
 //! |---|---|
-//! | 2, 1 | the mark of the format, its version |
-//! | 8 | the origin: its mode, its position in f64; which effects are switched on |
-//! | 4 | what is left out |
-//! | 4 | the counts of profiles, trees, slots of instances and directional lights |
-//! | 1 + n per profile | the number n, a record of `profile/record.rs` |
-//! | 4 per tree | the source, whether the tree is loose, the bytes of the baked tree; a baked tree (`tree/bake`) |
-//! | 1 or 26 per slot, from slot 1 on | 0 for an empty slot, or the number of the tree from 1 on, and a record of `record.rs` |
-//! | 6 per directional light | its direction, its illuminance |
-//! | 1 | CRC-32 of all other bytes |
+//! | 64 | a [`Header`](record::Header) |
+//! | 4 + 4 n per profile | the number n, a record of `profile/record.rs` |
+//! | 8, then a tree per tree | the source, whether the tree is loose; the content of a baked tree (`tree/bake`) |
+//! | 4 or 100 per slot, from slot 1 on | 0 for an empty slot, or the number of the tree from 1 on, and an [`InstanceRecord`](record::InstanceRecord) |
+//! | 24 per directional light | its direction, its illuminance |
 
-mod error;
 mod read;
 mod record;
 #[cfg(test)]
 mod tests;
-mod words;
 mod write;
 
-pub use error::DumpError;
-
 use crate::effects::Effects;
+use crate::file::Mark;
+use crate::world::{OriginMode, TreeSource};
 
 /// What the world had that its dump lacks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -40,16 +34,14 @@ pub struct LeftOut {
     pub gpu_trees: u32,
 }
 
-/// The first bytes of every version of the format. As those of baked trees, they show at once that a
-/// file was transferred as text.
-const MAGIC: [u8; 8] = *b"\x89GDUMP\r\n";
-
-/// The version of the format. It rises with every change of what a dump holds, but not with that of
-/// baked trees, which have a version of their own.
-const VERSION: u32 = 2;
+const MARK: Mark = *b"\x89GDUMP\r\n";
 
 /// The effects that a world has because they were switched on, in the order of their bits.
 const SWITCHES: [Effects; 3] = [Effects::SOLID_ANGLES, Effects::GLOSSY, Effects::SEGMENTS];
 
 /// The first slot that an instance can have: slot maps never use slot 0.
 const FIRST_SLOT: usize = 1;
+
+/// The modes of an origin and the sources of trees, by their numbers.
+const MODES: [OriginMode; 3] = [OriginMode::Free, OriginMode::Grid, OriginMode::Following];
+const SOURCES: [TreeSource; 3] = [TreeSource::Cpu, TreeSource::GpuMesh, TreeSource::GpuParticles];

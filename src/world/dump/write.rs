@@ -3,13 +3,14 @@
 use std::collections::HashMap;
 use std::io::{self, Write};
 
-use super::words::{Sink, of_point, of_vector};
-use super::{FIRST_SLOT, LeftOut, MAGIC, SWITCHES, VERSION, record};
+use super::record::{Header, InstanceRecord};
+use super::{FIRST_SLOT, LeftOut, MARK, SWITCHES};
 use crate::effects::Effects;
+use crate::file::FileWriter;
 use crate::keys::TreeKey;
 use crate::light::Shape;
 use crate::profile::Profile;
-use crate::world::{LightWorld, OriginMode, TreeSource};
+use crate::world::{LightWorld, TreeSource};
 
 impl LightWorld {
     /// Writes the world as it is now, for [`LightWorld::from_dump`] on this machine or another one.
@@ -22,8 +23,8 @@ impl LightWorld {
     /// the origin. It lacks keys, regions, what was learnt, the requests of trees for rebuilds, and what
     /// [`LeftOut`] counts.
     ///
-    /// `out` receives many small writes. O(lights + instances). Memory: the bytes of the largest
-    /// tree.
+    /// `out` receives many small writes. O(lights + instances). Memory: some kilobytes; for a
+    /// tree whose lights were added to or removed from, a copy of it.
     ///
     /// # Errors
     /// Those of `out`.
@@ -49,49 +50,45 @@ impl LightWorld {
             waiting_trees: trees.iter().filter(|tree| !scene.trees[**tree].staged.is_empty()).count() as u32,
             gpu_trees: scene.sources.iter().flatten().count() as u32,
         };
-        let mut sink = Sink::new(out);
-        sink.bytes(&MAGIC)?;
-        sink.words(&[VERSION, mode_of(scene.origin.mode)])?;
-        sink.words(&of_point(scene.origin.position))?;
-        let switched = SWITCHES.iter().zip(0..).filter(|(effect, _)| self.effects.counts().has(**effect));
         let LeftOut { skies, portals, waiting_trees, gpu_trees } = left_out;
-        sink.words(&[switched.map(|(_, bit)| 1 << bit).sum(), skies, portals, waiting_trees, gpu_trees])?;
-        let counts = [
-            profiles.len(),
-            trees.len(),
-            scene.instances.slot_count().max(FIRST_SLOT) - FIRST_SLOT,
-            scene.directionals.len(),
-        ];
-        sink.words(&counts.map(|count| count as u32))?;
+        let switched = SWITCHES.iter().zip(0..).filter(|(effect, _)| self.effects.counts().has(**effect));
+        let mut file = FileWriter::new(&MARK, out)?;
+        file.value(&Header {
+            origin: scene.origin.position,
+            mode: scene.origin.mode as u32,
+            switches: switched.map(|(_, bit)| 1 << bit).sum(),
+            left_out: [skies, portals, waiting_trees, gpu_trees],
+            profiles: profiles.len() as u32,
+            trees: trees.len() as u32,
+            slots: (scene.instances.slot_count().max(FIRST_SLOT) - FIRST_SLOT) as u32,
+            directionals: scene.directionals.len() as u32,
+        })?;
         for profile in profiles {
             let record = profile.record();
-            sink.words(&[record.len() as u32])?;
-            sink.words(&record)?;
+            file.value(&(record.len() as u32))?;
+            file.list(&record)?;
         }
         for key in &trees {
             let entry = &scene.trees[*key];
-            let tree = entry.tree.bake_as_is();
             let source = self.light_source(*key).map_or(TreeSource::Cpu, |(source, _)| source);
-            let bytes = tree.len() as u64;
-            sink.words(&[source as u32, entry.crowd.is_loose.into(), bytes as u32, (bytes >> 32) as u32])?;
-            sink.bytes(&tree)?;
+            file.value(&[source as u32, entry.crowd.is_loose.into()])?;
+            entry.tree.write_as_is(&mut file)?;
         }
         let numbers: HashMap<TreeKey, u32> = trees.into_iter().zip(1..).collect();
         for slot in FIRST_SLOT as u32..scene.instances.slot_count() as u32 {
             let instance = scene.instances.key_at(slot).map(|key| &scene.instances[key]);
             match instance.and_then(|instance| Some((numbers.get(&instance.tree)?, instance))) {
                 Some((tree, instance)) => {
-                    sink.words(&[*tree])?;
-                    sink.words(&record::encode(&instance.placement, instance.policy, &instance.appearance))?;
+                    file.value(tree)?;
+                    file.value(&InstanceRecord::of(&instance.placement, instance.policy, &instance.appearance))?;
                 }
-                None => sink.words(&[0])?,
+                None => file.value(&0_u32)?,
             }
         }
         for light in scene.directionals.values() {
-            sink.words(&of_vector(light.direction))?;
-            sink.words(&of_vector(light.illuminance))?;
+            file.value(&[light.direction, light.illuminance])?;
         }
-        sink.finish()?;
+        file.finish()?;
         Ok(left_out)
     }
 
@@ -107,13 +104,5 @@ impl LightWorld {
             }
         }
         found
-    }
-}
-
-fn mode_of(mode: OriginMode) -> u32 {
-    match mode {
-        OriginMode::Free => 0,
-        OriginMode::Grid => 1,
-        OriginMode::Following => 2,
     }
 }

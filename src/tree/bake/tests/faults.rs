@@ -2,10 +2,9 @@
 
 use super::*;
 use crate::cluster::Cluster;
-use crate::tree::bake::content::seal;
-use crate::tree::bake::header::{CHECKSUM, HEADER_BYTES, VERSION};
-use crate::tree::bake::light_record::LIGHT_BYTES;
-use crate::tree::{BakeError, EMPTY_SLOT, LEAF, NO_PARENT, Node};
+use crate::error::LoadError;
+use crate::file::{VERSION, seal};
+use crate::tree::{EMPTY_SLOT, LEAF, NO_PARENT, Node};
 
 fn tree() -> LightTree {
     let lamp = |i: usize| Light::spot(Vec3::splat(i as f32), Vec3::Y, 0.1, 0.3, Vec3::ONE).with_range(9.0);
@@ -13,14 +12,14 @@ fn tree() -> LightTree {
 }
 
 /// The error for the bytes of a tree after a change.
-fn refusal(change: impl FnOnce(&mut Vec<u8>)) -> BakeError {
+fn refusal(change: impl FnOnce(&mut Vec<u8>)) -> LoadError {
     let mut bytes = tree().bake();
     change(&mut bytes);
     LightTree::from_baked(&bytes).expect_err("a wrong file")
 }
 
 /// The error for bytes that were changed by someone who knows how to seal them.
-fn forged(change: impl FnOnce(&mut Vec<u8>)) -> BakeError {
+fn forged(change: impl FnOnce(&mut Vec<u8>)) -> LoadError {
     refusal(|bytes| {
         change(bytes);
         seal(bytes);
@@ -32,7 +31,8 @@ fn broken(break_it: impl FnOnce(&mut LightTree)) -> String {
     let mut tree = tree();
     break_it(&mut tree);
     let error = LightTree::from_baked(&tree.bake()).expect_err("the tree is broken");
-    error.to_string()
+    let text = error.to_string();
+    text.strip_prefix("the tree: ").expect("the lights are right").to_owned()
 }
 
 fn put(bytes: &mut [u8], at: usize, word: u32) {
@@ -40,54 +40,58 @@ fn put(bytes: &mut [u8], at: usize, word: u32) {
 }
 
 #[test]
-fn a_file_of_another_format_or_byte_order_is_refused() {
-    for bytes in [&b"glTF"[..], b"\x89PNG\r\n\x1a\n and more than a header", &[0; 500]] {
-        assert_eq!(LightTree::from_baked(bytes).err(), Some(BakeError::NotBaked));
+fn a_file_of_another_format_is_refused() {
+    let expected = LoadError::Format { expected: "a baked tree" };
+    for bytes in [&b"glTF"[..], b"\x89PNG\r\n\x1a\n and more than a header", &[0; 500], b"\x89GDUMP\r\n and more"] {
+        assert_eq!(LightTree::from_baked(bytes).err().as_ref(), Some(&expected));
     }
-    assert_eq!(refusal(|bytes| bytes[3] ^= 32), BakeError::NotBaked);
-    assert_eq!(refusal(|bytes| put(bytes, 8, 7)), BakeError::NotBaked);
-    // All numbers reversed, with the mark and without it.
-    assert_eq!(refusal(|bytes| bytes[8..].chunks_mut(4).for_each(<[u8]>::reverse)), BakeError::ByteOrder);
-    assert_eq!(refusal(|bytes| bytes.chunks_mut(4).for_each(<[u8]>::reverse)), BakeError::ByteOrder);
+    assert_eq!(refusal(|bytes| bytes[3] ^= 32), expected);
+    // All numbers reversed.
+    assert_eq!(refusal(|bytes| bytes.chunks_mut(4).for_each(<[u8]>::reverse)), expected);
+    assert_eq!(expected.to_string(), "the first bytes are not those of a baked tree");
 }
 
 #[test]
 fn a_file_of_another_version_is_refused_whatever_follows() {
     for given in [0, VERSION - 1, VERSION + 1, u32::MAX] {
-        let expected = BakeError::Version { given, supported: VERSION };
-        assert_eq!(forged(|bytes| put(bytes, 12, given)), expected);
-        assert_eq!(refusal(|bytes| put(bytes, 12, given)), expected);
+        let expected = LoadError::Version { given, supported: VERSION };
+        assert_eq!(forged(|bytes| put(bytes, 8, given)), expected);
+        assert_eq!(refusal(|bytes| put(bytes, 8, given)), expected);
         let shorter = refusal(|bytes| {
-            put(bytes, 12, given);
-            bytes.truncate(16);
+            put(bytes, 8, given);
+            bytes.truncate(12);
         });
         assert_eq!(shorter, expected);
     }
 }
 
 #[test]
-fn a_file_of_the_wrong_length_is_refused_with_both_lengths() {
+fn a_file_of_the_wrong_length_is_refused() {
     let whole = tree().bake();
-    let length = whole.len() as u64;
-    let lengths = (0..HEADER_BYTES + 8).chain((0..whole.len()).step_by(611)).chain(whole.len() - 5..whole.len());
-    for given in lengths {
-        let expected = if given < HEADER_BYTES { HEADER_BYTES as u64 } else { length };
-        let error = LightTree::from_baked(&whole[..given]).err();
-        assert_eq!(error, Some(BakeError::Length { given: given as u64, expected }));
+    let length = whole.len();
+    for bytes in (8..HEADER_BYTES + 8).chain((8..length).step_by(611)).chain(length - 5..length) {
+        assert_eq!(LightTree::from_baked(&whole[..bytes]).err(), Some(LoadError::Damaged { bytes }));
     }
-    assert_eq!(refusal(|bytes| bytes.push(0)), BakeError::Length { given: length + 1, expected: length });
+    assert_eq!(refusal(|bytes| bytes.push(0)), LoadError::Damaged { bytes: length + 1 });
+    assert!((0..8).all(|bytes| LightTree::from_baked(&whole[..bytes]).is_err()));
+    // With a right checksum.
+    let error = forged(|bytes| bytes.extend([0; 4]));
+    assert_eq!(error, LoadError::content("the length", "4 bytes follow the last value"));
+    let error = forged(|bytes| bytes.truncate(length - 4));
+    assert!(error.to_string().starts_with("the length: "), "{error}");
 }
 
 #[test]
 fn numbers_of_records_that_do_not_fit_the_file_are_refused_before_anything_is_read() {
-    let limit = |what, limit| BakeError::TooMany { what, given: u32::MAX, limit };
-    assert_eq!(forged(|bytes| put(bytes, 24, u32::MAX)), limit("lights", (1 << 31) - 1));
-    assert_eq!(forged(|bytes| put(bytes, 28, u32::MAX)), limit("nodes", (1 << 29) - 1));
-    assert_eq!(forged(|bytes| put(bytes, 32, u32::MAX)), limit("sides", 8));
-    for (at, most) in [(24, (1 << 31) - 1), (28, (1 << 29) - 1)] {
-        assert!(
-            matches!(forged(|bytes| put(bytes, at, most)), BakeError::Length { expected, .. } if expected > 1 << 36)
-        );
+    let error = LoadError::content("the header", "more lights, nodes or sides than a tree can have");
+    for (at, most) in [(12, (1 << 31) - 1), (16, (1 << 29) - 1), (20, 8)] {
+        assert_eq!(forged(|bytes| put(bytes, at, u32::MAX)), error);
+        assert_eq!(forged(|bytes| put(bytes, at, most + 1)), error);
+        assert_ne!(forged(|bytes| put(bytes, at, most)), error);
+    }
+    for (at, most) in [(12, (1 << 31) - 1), (16, (1 << 29) - 1)] {
+        let error = forged(|bytes| put(bytes, at, most)).to_string();
+        assert!(error.starts_with(&format!("the length: {most} values do not fit into the ")), "{error}");
     }
 }
 
@@ -98,37 +102,39 @@ fn any_flipped_bit_is_found() {
         let mut flipped = bytes.clone();
         flipped[bit / 8] ^= 1 << (bit % 8);
         let error = LightTree::from_baked(&flipped).expect_err("a bit was flipped");
-        let in_records = bit / 8 >= HEADER_BYTES || CHECKSUM.contains(&(bit / 8));
-        assert!(!in_records || matches!(error, BakeError::Checksum { .. }), "bit {bit}: {error}");
+        let is_identified = bit / 8 >= PREFIX_BYTES;
+        assert!(!is_identified || matches!(error, LoadError::Damaged { .. }), "bit {bit}: {error}");
     }
 }
 
 #[test]
 fn values_that_are_never_written_are_refused_although_the_checksum_is_right() {
-    let record = |what, index| BakeError::Record { what, index };
-    assert_eq!(forged(|bytes| put(bytes, 20, 4)), record("the header: a flag", 0));
-    for cost in [f32::NAN, -1.0] {
-        assert_eq!(forged(|bytes| put(bytes, 36, cost.to_bits())), record("the header: the cost of the tree", 0));
+    let header = |why| LoadError::content("the header", why);
+    assert_eq!(forged(|bytes| put(bytes, 24, 2)), header("a flag is neither 0 nor 1"));
+    for (at, cost) in [(28, f32::NAN), (28, -1.0), (32, f32::NAN), (44, -1.0)] {
+        let error = forged(|bytes| put(bytes, at, cost.to_bits()));
+        assert_eq!(error, header("a cost or an attribute is below 0 or not a number"));
     }
-    assert_eq!(forged(|bytes| put(bytes, 40, f32::NAN.to_bits())), record("the header: an attribute", 0));
-    assert_eq!(forged(|bytes| put(bytes, 132, 1)), record("the header: the reference", 0));
+    let reference = header("the reference is the linear part of no instance");
+    assert_eq!(forged(|bytes| put(bytes, 124, 1)), reference);
+    assert_eq!(forged(|bytes| put(bytes, 124, 1 << 31)), reference);
     for (entry, value) in [(0, f32::NAN), (4, f32::INFINITY), (8, 2.0e9), (0, 0.0)] {
         let wrong = |bytes: &mut Vec<u8>| {
-            put(bytes, 20, 2);
-            (0..9).for_each(|i| put(bytes, 128 + 4 * i, if i % 4 == 0 { 1.0_f32 } else { 0.0 }.to_bits()));
-            put(bytes, 128 + 4 * entry, value.to_bits());
+            (0..9).for_each(|i| put(bytes, 120 + 4 * i, if i % 4 == 0 { 1.0_f32 } else { 0.0 }.to_bits()));
+            put(bytes, 120 + 4 * entry, value.to_bits());
         };
-        assert_eq!(forged(wrong), record("the header: the reference", 0), "{entry} {value}");
+        assert_eq!(forged(wrong), reference, "{entry} {value}");
     }
     // The third light: an unknown kind, and a coordinate that is not finite.
-    let third = HEADER_BYTES + 2 * LIGHT_BYTES;
-    assert_eq!(forged(|bytes| put(bytes, third, 99)), record("a light: a field", 2));
+    let third = HEADER_BYTES + 2 * size_of::<Record>();
+    let field = LoadError::content("light 2", "a field has a value that is never written");
+    assert_eq!(forged(|bytes| put(bytes, third, 99)), field);
     let error = forged(|bytes| {
         put(bytes, third + 4, f32::INFINITY.to_bits());
-        put(bytes, third + 2 * LIGHT_BYTES, 99);
+        put(bytes, third + 2 * size_of::<Record>(), 99);
     });
     assert_eq!(error.to_string(), "light 2: position is inf, not a finite number");
-    assert_eq!(error.code(), 100);
+    assert_eq!(error.code(), 1104);
 }
 
 #[test]
@@ -205,11 +211,11 @@ fn a_side_that_does_not_lie_in_its_node_is_refused() {
 #[test]
 fn an_empty_tree_has_no_nodes_and_no_lights() {
     let bytes = LightTree::build(Vec::new()).bake();
-    assert_eq!(bytes.len(), HEADER_BYTES);
+    assert_eq!(bytes.len(), HEADER_BYTES + 4);
     let mut tree = LightTree::build(Vec::new());
     tree.sides = [Cluster::EMPTY].into();
     let error = LightTree::from_baked(&tree.bake()).expect_err("a side of nothing");
-    assert!(error.to_string().ends_with("there are lights or sides without a node"), "{error}");
+    assert!(error.to_string().ends_with("the sides are not the children of the root"), "{error}");
     let mut tree = LightTree::build(Vec::new());
     (tree.nodes, tree.light_counts) = (vec![Node::EMPTY], vec![0]);
     let error = LightTree::from_baked(&tree.bake()).expect_err("a root without children");

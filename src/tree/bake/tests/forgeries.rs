@@ -4,10 +4,9 @@
 use proptest::prelude::*;
 
 use super::*;
+use crate::file::seal;
 use crate::policy::Policy;
 use crate::shading::shading_point::ShadingPoint;
-use crate::tree::bake::content::seal;
-use crate::tree::bake::header::HEADER_BYTES;
 use crate::tree::testing::Rng;
 use crate::world::LightWorld;
 
@@ -69,7 +68,7 @@ fn a_tree_that_passes_the_check_covers_its_lights_whichever_byte_of_its_file_was
     let (mut refused, mut found, mut accepted) = (0, 0, 0);
     for count in [1, 9, 40] {
         let bytes = LightTree::build(any_lights(&mut rng, count)).bake();
-        for at in 20..bytes.len() {
+        for at in PREFIX_BYTES..bytes.len() - 4 {
             for mask in [1, 0x80, 0x55] {
                 let mut forged = bytes.clone();
                 forged[at] ^= mask;
@@ -121,8 +120,9 @@ proptest! {
         let mut bytes = LightTree::build(any_lights(&mut rng, count)).bake();
         let after_lights = HEADER_BYTES + count * 56;
         for (at, is_anywhere, value, kind) in changes {
-            let start = if is_anywhere || after_lights >= bytes.len() { 20 } else { after_lights };
-            let at = start + at % (bytes.len() - start);
+            let end = bytes.len() - 4;
+            let start = if is_anywhere || after_lights >= end { PREFIX_BYTES } else { after_lights };
+            let at = start + at % (end - start);
             match kind {
                 0 => bytes[at] = value,
                 1 => bytes[at] ^= 1 << (value % 8),
