@@ -165,6 +165,8 @@ mod f64_reference;
 
 pub use effects::{EffectCounts, Effects};
 pub use error::{BudgetError, CellError, LightError, PlacementError, ProfileError, SkyError, WorldError};
+#[cfg(feature = "bake")]
+pub use error::LoadError;
 
 pub use glam;
 pub use instance::appearance::{Appearance, MAX_FACTOR};
@@ -191,14 +193,12 @@ pub use tree::{Attribute, Attributes, LightTree};
 pub use visibility::{VisibilityOptions, VisibilityTable};
 #[cfg(feature = "gpu")]
 pub use wgpu;
+#[cfg(feature = "bake")]
+pub use world::LeftOut;
 pub use world::{
     BackgroundReport, Changes, FrameReport, Instance, JobReport, LightWorld, OriginMode, RebuildState, Region,
     RegionInstance, RegionTree, RegionView, Revision, TreeSource, WorldMemory,
 };
-#[cfg(feature = "bake")]
-pub use error::LoadError;
-#[cfg(feature = "bake")]
-pub use world::LeftOut;
 
 /// The README's programs, compiled and run as documentation tests.
 #[cfg(all(doctest, feature = "gpu"))]

@@ -170,7 +170,7 @@ mod tests {
     fn the_check_finds_a_frozen_node_that_differs_from_its_lights() {
         let mut tree = LightTree::build((0..50).map(lamp).collect());
         tree.freeze();
-        tree.nodes[0].flux[0] += 1;
+        tree.nodes[0].mean[0][0] ^= 1;
         let error = tree.check().expect_err("the first node is wrong");
         assert_eq!((error.node, error.what), (0, "the node of the frozen tree differs from one made from its lights"));
     }

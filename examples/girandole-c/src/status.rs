@@ -18,7 +18,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 ///   400         a time budget is negative or NaN
 ///   600 to 699  plans for the GPU
 ///   700         a file is not valid, or an image or its place on a surface; the message names the line of a profile
-///    1000 to 1001  the edge or the number of cells is out of range
+///   1000 to 1001  the edge or the number of cells is out of range
 ///   1100 to 1199  bytes are no baked tree, or not a sound one
 ///   1300 to 1399  the pixels of a sky are refused, there is none, or portals are refused
 pub type GirandoleStatus = i32;

@@ -392,7 +392,7 @@ fn particles_of_more_instances_than_a_top_level_should_hold_are_refused() {
     assert_eq!(read(&at_limit).instances().len(), 1026);
     for (instances, of_one, index) in [(1025, 2, 1026), (2000, 0, 1025), (10 * most / 2048 + 1, 1, 1025)] {
         let error = LightWorld::from_dump(&forged(instances, of_one)).map(drop).expect_err("too many parts");
-                let what = format!("instance {index}: more than {most} openings and particles");
+        let what = format!("instance {index}: more than {most} openings and particles");
         assert!(error.to_string().starts_with(&what), "{error}");
     }
 }
