@@ -9,140 +9,106 @@
 //!
 //! | codes | type |
 //! |---|---|
-//! | 100 to 199 | [`LightError`] |
+//! | 100 | [`ValueError`] |
 //! | 200 to 299 | [`WorldError`] |
-//! | 300 to 399 | [`PlacementError`] |
-//! | 400 | [`BudgetError`] |
 //! | 600 to 699 | `gpu::GpuError`, `plan::PlanError` |
 //! | 700 to 799 | `AssetError` of the package `girandole-assets` |
 //! | 800 | `tree::CheckError` |
 //! | 900 | `plan::ShaderNameError` |
-//! | 1000 to 1001 | [`CellError`] |
 //! | 1100 to 1104 | `LoadError` |
 //! | 1300 to 1305 | [`SkyError`] |
 //! | 1400 | [`ProfileError`] |
+
+use std::error::Error;
+use std::fmt;
 
 use glam::{DVec3, Vec3};
 
 use crate::keys::{DirectionalKey, InstanceKey, RegionKey, TreeKey};
 
-/// Why a light was refused. Codes 100 to 104.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+/// Why a number was refused: what was given, and what is allowed. Code 100.
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub enum LightError {
-    /// A number is NaN or infinite.
-    #[error("{what} is {value}, not a finite number")]
-    NotFinite {
-        /// The name of the field.
-        what: &'static str,
-        /// The given value.
-        value: f32,
-    },
-    /// A number lies outside the range that the kind of light allows.
-    #[error("{what} is {value}, outside {min} to {max}")]
-    OutOfRange {
-        /// The name of the field.
-        what: &'static str,
-        /// The given value.
-        value: f32,
-        /// The least value allowed.
-        min: f32,
-        /// The greatest value allowed.
-        max: f32,
-    },
-    /// A direction is the zero vector.
-    #[error("{what} has no direction: its length is 0")]
-    NoDirection {
-        /// The name of the field.
-        what: &'static str,
-    },
-    /// A direction is not of unit length.
-    #[error("{what} has length {length}; it must be a unit vector, to within {tolerance}")]
-    NotUnitLength {
-        /// The name of the field.
-        what: &'static str,
-        /// The length of the given vector.
-        length: f32,
-        /// How far the length may be from 1.
-        tolerance: f32,
-    },
-    /// A number is zero, negative or NaN.
-    #[error("{what} is {value}; it must be above 0")]
-    NotPositive {
-        /// The name of the field.
-        what: &'static str,
-        /// The given value.
-        value: f32,
-    },
+pub struct ValueError {
+    /// What the number is.
+    pub what: &'static str,
+    /// The given value.
+    pub value: f64,
+    /// What the number must be within its range, if not every number of it is allowed; otherwise empty.
+    pub rule: &'static str,
+    /// The least value allowed.
+    pub min: f64,
+    /// The greatest value allowed.
+    pub max: f64,
 }
 
-impl LightError {
+impl ValueError {
+    pub(crate) const fn new(what: &'static str, value: f64, min: f64, max: f64) -> Self {
+        Self { what, value, rule: "", min, max }
+    }
+
     /// The stable code, see [`error`](self).
     pub fn code(&self) -> u32 {
-        match self {
-            Self::NotFinite { .. } => 100,
-            Self::OutOfRange { .. } => 101,
-            Self::NoDirection { .. } => 102,
-            Self::NotUnitLength { .. } => 103,
-            Self::NotPositive { .. } => 104,
-        }
+        100
     }
 }
 
-/// Why a world or a tree refused a call, which has then changed nothing. Codes 200 to 215, or the
+impl Error for ValueError {}
+
+impl fmt::Display for ValueError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { what, value, rule, min, max } = *self;
+        let comma = if rule.is_empty() { "" } else { ", " };
+        let [value, min, max] = [value, min, max].map(shown);
+        write!(f, "{what} is {value}; it must be {rule}{comma}from {min} to {max}")
+    }
+}
+
+/// A number with the fewest digits that tell it from others of its precision.
+fn shown(value: f64) -> String {
+    let single = value as f32;
+    let is_long = value != 0.0 && !(1.0e-4..1.0e10).contains(&value.abs());
+    match (f64::from(single) == value, is_long) {
+        (true, false) => single.to_string(),
+        (true, true) => format!("{single:?}"),
+        (false, false) => value.to_string(),
+        (false, true) => format!("{value:?}"),
+    }
+}
+
+/// Checks that a number lies in a range. NaN is in none.
+pub(crate) fn check_range(what: &'static str, value: f32, min: f32, max: f32) -> Result<(), ValueError> {
+    if (min..=max).contains(&value) {
+        return Ok(());
+    }
+    Err(ValueError::new(what, value.into(), min.into(), max.into()))
+}
+
+/// Checks that no coordinate of a point is further than `limit` from zero, NaN or infinite.
+pub(crate) fn check_point(what: &'static str, point: DVec3, limit: f64) -> Result<(), ValueError> {
+    match point.to_array().into_iter().find(|value| !(-limit..=limit).contains(value)) {
+        Some(value) => Err(ValueError::new(what, value, -limit, limit)),
+        None => Ok(()),
+    }
+}
+
+/// Why a world or a tree refused a call, which has then changed nothing. Codes 201 to 216, or the
 /// code of the error inside.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum WorldError {
-    /// One light of a list is refused, and with it the whole list.
-    #[error("light {index}: {source}")]
-    Light {
-        /// The light's index: in the given list, or in the tree where the call names lights by
-        /// index.
+    /// A number is not allowed.
+    #[error(transparent)]
+    Value(#[from] ValueError),
+    /// One entry of a list is refused, and with it the whole list: a light, a move, a tree or an instance of a region.
+    #[error("{what} {index}: {source}")]
+    Entry {
+        /// What the entry is.
+        what: &'static str,
+        /// Its index: in the given list, or in the tree where the call names lights by index.
         index: usize,
-        /// What is wrong with the light.
-        source: LightError,
-    },
-    /// A directional light is refused.
-    #[error("directional light: {source}")]
-    Directional {
-        /// What is wrong with the light.
-        source: LightError,
-    },
-    /// A placement is refused.
-    #[error("placement: {0}")]
-    Placement(#[from] PlacementError),
-    /// One move of a list is refused, and with it the whole list.
-    #[error("move {index}: {source}")]
-    Move {
-        /// The index of the move in the given list.
-        index: usize,
-        /// [`WorldError::NoSuchInstance`] or [`WorldError::Placement`].
+        /// What is wrong with it.
         source: Box<WorldError>,
-    },
-    /// A tree of a region is refused, and with it the whole region.
-    #[error("tree {index} of the region: {source}")]
-    RegionTree {
-        /// The index of the tree in the region.
-        index: usize,
-        /// [`WorldError::NoSuchTree`].
-        source: Box<WorldError>,
-    },
-    /// An instance of a region is refused, and with it the whole region.
-    #[error("instance {index} of the region: {source}")]
-    RegionInstance {
-        /// The index of the instance in the region.
-        index: usize,
-        /// [`WorldError::Placement`].
-        source: Box<WorldError>,
-    },
-    /// More lights than a tree can hold.
-    #[error("{given} lights in one tree; the limit is {limit}")]
-    TooManyLights {
-        /// The given number of lights.
-        given: usize,
-        /// The most lights that a tree holds.
-        limit: usize,
     },
     /// The tree has no light of this index.
     #[error("light index {index} in a tree of {count} lights")]
@@ -201,143 +167,33 @@ pub enum WorldError {
     /// cannot change.
     #[error("tree {0:?} is static: every instance of it has Policy::Static")]
     StaticTree(TreeKey),
-    /// A threshold of a policy is not finite or is too small.
-    #[error("policy: {what} is {value}; it must be finite and at least {min}")]
-    Policy {
-        /// The name of the field.
-        what: &'static str,
-        /// The given value.
-        value: f32,
-        /// The least value allowed.
-        min: f32,
-    },
-    /// A coordinate of the viewpoint or of the origin is NaN or infinite.
-    #[error("{what} is {value}, not a finite number")]
-    NotFinite {
-        /// A description of the coordinate.
-        what: &'static str,
-        /// The given value.
-        value: f64,
-    },
-    /// A channel of the factor of an instance is negative, NaN or too large.
-    #[error("a channel of the factor is {value}; it must be from 0 to {limit}")]
-    Factor {
-        /// The given value.
-        value: f32,
-        /// The greatest value allowed.
-        limit: f32,
-    },
     /// A light of the tree has a profile, which kernels on the GPU cannot bound.
     #[error("a light of the tree has a profile; such lights cannot be written on the GPU")]
     ProfileOnGpu,
-    /// The origin does not lie on the grid of the world's [`OriginMode`](crate::OriginMode).
-    #[error("a coordinate of the origin is {value} m; it must be a multiple of {grid} m")]
-    OriginOffGrid {
-        /// The given coordinate, in metres.
-        value: f64,
-        /// [`ORIGIN_GRID`](crate::ORIGIN_GRID).
-        grid: f64,
-    },
-    /// The origin, or the viewpoint that it would follow, is too far from zero for a world whose
-    /// origin lies on a grid.
-    #[error("{what} is {value} m; the limit is {limit} m where the origin lies on a grid")]
-    OriginTooFar {
-        /// A description of the coordinate.
-        what: &'static str,
-        /// The given coordinate, in metres.
-        value: f64,
-        /// The greatest absolute value allowed, in metres.
-        limit: f64,
-    },
 }
 
 impl WorldError {
     /// The stable code, see [`error`](self).
     pub fn code(&self) -> u32 {
         match self {
-            Self::Light { source, .. } | Self::Directional { source } => source.code(),
-            Self::Placement(source) => source.code(),
-            Self::Move { source, .. } | Self::RegionTree { source, .. } | Self::RegionInstance { source, .. } => {
-                source.code()
-            }
-            Self::TooManyLights { .. } => 200,
+            Self::Value(source) => source.code(),
+            Self::Entry { source, .. } => source.code(),
             Self::NoSuchLight { .. } => 201,
             Self::NoSuchTree(_) => 202,
             Self::NoSuchInstance(_) => 203,
             Self::NoSuchDirectional(_) => 204,
             Self::TreeInUse { .. } => 205,
             Self::StaticTree(_) => 206,
-            Self::Policy { .. } => 207,
-            Self::NotFinite { .. } => 208,
-            Self::Factor { .. } => 209,
             Self::RemovedLight { .. } => 210,
             Self::NoSuchRegion(_) => 211,
             Self::NoSuchRegionTree { .. } => 212,
             Self::RegionInUse { .. } => 213,
-            Self::OriginOffGrid { .. } => 214,
-            Self::OriginTooFar { .. } => 215,
             Self::ProfileOnGpu => 216,
         }
     }
-}
-
-/// Checks that no coordinate of a point is NaN or infinite.
-pub(crate) fn check_finite(what: &'static str, point: DVec3) -> Result<(), WorldError> {
-    match point.to_array().into_iter().find(|value| !value.is_finite()) {
-        Some(value) => Err(WorldError::NotFinite { what, value }),
-        None => Ok(()),
-    }
-}
-
-/// Why a placement was refused. Codes 300 to 303.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum PlacementError {
-    /// A number is NaN or infinite.
-    #[error("{what} is {value}, not a finite number")]
-    NotFinite {
-        /// A description of the number.
-        what: &'static str,
-        /// The given value.
-        value: f64,
-    },
-    /// An entry of the linear part is too large.
-    #[error("an entry of the linear part is {value}; the limit is {limit}")]
-    TooLarge {
-        /// The given value.
-        value: f32,
-        /// The greatest absolute value allowed.
-        limit: f32,
-    },
-    /// The translation is too far from the world's origin, see
-    /// [`LightWorld::set_origin`](crate::LightWorld::set_origin).
-    #[error("{distance} m from the world's origin along one axis; the limit is {limit} m")]
-    TooFar {
-        /// The largest distance from the origin along one axis, in metres.
-        distance: f64,
-        /// The greatest distance allowed, in metres.
-        limit: f64,
-    },
-    /// The translation is too far from zero for a world whose origin lies on a grid, see
-    /// [`OriginMode`](crate::OriginMode).
-    #[error("{distance} m from zero along one axis; the limit is {limit} m where the origin lies on a grid")]
-    TooFarFromZero {
-        /// The largest coordinate without its sign, in metres.
-        distance: f64,
-        /// The greatest distance allowed, in metres.
-        limit: f64,
-    },
-}
-
-impl PlacementError {
-    /// The stable code, see [`error`](self).
-    pub fn code(&self) -> u32 {
-        match self {
-            Self::NotFinite { .. } => 300,
-            Self::TooLarge { .. } => 301,
-            Self::TooFar { .. } => 302,
-            Self::TooFarFromZero { .. } => 303,
-        }
+    /// [`WorldError::Entry`].
+    pub(crate) fn entry(what: &'static str, index: usize, source: impl Into<Self>) -> Self {
+        Self::Entry { what, index, source: Box::new(source.into()) }
     }
 }
 
@@ -400,61 +256,8 @@ impl LoadError {
     }
 
     /// [`LoadError::Content`].
-    pub(crate) fn content(what: impl std::fmt::Display, why: impl std::fmt::Display) -> Self {
+    pub(crate) fn content(what: impl fmt::Display, why: impl fmt::Display) -> Self {
         Self::Content { what: what.to_string(), why: why.to_string() }
-    }
-}
-
-/// Why a budget was refused. Code 400.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-#[error("a budget of {millis} milliseconds; it must be a number of at least 0")]
-pub struct BudgetError {
-    /// The given number of milliseconds.
-    pub millis: f64,
-}
-
-impl BudgetError {
-    /// The stable code, see [`error`](self).
-    pub fn code(&self) -> u32 {
-        400
-    }
-}
-
-/// Why [`CutOptions`](crate::CutOptions) or [`VisibilityOptions`](crate::VisibilityOptions) were refused. Codes 1000
-/// and 1001.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum CellError {
-    /// The edge of a cell is out of range, or NaN.
-    #[error("the edge of a cell is {edge} m, outside {min} to {max} m")]
-    Edge {
-        /// The given edge.
-        edge: f32,
-        /// The least edge allowed.
-        min: f32,
-        /// The greatest edge allowed.
-        max: f32,
-    },
-    /// The number of cells is out of range, or no power of two where visibility is learnt.
-    #[error("{cells} cells; their number must be from {min} to {max}, and a power of two where visibility is learnt")]
-    Cells {
-        /// The given number.
-        cells: usize,
-        /// The least number allowed.
-        min: usize,
-        /// The greatest number allowed.
-        max: usize,
-    },
-}
-
-impl CellError {
-    /// The stable code, see [`error`](self).
-    pub fn code(&self) -> u32 {
-        match self {
-            Self::Edge { .. } => 1000,
-            Self::Cells { .. } => 1001,
-        }
     }
 }
 
@@ -549,92 +352,46 @@ mod tests {
 
     use super::*;
 
-    const WHAT: &str = "field";
-
-    fn light_errors() -> [LightError; 5] {
-        [
-            LightError::NotFinite { what: WHAT, value: f32::NAN },
-            LightError::OutOfRange { what: WHAT, value: 3.0, min: 0.0, max: 2.0 },
-            LightError::NoDirection { what: WHAT },
-            LightError::NotUnitLength { what: WHAT, length: 2.0, tolerance: 1.0e-3 },
-            LightError::NotPositive { what: WHAT, value: 0.0 },
-        ]
-    }
-
-    fn placement_errors() -> [PlacementError; 4] {
-        [
-            PlacementError::NotFinite { what: WHAT, value: f64::NAN },
-            PlacementError::TooLarge { value: 3.0, limit: 2.0 },
-            PlacementError::TooFar { distance: 3.0, limit: 2.0 },
-            PlacementError::TooFarFromZero { distance: 3.0, limit: 2.0 },
-        ]
-    }
-
     /// Errors of a world that wrap no other.
-    fn world_errors() -> [WorldError; 16] {
+    fn world_errors() -> [WorldError; 11] {
         [
-            WorldError::TooManyLights { given: 3, limit: 2 },
             WorldError::NoSuchLight { index: 3, count: 2 },
             WorldError::NoSuchTree(TreeKey::default()),
             WorldError::NoSuchInstance(InstanceKey::default()),
             WorldError::NoSuchDirectional(DirectionalKey::default()),
             WorldError::TreeInUse { tree: TreeKey::default(), instances: 1 },
             WorldError::StaticTree(TreeKey::default()),
-            WorldError::Policy { what: WHAT, value: -1.0, min: 0.0 },
-            WorldError::NotFinite { what: WHAT, value: f64::NAN },
-            WorldError::Factor { value: -1.0, limit: 2.0 },
             WorldError::RemovedLight { index: 3 },
             WorldError::NoSuchRegion(RegionKey::default()),
             WorldError::NoSuchRegionTree { index: 3, count: 2 },
             WorldError::RegionInUse { region: RegionKey::default(), tree: TreeKey::default(), instances: 1 },
-            WorldError::OriginOffGrid { value: 3.0, grid: 2.0 },
-            WorldError::OriginTooFar { what: WHAT, value: 3.0, limit: 2.0 },
+            WorldError::ProfileOnGpu,
         ]
     }
 
     #[test]
-    fn all_codes_are_distinct_and_without_gaps_in_the_stated_ranges() {
-        let codes: Vec<u32> = light_errors()
-            .map(|error| error.code())
-            .into_iter()
-            .chain(world_errors().map(|error| error.code()))
-            .chain(placement_errors().map(|error| error.code()))
-            .chain([BudgetError { millis: -1.0 }.code()])
-            .chain([
-                CellError::Edge { edge: 0.0, min: 1.0, max: 2.0 }.code(),
-                CellError::Cells { cells: 3, min: 4, max: 8 }.code(),
-            ])
-            .collect();
-        assert_eq!(codes.iter().collect::<BTreeSet<_>>().len(), codes.len());
-        let expected: Vec<u32> = (100..105).chain(200..216).chain(300..304).chain([400, 1000, 1001]).collect();
-        assert_eq!(codes, expected);
-    }
-
-    #[test]
-    fn an_error_that_wraps_another_has_the_inner_code() {
-        for source in light_errors() {
-            assert_eq!(WorldError::Light { index: 7, source }.code(), source.code());
-            assert_eq!(WorldError::Directional { source }.code(), source.code());
+    fn all_codes_are_distinct_and_an_error_that_wraps_another_has_the_inner_code() {
+        let errors = world_errors();
+        let codes: BTreeSet<u32> = errors.iter().map(WorldError::code).collect();
+        assert_eq!(codes.len(), errors.len());
+        assert!(codes.iter().all(|code| (201..=216).contains(code)));
+        let value = ValueError::new("field", 3.0, 0.0, 2.0);
+        assert_eq!((value.code(), WorldError::from(value).code()), (100, 100));
+        for error in errors {
+            assert_eq!(WorldError::entry("move", 7, error.clone()).code(), error.code());
         }
-        for source in placement_errors() {
-            let error = WorldError::from(source);
-            assert_eq!(error.code(), source.code());
-            let wrapped: [fn(Box<WorldError>) -> WorldError; 3] = [
-                |source| WorldError::Move { index: 7, source },
-                |source| WorldError::RegionTree { index: 7, source },
-                |source| WorldError::RegionInstance { index: 7, source },
-            ];
-            assert!(wrapped.iter().all(|wrap| wrap(Box::new(error.clone())).code() == source.code()));
-        }
+        assert_eq!(WorldError::entry("light", 7, value).to_string(), "light 7: field is 3; it must be from 0 to 2");
     }
 
     #[test]
     fn messages_state_what_was_given_and_what_is_allowed() {
-        let message = |source| WorldError::Directional { source }.to_string();
-        let [_, range, none, length, zero] = light_errors();
-        assert_eq!(message(range), "directional light: field is 3, outside 0 to 2");
-        assert_eq!(message(none), "directional light: field has no direction: its length is 0");
-        assert_eq!(message(length), "directional light: field has length 2; it must be a unit vector, to within 0.001");
-        assert_eq!(message(zero), "directional light: field is 0; it must be above 0");
+        let message = |value, min, max| ValueError::new("field", value, min, max).to_string();
+        assert_eq!(message(f64::from(0.1_f32), 0.2, 1.0), "field is 0.1; it must be from 0.2 to 1");
+        assert_eq!(message(f64::NAN, -1.0e9, 1.0e9), "field is NaN; it must be from -1000000000 to 1000000000");
+        let max = f64::from(f32::MAX);
+        assert_eq!(message(f64::INFINITY, 0.0, max), "field is inf; it must be from 0 to 3.4028235e38");
+        assert_eq!(message(1.0e300, 1.0, 1.0e9 + 0.5), "field is 1e300; it must be from 1 to 1000000000.5");
+        let even = ValueError { rule: "even", ..ValueError::new("field", 3.0, 0.0, 8.0) };
+        assert_eq!(even.to_string(), "field is 3; it must be even, from 0 to 8");
     }
 }

@@ -164,7 +164,7 @@ mod documented;
 mod f64_reference;
 
 pub use effects::{EffectCounts, Effects};
-pub use error::{BudgetError, CellError, LightError, PlacementError, ProfileError, SkyError, WorldError};
+pub use error::{ProfileError, SkyError, ValueError, WorldError};
 #[cfg(feature = "bake")]
 pub use error::LoadError;
 

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::error::WorldError;
+use crate::error::{ValueError, check_range};
 use crate::tree::{Attribute, Attributes};
 
 /// The limit of [`Policy::Ratio`] where the least value since the last rebuild is 0: any value
@@ -69,20 +69,17 @@ pub enum Policy {
 
 impl Policy {
     /// Checks that thresholds are finite numbers within their stated ranges.
-    pub(crate) fn validate(&self) -> Result<(), WorldError> {
-        let check = |what, value: f32, min: f32| {
-            let is_valid = value.is_finite() && value >= min;
-            if is_valid { Ok(()) } else { Err(WorldError::Policy { what, value, min }) }
-        };
+    pub(crate) fn validate(&self) -> Result<(), ValueError> {
+        let check = |what, value, min| check_range(what, value, min, f32::MAX);
         match *self {
             Self::Deviation { deviation, factor, .. } => {
-                check("deviation", deviation, 0.0)?;
-                check("factor", factor, 0.0)
+                check("the deviation of the policy", deviation, 0.0)?;
+                check("the factor of the policy", factor, 0.0)
             }
-            Self::Ratio { factor, .. } => check("factor", factor, 1.0),
+            Self::Ratio { factor, .. } => check("the factor of the policy", factor, 1.0),
             Self::Bounded { floor, ceiling } => {
-                check("floor", floor, 0.0)?;
-                check("ceiling", ceiling, floor)
+                check("the floor of the policy", floor, 0.0)?;
+                check("the ceiling of the policy", ceiling, floor)
             }
             _ => Ok(()),
         }

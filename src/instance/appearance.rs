@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use crate::effects::Effects;
-use crate::error::WorldError;
+use crate::error::{ValueError, check_range};
 use crate::light::luminance;
 
 /// The largest factor of an instance, per channel. The flux of a cluster, which is at most 1e34 lm,
@@ -87,12 +87,9 @@ impl Appearance {
 }
 
 /// Checks that each channel of a factor is a number from 0 to [`MAX_FACTOR`].
-pub(crate) fn check_factor(factor: Vec3) -> Result<(), WorldError> {
-    // NaN is in no range.
-    match factor.to_array().into_iter().find(|channel| !(0.0..=MAX_FACTOR).contains(channel)) {
-        Some(value) => Err(WorldError::Factor { value, limit: MAX_FACTOR }),
-        None => Ok(()),
-    }
+pub(crate) fn check_factor(factor: Vec3) -> Result<(), ValueError> {
+    let what = "a channel of the factor";
+    factor.to_array().into_iter().try_for_each(|channel| check_range(what, channel, 0.0, MAX_FACTOR))
 }
 
 #[cfg(test)]

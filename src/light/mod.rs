@@ -11,7 +11,7 @@ use crate::cluster::bounds::Aabb;
 use crate::cluster::cone::{CAP_PADDING, Cone};
 use crate::cluster::{Cluster, MAX_FLUX};
 use crate::effects::Effects;
-use crate::error::LightError;
+use crate::error::{ValueError, check_range};
 use crate::profile::Profile;
 
 /// Largest absolute value of a coordinate of a position, vertex or half edge, and largest radius,
@@ -231,35 +231,32 @@ impl Light {
     /// are allowed.
     ///
     /// # Errors
-    /// For the first field that is invalid:
-    ///
-    /// - [`LightError::NotFinite`] or [`LightError::OutOfRange`] for a number that is not finite or
-    ///   is outside its range, [`MAX_COORDINATE`] and [`MAX_EMISSION`] included.
-    /// - [`LightError::NotPositive`] for a range that is 0, negative or NaN.
-    /// - [`LightError::NoDirection`] or [`LightError::NotUnitLength`] for a direction or a rotation
-    ///   that is zero or not of unit length (to within 0.001).
+    /// [`ValueError`] for the first number that is not finite or outside its range, [`MAX_COORDINATE`] and
+    /// [`MAX_EMISSION`] included; for a range that is not above 0; and for the length of a direction or a
+    /// rotation that is not 1 to within 0.001.
     ///
     /// For a profile, [`MAX_EMISSION`] limits the product of the emission and the greatest intensity.
-    pub fn validate(&self) -> Result<(), LightError> {
+    pub fn validate(&self) -> Result<(), ValueError> {
         for (what, value) in ["emission.r", "emission.g", "emission.b"].into_iter().zip(self.emission.to_array()) {
-            check_between(what, value, 0.0, MAX_EMISSION)?;
+            check_range(what, value, 0.0, MAX_EMISSION)?;
         }
         if self.range.is_nan() || self.range <= 0.0 {
-            return Err(LightError::NotPositive { what: "range", value: self.range });
+            let range = ValueError::new("range", self.range.into(), 0.0, f64::INFINITY);
+            return Err(ValueError { rule: "above 0", ..range });
         }
         match self.shape {
             Shape::Point { position } => check_point("position", position),
             Shape::Spot { position, direction, inner_angle, outer_angle } => {
                 check_point("position", position)?;
-                check_direction("direction", direction)?;
-                check_between("outer_angle", outer_angle, 0.0, PI)?;
-                check_between("inner_angle", inner_angle, 0.0, outer_angle)
+                check_direction("the length of direction", direction)?;
+                check_range("outer_angle", outer_angle, 0.0, PI)?;
+                check_range("inner_angle", inner_angle, 0.0, outer_angle)
             }
             Shape::Profile { position, rotation, profile } => {
                 check_point("position", position)?;
-                check_unit("rotation", Vec4::from(rotation))?;
+                check_unit("the length of rotation", Vec4::from(rotation))?;
                 let candela = self.emission.max_element() * profile.greatest_candela();
-                check_between("emission times the profile", candela, 0.0, MAX_EMISSION)
+                check_range("emission times the profile", candela, 0.0, MAX_EMISSION)
             }
             Shape::Rectangle { center, half_u, half_v, .. } => {
                 check_point("center", center)?;
@@ -269,7 +266,7 @@ impl Light {
             Shape::Triangle { vertices, .. } => vertices.into_iter().try_for_each(|v| check_point("vertex", v)),
             Shape::Sphere { center, radius } => {
                 check_point("center", center)?;
-                check_between("radius", radius, 0.0, MAX_COORDINATE)
+                check_range("radius", radius, 0.0, MAX_COORDINATE)
             }
         }
     }
@@ -432,16 +429,14 @@ impl DirectionalLight {
     /// Checks whether a world accepts this light.
     ///
     /// # Errors
-    /// For the first field that is invalid, as for [`Light::validate`]: [`LightError::NotFinite`],
-    /// [`LightError::OutOfRange`] (at most [`MAX_EMISSION`]), [`LightError::NoDirection`] or
-    /// [`LightError::NotUnitLength`].
-    pub fn validate(&self) -> Result<(), LightError> {
-        check_direction("direction", self.direction)?;
+    /// [`ValueError`] for the first number that is not allowed, as for [`Light::validate`].
+    pub fn validate(&self) -> Result<(), ValueError> {
+        check_direction("the length of direction", self.direction)?;
         let channels = ["illuminance.r", "illuminance.g", "illuminance.b"];
         channels
             .into_iter()
             .zip(self.illuminance.to_array())
-            .try_for_each(|(what, value)| check_between(what, value, 0.0, MAX_EMISSION))
+            .try_for_each(|(what, value)| check_range(what, value, 0.0, MAX_EMISSION))
     }
 }
 
@@ -516,36 +511,19 @@ fn half_space(u: Vec3, v: Vec3) -> Cone {
     Cone { axis: normal.normalize(), half_angle: 0.5 * PI }
 }
 
-fn check_between(what: &'static str, value: f32, min: f32, max: f32) -> Result<(), LightError> {
-    if !value.is_finite() {
-        return Err(LightError::NotFinite { what, value });
-    }
-    if value < min || value > max {
-        return Err(LightError::OutOfRange { what, value, min, max });
-    }
-    Ok(())
+fn check_point(what: &'static str, p: Vec3) -> Result<(), ValueError> {
+    p.to_array().into_iter().try_for_each(|value| check_range(what, value, -MAX_COORDINATE, MAX_COORDINATE))
 }
 
-fn check_point(what: &'static str, p: Vec3) -> Result<(), LightError> {
-    p.to_array().into_iter().try_for_each(|value| check_between(what, value, -MAX_COORDINATE, MAX_COORDINATE))
-}
-
-fn check_direction(what: &'static str, d: Vec3) -> Result<(), LightError> {
+fn check_direction(what: &'static str, d: Vec3) -> Result<(), ValueError> {
     check_unit(what, d.extend(0.0))
 }
 
-/// Checks that finite numbers are a unit vector.
-fn check_unit(what: &'static str, v: Vec4) -> Result<(), LightError> {
-    v.to_array().into_iter().try_for_each(|value| check_between(what, value, -MAX_COORDINATE, MAX_COORDINATE))?;
-    if v == Vec4::ZERO {
-        return Err(LightError::NoDirection { what });
-    }
-    // In f64: the square of a tiny length would underflow, and the error shows the length.
-    let length = v.as_dvec4().length() as f32;
-    if (length - 1.0).abs() > UNIT_TOLERANCE {
-        return Err(LightError::NotUnitLength { what, length, tolerance: UNIT_TOLERANCE });
-    }
-    Ok(())
+/// Checks that a vector is a unit vector. `what` names its length.
+fn check_unit(what: &'static str, v: Vec4) -> Result<(), ValueError> {
+    // In f64: the square of a tiny length would underflow, and the error shows the length. Of a vector that is
+    // not finite the length is not either.
+    check_range(what, v.as_dvec4().length() as f32, 1.0 - UNIT_TOLERANCE, 1.0 + UNIT_TOLERANCE)
 }
 
 #[cfg(test)]

@@ -212,8 +212,8 @@ fn lamps_have_the_flux_and_the_cone_of_their_profiles() {
     let refused =
         |light: Light, what: &str| assert!(light.validate().expect_err("a flaw").to_string().starts_with(what));
     refused(Light::profile(Vec3::NAN, turn, profile, Vec3::ONE), "position is");
-    refused(Light::profile(Vec3::ONE, turn * 2.0, profile, Vec3::ONE), "rotation has length 2");
-    refused(Light::profile(Vec3::ONE, Quat::from_array([0.0; 4]), profile, Vec3::ONE), "rotation has no direction");
+    refused(Light::profile(Vec3::ONE, turn * 2.0, profile, Vec3::ONE), "the length of rotation is 2");
+    refused(Light::profile(Vec3::ONE, Quat::from_array([0.0; 4]), profile, Vec3::ONE), "the length of rotation is 0");
     let (brightest, most) = (profile.greatest_candela(), crate::light::MAX_EMISSION);
     let factor = |factor: f32| Light::profile(Vec3::ONE, turn, profile, Vec3::splat(factor));
     assert_eq!(factor(0.999 * most / brightest).validate(), Ok(()));

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::error::BudgetError;
+use crate::error::ValueError;
 
 /// The time that one frame may spend on rebuilds, 0.3 ms by default. Refits are mandatory and do
 /// not count against it.
@@ -29,10 +29,10 @@ impl FrameBudget {
     /// [`Duration`] cannot hold, is [`FrameBudget::UNLIMITED`].
     ///
     /// # Errors
-    /// [`BudgetError`] for NaN and for negative values.
-    pub fn from_millis(millis: f64) -> Result<Self, BudgetError> {
+    /// [`ValueError`] for NaN and for negative values.
+    pub fn from_millis(millis: f64) -> Result<Self, ValueError> {
         if millis.is_nan() || millis < 0.0 {
-            return Err(BudgetError { millis });
+            return Err(ValueError::new("a budget in milliseconds", millis, 0.0, f64::INFINITY));
         }
         Ok(Duration::try_from_secs_f64(millis * 1.0e-3).map_or(Self::UNLIMITED, Self))
     }

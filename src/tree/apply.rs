@@ -33,7 +33,7 @@ impl LightTree {
     ///
     /// # Errors
     /// [`WorldError::NoSuchLight`] for an index outside the tree, [`WorldError::RemovedLight`] for
-    /// that of a light that was removed, [`WorldError::Light`] for an invalid light. No light has
+    /// that of a light that was removed, [`WorldError::Entry`] for an invalid light. No light has
     /// then changed.
     pub fn set_lights(&mut self, changes: &[(u32, Light)]) -> Result<(), WorldError> {
         check_indices(changes.iter().map(|(index, _)| *index), self.lights.len(), |index| self.lights.get(index))?;

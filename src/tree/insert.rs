@@ -53,8 +53,8 @@ impl LightTree {
     /// one of which more than a tenth is new.
     ///
     /// # Errors
-    /// [`WorldError::Light`] for the first invalid light, by its index in `lights`;
-    /// [`WorldError::TooManyLights`] for more than [`MAX_LIGHTS`](super::MAX_LIGHTS) indices. No light has then
+    /// [`WorldError::Entry`] for the first invalid light, by its index in `lights`;
+    /// [`WorldError::Value`] for more than [`MAX_LIGHTS`](super::MAX_LIGHTS) indices. No light has then
     /// been added.
     pub fn add_lights(&mut self, lights: &[Light]) -> Result<Vec<u32>, WorldError> {
         check_lights(lights.iter().enumerate())?;

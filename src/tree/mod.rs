@@ -57,7 +57,7 @@ use state::TreeState;
 
 use crate::cluster::{Cluster, Linear};
 use crate::effects::EffectCounts;
-use crate::error::WorldError;
+use crate::error::{ValueError, WorldError};
 use crate::light::Light;
 use crate::rare::Rare;
 
@@ -122,7 +122,7 @@ impl LightTree {
     /// Builds a tree. Lights keep their order. A tree may have no lights.
     ///
     /// # Errors
-    /// [`WorldError::Light`] for the first invalid light, [`WorldError::TooManyLights`] for more
+    /// [`WorldError::Entry`] for the first invalid light, [`WorldError::Value`] for more
     /// than [`MAX_LIGHTS`] lights.
     ///
     /// O(n log n). Source: CK18 4.2-4.4, see `tree/shape`.
@@ -283,7 +283,8 @@ pub(crate) fn check_distinct(indices: &[u32]) -> Result<(), WorldError> {
 }
 
 pub(crate) fn check_light_count(given: usize) -> Result<(), WorldError> {
-    if given > MAX_LIGHTS { Err(WorldError::TooManyLights { given, limit: MAX_LIGHTS }) } else { Ok(()) }
+    let refused = || ValueError::new("the number of lights in one tree", given as f64, 0.0, MAX_LIGHTS as f64);
+    if given > MAX_LIGHTS { Err(refused().into()) } else { Ok(()) }
 }
 
 pub(crate) fn check_lights<'a>(mut lights: impl Iterator<Item = (usize, &'a Light)>) -> Result<(), WorldError> {
@@ -291,7 +292,7 @@ pub(crate) fn check_lights<'a>(mut lights: impl Iterator<Item = (usize, &'a Ligh
 }
 
 fn check_light(index: usize, light: &Light) -> Result<(), WorldError> {
-    light.validate().map_err(|source| WorldError::Light { index, source })
+    light.validate().map_err(|source| WorldError::entry("light", index, source))
 }
 
 #[cfg(test)]
@@ -303,10 +304,8 @@ mod tests {
     #[test]
     fn a_tree_takes_as_many_lights_as_31_bits_can_name_and_no_more() {
         assert!(check_light_count(MAX_LIGHTS).is_ok());
-        assert_eq!(
-            check_light_count(MAX_LIGHTS + 1),
-            Err(WorldError::TooManyLights { given: MAX_LIGHTS + 1, limit: MAX_LIGHTS })
-        );
+        let error = check_light_count(MAX_LIGHTS + 1).expect_err("one too many").to_string();
+        assert_eq!(error, "the number of lights in one tree is 2147483648; it must be from 0 to 2147483647");
     }
 
     #[test]

@@ -31,7 +31,7 @@ pub(crate) use fold::{DOUBT, FIRST, MAX_NEW, MEMORY, MIN_SHARE, PRIOR, RARE, UNI
 pub(crate) use fold::{FULL_SHARE, Known};
 use fold::{fold, mean_code, share_code};
 
-use crate::error::CellError;
+use crate::error::ValueError;
 
 static NEXT_ID: AtomicU64 = AtomicU64::new(1);
 
@@ -65,7 +65,7 @@ pub(crate) const EDGES: [f32; 2] = [0.01, 1.0e4];
 /// let options = VisibilityOptions::new(0.5, 16_384)?;
 /// assert_eq!((options.edge(), options.cells()), (0.5, 16_384));
 /// assert!(VisibilityOptions::new(0.0, 16_384).is_err() && VisibilityOptions::new(0.5, 1000).is_err());
-/// # Ok::<(), girandole::CellError>(())
+/// # Ok::<(), girandole::ValueError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VisibilityOptions {
@@ -83,15 +83,16 @@ impl VisibilityOptions {
     /// of 4 x 4 x 4 cells knows.
     ///
     /// # Errors
-    /// [`CellError`] for an edge outside 0.01 to 10,000 m, and for a number of cells that is not
+    /// [`ValueError`] for an edge outside 0.01 to 10,000 m, and for a number of cells that is not
     /// a power of two from 4 to 16,384.
-    pub const fn new(edge: f32, cells: usize) -> Result<Self, CellError> {
+    pub const fn new(edge: f32, cells: usize) -> Result<Self, ValueError> {
         // NaN is in no range.
         if !(edge >= EDGES[0] && edge <= EDGES[1]) {
-            return Err(CellError::Edge { edge, min: EDGES[0], max: EDGES[1] });
+            return Err(ValueError::new("the edge of a cell", edge as f64, EDGES[0] as f64, EDGES[1] as f64));
         }
         if !(cells.is_power_of_two() && cells >= WAYS && cells <= MAX_CELLS) {
-            return Err(CellError::Cells { cells, min: WAYS, max: MAX_CELLS });
+            let cells = ValueError::new("the number of cells", cells as f64, WAYS as f64, MAX_CELLS as f64);
+            return Err(ValueError { rule: "a power of two", ..cells });
         }
         Ok(Self { edge, cells })
     }

@@ -28,7 +28,7 @@ impl LightWorld {
     /// ```
     ///
     /// # Errors
-    /// [`WorldError::Factor`] for a channel that is negative, NaN or too large;
+    /// [`WorldError::Value`] for a channel that is negative, NaN or too large;
     /// [`WorldError::NoSuchInstance`].
     pub fn set_appearance(&mut self, key: InstanceKey, change: impl FnOnce(&mut Appearance)) -> Result<(), WorldError> {
         let instance = self.scene.instances.get_mut(key).ok_or(WorldError::NoSuchInstance(key))?;

@@ -85,7 +85,7 @@ impl LightWorld {
     ///
     /// # Errors
     /// [`WorldError::NoSuchTree`], [`WorldError::StaticTree`], [`WorldError::NoSuchLight`],
-    /// [`WorldError::RemovedLight`], [`WorldError::Light`].
+    /// [`WorldError::RemovedLight`], [`WorldError::Entry`].
     pub fn set_lights(&mut self, tree: TreeKey, changes: &[(u32, Light)]) -> Result<(), WorldError> {
         self.stage_lights(tree, changes.iter().map(|(index, light)| (*index, light)))
     }
@@ -113,8 +113,8 @@ impl LightWorld {
     /// each light, and amortised the build of O(log n) lights.
     ///
     /// # Errors
-    /// [`WorldError::NoSuchTree`], [`WorldError::StaticTree`], [`WorldError::Light`] with an index in
-    /// `lights`, [`WorldError::TooManyLights`] for more than [`MAX_LIGHTS`](crate::tree::MAX_LIGHTS)
+    /// [`WorldError::NoSuchTree`], [`WorldError::StaticTree`], [`WorldError::Entry`] with an index in
+    /// `lights`, [`WorldError::Value`] for more than [`MAX_LIGHTS`](crate::tree::MAX_LIGHTS)
     /// indices.
     pub fn add_lights(&mut self, tree: TreeKey, lights: &[Light]) -> Result<Vec<u32>, WorldError> {
         self.editable(tree)?;
@@ -206,8 +206,8 @@ impl LightWorld {
     /// lights have the indices of the list. O(n log n).
     ///
     /// # Errors
-    /// [`WorldError::NoSuchTree`], [`WorldError::StaticTree`], [`WorldError::Light`],
-    /// [`WorldError::TooManyLights`].
+    /// [`WorldError::NoSuchTree`], [`WorldError::StaticTree`], [`WorldError::Entry`],
+    /// [`WorldError::Value`].
     pub fn replace_lights(&mut self, tree: TreeKey, lights: Vec<Light>) -> Result<(), WorldError> {
         let reference = self.editable(tree)?.tree.reference().copied();
         let built = LightTree::with_reference(lights, reference)?;
@@ -262,7 +262,7 @@ impl LightWorld {
     /// are in the world: O(n log n).
     ///
     /// # Errors
-    /// [`WorldError::NoSuchTree`], [`WorldError::Placement`], [`WorldError::Policy`].
+    /// [`WorldError::NoSuchTree`], [`WorldError::Value`].
     pub fn add_instance(
         &mut self,
         tree: TreeKey,
@@ -317,7 +317,7 @@ impl LightWorld {
     /// waits for its lights to change.
     ///
     /// # Errors
-    /// [`WorldError::NoSuchInstance`], [`WorldError::Policy`].
+    /// [`WorldError::NoSuchInstance`], [`WorldError::Value`].
     pub fn set_policy(&mut self, key: InstanceKey, policy: Policy) -> Result<(), WorldError> {
         policy.validate()?;
         let instance = self.scene.instances.get_mut(key).ok_or(WorldError::NoSuchInstance(key))?;
@@ -379,7 +379,7 @@ impl LightWorld {
     /// them, in linear time.
     ///
     /// # Errors
-    /// [`WorldError::Directional`].
+    /// [`WorldError::Value`].
     pub fn add_directional(&mut self, light: DirectionalLight) -> Result<DirectionalKey, WorldError> {
         check_directional(&light)?;
         let key = self.scene.directionals.insert(light);
@@ -390,7 +390,7 @@ impl LightWorld {
     /// Changes a directional light, at once. A value that equals the present one changes nothing.
     ///
     /// # Errors
-    /// [`WorldError::NoSuchDirectional`], [`WorldError::Directional`].
+    /// [`WorldError::NoSuchDirectional`], [`WorldError::Value`].
     pub fn set_directional(&mut self, key: DirectionalKey, light: DirectionalLight) -> Result<(), WorldError> {
         check_directional(&light)?;
         let present = self.scene.directionals.get_mut(key).ok_or(WorldError::NoSuchDirectional(key))?;
@@ -508,5 +508,5 @@ impl LightWorld {
 }
 
 fn check_directional(light: &DirectionalLight) -> Result<(), WorldError> {
-    light.validate().map_err(|source| WorldError::Directional { source })
+    Ok(light.validate()?)
 }

@@ -4,7 +4,7 @@ use super::LightWorld;
 use super::delta::Delta;
 use super::log::InstanceChange;
 use super::scene::{Instance, Scene};
-use crate::error::{PlacementError, WorldError};
+use crate::error::{ValueError, WorldError};
 use crate::instance::placement::{Anchor, Placed, Placement};
 use crate::keys::{InstanceKey, slot_of};
 
@@ -20,7 +20,7 @@ impl LightWorld {
     /// A placement that equals the present one changes nothing. O(1).
     ///
     /// # Errors
-    /// [`WorldError::NoSuchInstance`], [`WorldError::Placement`].
+    /// [`WorldError::NoSuchInstance`], [`WorldError::Value`].
     pub fn move_instance(&mut self, key: InstanceKey, placement: impl Into<Placement>) -> Result<(), WorldError> {
         let anchor = self.scene.origin.anchor();
         let instance = self.scene.instances.get_mut(key).ok_or(WorldError::NoSuchInstance(key))?;
@@ -60,11 +60,11 @@ impl LightWorld {
     /// ```
     ///
     /// # Errors
-    /// [`WorldError::Move`], which names the first move that is refused. Moves that do not count
+    /// [`WorldError::Entry`], which names the first move that is refused. Moves that do not count
     /// are checked too.
     pub fn move_instances(&mut self, moves: &[(InstanceKey, Placement)]) -> Result<(), WorldError> {
         if let Some((index, source)) = first_refusal(moves, &self.scene) {
-            return Err(WorldError::Move { index, source: Box::new(source) });
+            return Err(WorldError::entry("move", index, source));
         }
         let mut order = std::mem::take(&mut self.move_order);
         order.extend(moves.iter().zip(0..).map(|((key, _), index)| (slot_of(*key), index)));
@@ -86,7 +86,7 @@ impl LightWorld {
 
 impl Instance {
     /// Puts the instance in a place, as far as its data go.
-    pub(super) fn place(&mut self, placement: &Placement, anchor: Anchor) -> Result<(), PlacementError> {
+    pub(super) fn place(&mut self, placement: &Placement, anchor: Anchor) -> Result<(), ValueError> {
         Placed::move_to(&mut self.placed, &mut self.placement, placement, anchor)
     }
 }

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::error::{WorldError, check_finite};
+use crate::error::{ValueError, check_point};
 use crate::instance::placement::{Anchor, MAX_DISTANCE};
 use crate::instance::sector::{self, ORIGIN_GRID};
 
@@ -57,25 +57,18 @@ impl Origin {
     }
 
     /// The origin at another place, in another mode.
-    pub fn at(mode: OriginMode, position: DVec3) -> Result<Self, WorldError> {
+    pub fn at(mode: OriginMode, position: DVec3) -> Result<Self, ValueError> {
         let what = "a coordinate of the origin";
-        check_finite(what, position)?;
         if mode == OriginMode::Free {
+            check_point(what, position, f64::MAX)?;
             return Ok(Self { mode, position, home: Vec3::ZERO });
         }
-        check_limit(what, position)?;
+        check_point(what, position, MAX_DISTANCE)?;
         if let Some(value) = position.to_array().into_iter().find(|value| value % ORIGIN_GRID != 0.0) {
-            return Err(WorldError::OriginOffGrid { value, grid: ORIGIN_GRID });
+            let coordinate = ValueError::new(what, value, -MAX_DISTANCE, MAX_DISTANCE);
+            return Err(ValueError { rule: "a multiple of 1024", ..coordinate });
         }
         Ok(Self { mode, position, home: position.as_vec3() })
-    }
-}
-
-/// Checks that a point is not too far from zero for an origin on the grid.
-pub(super) fn check_limit(what: &'static str, point: DVec3) -> Result<(), WorldError> {
-    match point.to_array().into_iter().find(|value| value.abs() > MAX_DISTANCE) {
-        Some(value) => Err(WorldError::OriginTooFar { what, value, limit: MAX_DISTANCE }),
-        None => Ok(()),
     }
 }
 

@@ -60,7 +60,7 @@ impl LightTree {
     /// is added with the same linear part. Only the linear part of the placement matters.
     ///
     /// # Errors
-    /// [`WorldError::Placement`], [`WorldError::Light`], [`WorldError::TooManyLights`].
+    /// [`WorldError::Value`] for the placement or too many lights, [`WorldError::Entry`] for a light.
     ///
     /// O(n log n).
     pub fn new_for(lights: Vec<Light>, placement: impl Into<Placement>) -> Result<Self, WorldError> {

@@ -17,20 +17,19 @@ impl LightWorld {
     /// as by [`LightWorld::add_instance`]; [`LightTree::new_for`] makes trees for which that is not so.
     ///
     /// # Errors
-    /// [`WorldError::RegionTree`] for a tree of the world whose key is stale,
-    /// [`WorldError::RegionInstance`] for an instance that is too far from [`LightWorld::origin`].
+    /// [`WorldError::Entry`] for a tree of the world whose key is stale, or for an instance that is too far from [`LightWorld::origin`].
     /// The error names the first invalid tree or, if all are valid, the first invalid instance, by
     /// its index in the region. The region stays as it was, and the world does not change.
     pub fn add_region(&mut self, region: &mut Region) -> Result<RegionKey, WorldError> {
         let anchor = self.scene.origin.anchor();
         for (index, source) in region.trees.iter().enumerate() {
             if let RegionSource::OfWorld(tree) = source {
-                self.entry(*tree).map_err(|source| WorldError::RegionTree { index, source: Box::new(source) })?;
+                self.entry(*tree).map_err(|source| WorldError::entry("tree", index, source))?;
             }
         }
         for (index, (_, Instance { placement, .. })) in region.instances.iter().enumerate() {
             Placed::check(placement, placement, anchor)
-                .map_err(|source| WorldError::RegionInstance { index, source: Box::new(source.into()) })?;
+                .map_err(|source| WorldError::entry("instance", index, source))?;
         }
         let mut view = RegionView::default();
         for source in region.trees.drain(..) {

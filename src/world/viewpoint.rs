@@ -5,9 +5,9 @@ use glam::DVec3;
 use super::LightWorld;
 use super::delta::Delta;
 use super::log::InstanceChange;
-use super::origin::{Origin, OriginMode, check_limit, nearest_origin};
-use crate::error::{WorldError, check_finite};
-use crate::instance::placement::Placed;
+use super::origin::{Origin, OriginMode, nearest_origin};
+use crate::error::{WorldError, check_point};
+use crate::instance::placement::{MAX_DISTANCE, Placed};
 use crate::instance::sector::ORIGIN_GRID;
 use crate::keys::InstanceKey;
 
@@ -33,8 +33,8 @@ impl LightWorld {
     /// [`OriginMode::Free`] is O(instances) and uploads every instance again. Between the other two modes it is O(1).
     ///
     /// # Errors
-    /// [`WorldError::OriginOffGrid`] and [`WorldError::OriginTooFar`] if the new mode does not
-    /// allow the present origin; [`WorldError::Placement`] if an instance would be too far away.
+    /// [`WorldError::Value`] if the new mode does not allow the present origin, or if an instance would be too
+    /// far away.
     pub fn set_origin_mode(&mut self, mode: OriginMode) -> Result<(), WorldError> {
         self.change_origin(mode, self.scene.origin.position)
     }
@@ -49,9 +49,10 @@ impl LightWorld {
     /// next call to [`LightWorld::set_viewpoint`] may move the origin again.
     ///
     /// # Errors
-    /// [`WorldError::NotFinite`] for a coordinate that is NaN or infinite. With
-    /// [`OriginMode::Free`] [`WorldError::Placement`] if an instance would be too far from the
-    /// origin. With the other modes [`WorldError::OriginOffGrid`] and [`WorldError::OriginTooFar`].
+    /// [`WorldError::Value`] for a coordinate that is NaN or infinite. With
+    /// [`OriginMode::Free`] also if an instance would be too far from the
+    /// origin; with the other modes also for a coordinate that is not on the grid, or beyond
+    /// [`MAX_DISTANCE`].
     pub fn set_origin(&mut self, position: DVec3) -> Result<(), WorldError> {
         self.change_origin(self.scene.origin.mode, position)
     }
@@ -81,7 +82,7 @@ impl LightWorld {
         if self.scene.origin.mode != OriginMode::Following {
             return Ok(());
         }
-        check_limit("a coordinate of the viewpoint", viewpoint)?;
+        check_point("a coordinate of the viewpoint", viewpoint, MAX_DISTANCE)?;
         let is_far = (viewpoint - self.scene.origin.position).abs().max_element() > ORIGIN_GRID;
         if is_far { self.set_origin(nearest_origin(viewpoint)) } else { Ok(()) }
     }
@@ -95,11 +96,10 @@ impl LightWorld {
     /// viewpoint is far from it. Call it before the upload in every frame then.
     ///
     /// # Errors
-    /// [`WorldError::NotFinite`] for a coordinate that is NaN or infinite. If the origin follows the
-    /// viewpoint, [`WorldError::OriginTooFar`] for a coordinate beyond
-    /// [`MAX_DISTANCE`](crate::MAX_DISTANCE).
+    /// [`WorldError::Value`] for a coordinate that is NaN or infinite and, if the origin follows the
+    /// viewpoint, for one beyond [`MAX_DISTANCE`].
     pub fn set_viewpoint(&mut self, viewpoint: DVec3) -> Result<(), WorldError> {
-        check_finite("a coordinate of the viewpoint", viewpoint)?;
+        check_point("a coordinate of the viewpoint", viewpoint, f64::MAX)?;
         self.follow(viewpoint)?;
         self.rebuilds.weights.viewpoint = Some(viewpoint);
         Ok(())

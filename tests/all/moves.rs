@@ -6,8 +6,7 @@ use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::{GpuLights, UploadReport};
 use girandole::{
-    FrameBudget, InstanceKey, LightTree, LightWorld, MAX_DISTANCE, OriginMode, Placement, PlacementError, Policy,
-    Revision, WorldError,
+    FrameBudget, InstanceKey, LightTree, LightWorld, MAX_DISTANCE, OriginMode, Placement, Policy, Revision, WorldError,
 };
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -251,8 +250,9 @@ fn a_refused_move_is_named_and_no_other_move_is_done() {
     // Few are done in turn, and many on threads.
     let good = last_ones(&random_moves(&world, &mut Rng(563), 2000));
     let far = Placement::at(DVec3::X * MAX_DISTANCE.next_up());
-    let distance = MAX_DISTANCE.next_up();
-    let too_far = WorldError::Placement(PlacementError::TooFar { distance, limit: MAX_DISTANCE });
+    let key = world.instances().next().expect("some instance");
+    let too_far = world.move_instance(key, far).expect_err("it is too far away");
+    assert!(matches!(&too_far, WorldError::Value(error) if error.value == MAX_DISTANCE.next_up()), "{too_far}");
     let large = Placement { linear: Mat3::from_diagonal(Vec3::MAX), translation: DVec3::ZERO };
     for (at, count) in [(0, 9), (1, 2000), (1600, 2000), (2000, 2000)] {
         let mut refuse = |key, placement, source: WorldError| {
@@ -260,8 +260,9 @@ fn a_refused_move_is_named_and_no_other_move_is_done() {
             // Later moves that are refused, and one that supersedes the refused one, change nothing.
             let first = good[0].0;
             moves.splice(at..at, [(key, placement), (gone, far), (first, large), (first, Placement::IDENTITY)]);
-            assert_eq!(source.code(), WorldError::Move { index: at, source: Box::new(source.clone()) }.code());
-            assert_eq!(world.move_instances(&moves), Err(WorldError::Move { index: at, source: Box::new(source) }));
+            let refused = WorldError::Entry { what: "move", index: at, source: Box::new(source.clone()) };
+            assert_eq!(source.code(), refused.code());
+            assert_eq!(world.move_instances(&moves), Err(refused));
             assert_eq!(update(&mut world)[0], 0);
             assert_eq!(world.revision(), revision);
         };

@@ -193,7 +193,7 @@ fn what_is_wrong_in_itself_is_refused_as_the_region_is_filled_and_leaves_it_as_i
 
     let mut bad = rng.lights(30, 5.0);
     bad[17].emission.y = -1.0;
-    assert!(matches!(LightTree::new(bad), Err(WorldError::Light { index: 17, .. })));
+    assert!(matches!(LightTree::new(bad), Err(WorldError::Entry { index: 17, .. })));
     let mut damaged = LightTree::new(rng.lights(30, 5.0)).expect("valid").bake();
     damaged[900] ^= 4;
     assert_eq!(LightTree::from_baked(&damaged).err().map(|error| error.code()), Some(1102));
@@ -237,17 +237,17 @@ fn a_world_that_refuses_a_region_is_unchanged_names_the_culprit_and_returns_the_
     let instance = RegionInstance::new(stale, far, Policy::Budgeted);
     filled.add_instance(instance).expect("how far it is depends on the world");
     let error = world.add_region(&mut filled).expect_err("a stale key");
-    assert_eq!(error, WorldError::RegionTree { index: 4, source: Box::new(WorldError::NoSuchTree(gone)) });
+    assert_eq!(error, WorldError::Entry { what: "tree", index: 4, source: Box::new(WorldError::NoSuchTree(gone)) });
     assert_eq!(error.code(), 202);
-    assert!(error.to_string().starts_with("tree 4 of the region: no tree"));
+    assert!(error.to_string().starts_with("tree 4: no tree"));
 
     // Without the stale key, the instance that is too far away is refused.
     assert_eq!((filled.tree_count(), filled.instance_count()), (5, 9));
     filled = region(&mut Rng(508), tree);
     let index = filled.add_instance(RegionInstance { tree: first_tree(), ..instance }).expect("valid in itself");
     let error = world.add_region(&mut filled).expect_err("too far");
-    assert!(matches!(&error, WorldError::RegionInstance { index: 8, .. }) && index == 8, "{error}");
-    assert_eq!((error.code(), filled.instance_count()), (302, 9));
+    assert!(matches!(&error, WorldError::Entry { what: "instance", index: 8, .. }) && index == 8, "{error}");
+    assert_eq!((error.code(), filled.instance_count()), (100, 9));
 
     assert_eq!((state(&world), world.revision()), before);
     // Once the origin is nearer, the same region is accepted.

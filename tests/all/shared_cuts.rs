@@ -2,8 +2,8 @@
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::{
-    CellError, CutOptions, CutReport, CutTable, DirectionalLight, FrameBudget, Gloss, Incident, Light, LightSampler,
-    LightTree, LightWorld, Placement, Policy, ShadingPoint, VisibilityTable,
+    CutOptions, CutReport, CutTable, DirectionalLight, FrameBudget, Gloss, Incident, Light, LightSampler, LightTree,
+    LightWorld, Placement, Policy, ShadingPoint, VisibilityTable,
 };
 use rayon::prelude::*;
 
@@ -80,10 +80,11 @@ fn assert_exact(world: &LightWorld, table: &CutTable, at: &[ShadingPoint], rng: 
 fn options_out_of_range_are_refused_and_the_limits_are_accepted() {
     for edge in [0.0, -1.0, f32::NAN, f32::INFINITY, 0.01_f32.next_down(), 1.0e4_f32.next_up(), 1.0e5] {
         let error = CutOptions::new(edge, 64).unwrap_err();
-        assert!(matches!(error, CellError::Edge { min: 0.01, max: 1.0e4, .. }), "{error}");
+        assert!(error.to_string().ends_with("; it must be from 0.01 to 10000"), "{error}");
     }
     for cells in [0, 65_537, 655_360, usize::MAX] {
-        assert_eq!(CutOptions::new(1.0, cells), Err(CellError::Cells { cells, min: 1, max: 65_536 }));
+        let error = CutOptions::new(1.0, cells).unwrap_err();
+        assert!(error.to_string().ends_with("; it must be from 1 to 65536"), "{error}");
     }
     assert!([0.01, 1.0e4].into_iter().all(|edge| CutOptions::new(edge, 1).is_ok()));
     assert!(CutOptions::new(1.0, 65_536).is_ok());

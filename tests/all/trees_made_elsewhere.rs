@@ -275,5 +275,5 @@ fn a_tree_for_a_stretched_instance_keeps_its_division_through_a_file() {
     let with_z = |z| Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 1.0, z)), ..Placement::IDENTITY };
     let hidden = LightTree::new_for(lights.clone(), with_z(0.0)).expect("it hides");
     assert_eq!(hidden.nodes(), plain.nodes());
-    assert!(matches!(LightTree::new_for(lights, with_z(f32::NAN)), Err(WorldError::Placement(_))));
+    assert!(matches!(LightTree::new_for(lights, with_z(f32::NAN)), Err(WorldError::Value(_))));
 }

@@ -6,8 +6,8 @@ use std::time::Duration;
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
 use girandole::{
-    Attribute, DirectionalKey, DirectionalLight, Effects, FrameBudget, InstanceKey, Light, LightError, LightId,
-    LightTree, LightWorld, MAX_FACTOR, Placement, PlacementError, Policy, Revision, ShadingPoint, TreeKey, WorldError,
+    Attribute, DirectionalKey, DirectionalLight, Effects, FrameBudget, InstanceKey, Light, LightId, LightTree,
+    LightWorld, MAX_FACTOR, Placement, Policy, Revision, ShadingPoint, TreeKey, WorldError,
 };
 use proptest::prelude::*;
 use rayon::prelude::*;
@@ -120,20 +120,24 @@ fn a_refused_call_leaves_the_world_as_it_was() {
         assert!(!refusal.to_string().is_empty());
     }
     assert_eq!(fingerprint(&world), before);
-    let is_refused_factor = |refusal: &Option<WorldError>| matches!(refusal, Some(WorldError::Factor { .. }));
+    let is_refused_factor = |refusal: &Option<WorldError>| matches!(refusal, Some(WorldError::Value(error)) if error.what == "a channel of the factor");
     assert!(refusals[26..30].iter().all(is_refused_factor));
-    assert!(matches!(refusals[7], Some(WorldError::Placement(PlacementError::NotFinite { .. }))));
-    assert!(matches!(refusals[0], Some(WorldError::Light { index: 1, .. })));
-    assert!(matches!(refusals[21], Some(WorldError::Directional { source: LightError::NoDirection { .. } })));
-    assert!(matches!(refusals[23], Some(WorldError::NotFinite { value, .. }) if value.is_nan()));
-    assert!(matches!(refusals[24], Some(WorldError::NotFinite { value: f64::INFINITY, .. })));
-    assert!(matches!(refusals[25], Some(WorldError::Directional { source: LightError::NotUnitLength { .. } })));
+    assert!(matches!(refusals[0], Some(WorldError::Entry { what: "light", index: 1, .. })));
+    let value = |index: usize| match refusals[index] {
+        Some(WorldError::Value(error)) => (error.what, error.value),
+        ref other => panic!("call {index}: {other:?}"),
+    };
+    assert!(value(7).0 == "an entry of the linear part" && value(7).1.is_nan());
+    assert_eq!(value(21), ("the length of direction", 0.0));
+    assert!(value(23).0 == "a coordinate of the origin" && value(23).1.is_nan());
+    assert_eq!(value(24), ("a coordinate of the viewpoint", f64::INFINITY));
+    assert_eq!(value(25), ("the length of direction", 2.0));
 }
 
 #[test]
 fn an_empty_world_refuses_an_origin_that_is_not_finite() {
     let mut world = LightWorld::new();
-    assert!(matches!(world.set_origin(DVec3::NAN), Err(WorldError::NotFinite { .. })));
+    assert!(matches!(world.set_origin(DVec3::NAN), Err(WorldError::Value(_))));
     let tree = world.add_tree(LightTree::new(vec![lamp(0.0)]).expect("valid"));
     world.add_instance(tree, at(1.0), Policy::Static).expect("valid");
 }

@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use ::gltf::khr_lights_punctual::{self, Kind};
 use ::gltf::{Material, Mesh, Node, Primitive};
-use girandole::{DirectionalLight, Light, LightError, Placement, Profile};
+use girandole::{DirectionalLight, Light, Placement, Profile, ValueError};
 use glam::{DAffine3, Quat, Vec3};
 
 use super::emissive::{EmissiveTexture, TextureKey, Textures, coverage};
@@ -343,6 +343,6 @@ impl<'a> Surface<'a> {
 }
 
 /// A light of a document has an invalid value.
-fn light_error(owner: &str, error: LightError) -> AssetError {
+fn light_error(owner: &str, error: ValueError) -> AssetError {
     invalid(format!("{owner}: {error}"))
 }

@@ -169,7 +169,7 @@ fn errors_name_the_element_by_its_index() {
     says(short, "accessor 6 reads up to byte 300, but its buffer has 295 bytes");
     let far = text.replace("[-3.0, 1.0, 0.0]", "[-3e12, 1.0, 0.0]");
     let far = load_into(&mut world, &far, binary(), &GltfOptions::default());
-    assert!(matches!(far, Err(AssetError::World { node: 6, source: WorldError::Placement(_) })), "{far:?}");
+    assert!(matches!(far, Err(AssetError::World { node: 6, source: WorldError::Value(_) })), "{far:?}");
 }
 
 #[test]

@@ -289,13 +289,10 @@ typedef struct GirandoleShadingPoint {
 // girandole_last_error_message returns a sentence about it.
 //
 // Codes of the library:
-//   100 to 199  a light is refused
+//   100         a number is not allowed; the message says what is
 //   200 to 299  the world refuses a call, for example because of a stale key
-//   300 to 399  a placement is refused
-//   400         a time budget is negative or NaN
 //   600 to 699  plans for the GPU
 //   700         a file is not valid, or an image or its place on a surface; the message names the line of a profile
-//   1000 to 1001  the edge or the number of cells is out of range
 //   1100 to 1199  bytes are no baked tree, or not a sound one
 //   1300 to 1399  the pixels of a sky are refused, there is none, or portals are refused
 typedef int32_t GirandoleStatus;

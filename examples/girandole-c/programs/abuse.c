@@ -91,16 +91,16 @@ static void edits(GirandoleWorld *world, uint64_t tree, uint64_t instance)
     EXPECT(100, girandole_world_add_tree(world, &bad[0], 1, &key));
     EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_add_tree(world, &bad[1], 1, &key));
     EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_add_tree(world, &bad[2], 1, &key));
-    EXPECT(104, girandole_world_add_tree(world, &bad[3], 1, &key));
-    EXPECT(102, girandole_world_add_tree(world, &bad[4], 1, &key));
-    EXPECT(101, girandole_world_add_tree(world, &bad[5], 1, &key));
+    EXPECT(100, girandole_world_add_tree(world, &bad[3], 1, &key));
+    EXPECT(100, girandole_world_add_tree(world, &bad[4], 1, &key));
+    EXPECT(100, girandole_world_add_tree(world, &bad[5], 1, &key));
     /* A good light before a bad one. */
     bad[4] = good;
-    EXPECT(101, girandole_world_add_tree(world, &bad[4], 2, &key));
-    EXPECT(101, girandole_world_add_lights(world, tree, &bad[4], 2, index));
-    EXPECT(101, girandole_world_replace_lights(world, tree, &bad[4], 2));
+    EXPECT(100, girandole_world_add_tree(world, &bad[4], 2, &key));
+    EXPECT(100, girandole_world_add_lights(world, tree, &bad[4], 2, index));
+    EXPECT(100, girandole_world_replace_lights(world, tree, &bad[4], 2));
     index[0] = 0, index[1] = 1;
-    EXPECT(101, girandole_world_set_lights(world, tree, index, &bad[4], 2));
+    EXPECT(100, girandole_world_set_lights(world, tree, index, &bad[4], 2));
     EXPECT(GIRANDOLE_ERROR_NO_SUCH_LIGHT, girandole_world_set_lights(world, tree, &beyond, &good, 1));
     EXPECT(GIRANDOLE_ERROR_NO_SUCH_LIGHT, girandole_world_remove_lights(world, tree, &beyond, 1));
     index[1] = 0;
@@ -120,22 +120,22 @@ static void edits(GirandoleWorld *world, uint64_t tree, uint64_t instance)
     EXPECT(GIRANDOLE_ERROR_NO_SUCH_TREE, girandole_world_remove_tree(world, UINT64_MAX));
     EXPECT(GIRANDOLE_ERROR_NO_SUCH_TREE, girandole_world_remove_tree(world, tree & 0xffffffffu));
     EXPECT(GIRANDOLE_ERROR_NO_SUCH_INSTANCE, girandole_world_remove_instance(world, 0));
-    EXPECT(300, girandole_world_add_instance(world, tree, &nowhere, NULL, &key));
-    EXPECT(300, girandole_world_move_instance(world, instance, &nowhere));
+    EXPECT(100, girandole_world_add_instance(world, tree, &nowhere, NULL, &key));
+    EXPECT(100, girandole_world_move_instance(world, instance, &nowhere));
     flat.axes[1] = none;
     EXPECT(GIRANDOLE_OK, girandole_world_move_instance(world, instance, &flat));
     EXPECT(GIRANDOLE_OK, girandole_world_move_instance(world, instance, &place));
     moved[0] = instance, moved[1] = 0, places[0] = place, places[1] = place;
     EXPECT(GIRANDOLE_ERROR_NO_SUCH_INSTANCE, girandole_world_move_instances(world, moved, places, 2));
     moved[1] = instance, places[1] = nowhere;
-    EXPECT(300, girandole_world_move_instances(world, moved, places, 2));
+    EXPECT(100, girandole_world_move_instances(world, moved, places, 2));
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_move_instances(world, moved, NULL, 2));
     EXPECT(GIRANDOLE_OK, girandole_world_move_instances(world, NULL, NULL, 0));
     EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_set_policy(world, instance, &policy));
-    EXPECT(207, girandole_world_set_policy(world, instance, &ratio));
+    EXPECT(100, girandole_world_set_policy(world, instance, &ratio));
     EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_add_instance(world, tree, &place, &policy, &key));
     EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_set_enabled(world, instance, 2));
-    EXPECT(209, girandole_world_set_factor(world, instance, negative));
+    EXPECT(100, girandole_world_set_factor(world, instance, negative));
     EXPECT(GIRANDOLE_ERROR_NO_SUCH_INSTANCE, girandole_world_instance_slot(world, 1, &slot));
     REQUIRE(slot == 7);
 
@@ -162,16 +162,16 @@ static void edits(GirandoleWorld *world, uint64_t tree, uint64_t instance)
     EXPECT(GIRANDOLE_ERROR_NO_SUCH_TREE, girandole_world_tree_lights(world, stale_tree, &count, &other));
     REQUIRE(count == 7 && other == 7);
 
-    EXPECT(400, girandole_world_update(world, NAN, NULL));
-    EXPECT(400, girandole_world_update(world, -1.0, NULL));
-    EXPECT(208, girandole_world_set_origin(world, nan3));
-    EXPECT(302, girandole_world_set_origin(world, far));
-    EXPECT(208, girandole_world_set_viewpoint(world, nan3));
+    EXPECT(100, girandole_world_update(world, NAN, NULL));
+    EXPECT(100, girandole_world_update(world, -1.0, NULL));
+    EXPECT(100, girandole_world_set_origin(world, nan3));
+    EXPECT(100, girandole_world_set_origin(world, far));
+    EXPECT(100, girandole_world_set_viewpoint(world, nan3));
     EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_set_origin_mode(world, 3));
     EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_set_sampling(world, 8));
     EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_set_background_builds(world, 2));
     moon.direction = none, moon.illuminance = none;
-    EXPECT(102, girandole_world_add_directional(world, &moon, &key));
+    EXPECT(100, girandole_world_add_directional(world, &moon, &key));
     EXPECT(GIRANDOLE_ERROR_NO_SUCH_DIRECTIONAL, girandole_world_remove_directional(world, 1));
     EXPECT(1100, girandole_world_add_baked(world, (const uint8_t *)"not a tree, but long enough", 27, &key));
     EXPECT(1100, girandole_world_add_baked(world, NULL, 0, &key));
@@ -240,9 +240,9 @@ static void plans(GirandoleWorld *world)
     size_t count = 0;
 
     EXPECT(GIRANDOLE_OK, girandole_world_create(&other_world));
-    EXPECT(1000, girandole_planner_create(NULL, &cuts, &planner));
+    EXPECT(100, girandole_planner_create(NULL, &cuts, &planner));
     cuts.edge = 0.25f, cuts.cells = 65537;
-    EXPECT(1001, girandole_planner_create(NULL, &cuts, &planner));
+    EXPECT(100, girandole_planner_create(NULL, &cuts, &planner));
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_planner_create(NULL, NULL, NULL));
     REQUIRE(planner == NULL);
     EXPECT(GIRANDOLE_OK, girandole_planner_create(NULL, NULL, &planner));
@@ -460,7 +460,7 @@ static void regions(GirandoleWorld *world)
 
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_region_create(NULL));
     EXPECT(GIRANDOLE_OK, girandole_region_create(&region));
-    EXPECT(101, girandole_region_add_tree(region, &bad, 1, &tree));
+    EXPECT(100, girandole_region_add_tree(region, &bad, 1, &tree));
     EXPECT(1100, girandole_region_add_baked(region, NULL, 0, &tree));
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_region_add_tree(NULL, &good, 1, &tree));
     instance = girandole_region_instance(0, girandole_placement_at(0.0, 0.0, 0.0));
@@ -542,7 +542,7 @@ static void textures(void)
     list[1] = sign, list[1].white.emission.y = NAN;
     EXPECT(100, girandole_texture_lights(&image, list, 2, &light));
     list[1] = sign, list[1].white.range = 0.0f;
-    EXPECT(104, girandole_texture_lights(&image, list, 2, &light));
+    EXPECT(100, girandole_texture_lights(&image, list, 2, &light));
     list[1] = sign, list[1].tex_coords[2].x = INFINITY;
     EXPECT(700, girandole_texture_lights(&image, list, 2, &light));
     REQUIRE(count == 7 && part.white.range == 77.0f && light.emission.x == 77.0f);

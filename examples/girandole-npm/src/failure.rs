@@ -1,7 +1,7 @@
 //! Refusals as errors of JavaScript, with the library's message and code.
 
 use girandole::plan::PlanError;
-use girandole::{BudgetError, CellError, SkyError, WorldError};
+use girandole::{SkyError, ValueError, WorldError};
 use js_sys::{Error, Reflect};
 use wasm_bindgen::JsValue;
 
@@ -25,7 +25,7 @@ macro_rules! coded {
     )*};
 }
 
-coded!(BudgetError CellError PlanError SkyError WorldError);
+coded!(PlanError SkyError ValueError WorldError);
 
 impl From<Failure> for JsValue {
     fn from(failure: Failure) -> Self {

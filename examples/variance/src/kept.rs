@@ -22,7 +22,7 @@ const FRAMES: [usize; 7] = [0, 1, 6, 15, 30, 60, 120];
 
 /// Measures a city, and writes the table.
 pub fn run(size: Size, count: usize, effort: Effort, out: &Path) -> Result<(), SceneError> {
-    let refused = |error: girandole::CellError| SceneError(error.to_string());
+    let refused = |error: girandole::ValueError| SceneError(error.to_string());
     let mut stage = procedural::stage(&CityOptions { size, cars: None, seed: 1, lamp_profile: None })?;
     stage.remove_directionals()?;
     let points = shading_points(&stage.scene, &CITY_BOUNDS, count)?;

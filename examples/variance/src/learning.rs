@@ -9,7 +9,7 @@ use super::shadow_oracle::receivers::{Receiver, receivers};
 use girandole::glam::{Vec3, vec3};
 use girandole::light::luminance;
 use girandole::{
-    CellError, CutOptions, CutTable, Incident, LightId, LightSampler, ShadingPoint, VisibilityOptions, VisibilityTable,
+    CutOptions, CutTable, Incident, LightId, LightSampler, ShadingPoint, ValueError, VisibilityOptions, VisibilityTable,
 };
 use rayon::prelude::*;
 use std::f32::consts::TAU;
@@ -118,7 +118,7 @@ impl Learner<'_> {
     }
 
     /// The cells of all receivers, built for what a sampler knows.
-    fn cuts(&self, sampler: LightSampler<'_>) -> Result<CutTable, CellError> {
+    fn cuts(&self, sampler: LightSampler<'_>) -> Result<CutTable, ValueError> {
         let points: Vec<ShadingPoint> = self.receivers.iter().map(|receiver| receiver.shading_point).collect();
         let mut cuts = shared_cuts::marked(&self.place.world, &points, CUT_EDGE)?;
         cuts.build(sampler);
@@ -212,7 +212,7 @@ impl Learner<'_> {
     }
 }
 
-fn refused(error: CellError) -> SceneError {
+fn refused(error: ValueError) -> SceneError {
     SceneError(error.to_string())
 }
 

@@ -5,8 +5,8 @@ use super::effort::Effort;
 use girandole::glam::{DVec3, Mat3, Vec3, vec3};
 use girandole::light::luminance;
 use girandole::{
-    CellError, CutOptions, CutTable, FrameBudget, LightId, LightSampler, LightWorld, Placement, Portal, ShadingPoint,
-    Sky, SkyError, VisibilityOptions, VisibilityTable,
+    CutOptions, CutTable, FrameBudget, LightId, LightSampler, LightWorld, Placement, Portal, ShadingPoint, Sky,
+    SkyError, ValueError, VisibilityOptions, VisibilityTable,
 };
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -92,12 +92,12 @@ fn sigmas(sampler: &LightSampler<'_>, at: &ShadingPoint, texels: &[Texel]) -> Op
     (mean > 0.0).then(|| [squares, squares * all].map(|squares| (squares / (mean * mean) - 1.0).max(0.0).sqrt()))
 }
 
-fn refused(error: CellError) -> SceneError {
+fn refused(error: ValueError) -> SceneError {
     SceneError(error.to_string())
 }
 
 /// The cells of points, built for what a sampler knows.
-fn cuts(sampler: LightSampler<'_>, points: &[ShadingPoint]) -> Result<CutTable, CellError> {
+fn cuts(sampler: LightSampler<'_>, points: &[ShadingPoint]) -> Result<CutTable, ValueError> {
     let mut cuts = CutTable::new(CutOptions::new(CUT_EDGE, 1 << 12)?.with_min_marks(1));
     let marker = sampler.with_cuts(&cuts);
     points.iter().for_each(|at| marker.mark(at));
@@ -106,7 +106,7 @@ fn cuts(sampler: LightSampler<'_>, points: &[ShadingPoint]) -> Result<CutTable, 
 }
 
 /// One frame: points of the room take a sample each, and record whether it leaves through the window.
-fn teach(world: &LightWorld, table: &mut VisibilityTable, frame: u64, count: usize) -> Result<(), CellError> {
+fn teach(world: &LightWorld, table: &mut VisibilityTable, frame: u64, count: usize) -> Result<(), ValueError> {
     let points = points(count, 100 + frame);
     let sampler = world.sampler().with_visibility(table);
     let cuts = cuts(sampler, &points)?;

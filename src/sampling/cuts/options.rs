@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::error::CellError;
+use crate::error::ValueError;
 use crate::sampling::cuts::cell::{Camera, CutGrid};
 
 /// The largest number of cells of [`CutOptions`]. Their cuts take 106 MB.
@@ -21,7 +21,7 @@ pub(crate) const PIXELS: f32 = 16.0;
 /// let options = CutOptions::new(0.25, 16_384)?.with_min_marks(32);
 /// assert_eq!((options.edge(), options.cells(), options.min_marks()), (0.25, 16_384, 32));
 /// assert!(CutOptions::new(0.0, 16_384).is_err() && CutOptions::new(0.25, 0).is_err());
-/// # Ok::<(), girandole::CellError>(())
+/// # Ok::<(), girandole::ValueError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CutOptions {
@@ -37,14 +37,14 @@ impl CutOptions {
     /// default is 0.25 m and 32,768 cells, which take 1.6 kB each.
     ///
     /// # Errors
-    /// [`CellError`] for an edge outside 0.01 to 10,000 m, and for 0 or more than 65,536 cells.
-    pub const fn new(edge: f32, cells: usize) -> Result<Self, CellError> {
+    /// [`ValueError`] for an edge outside 0.01 to 10,000 m, and for 0 or more than 65,536 cells.
+    pub const fn new(edge: f32, cells: usize) -> Result<Self, ValueError> {
         // NaN is in no range.
         if !(edge >= EDGES[0] && edge <= EDGES[1]) {
-            return Err(CellError::Edge { edge, min: EDGES[0], max: EDGES[1] });
+            return Err(ValueError::new("the edge of a cell", edge as f64, EDGES[0] as f64, EDGES[1] as f64));
         }
         if cells == 0 || cells > MAX_CELLS {
-            return Err(CellError::Cells { cells, min: 1, max: MAX_CELLS });
+            return Err(ValueError::new("the number of cells", cells as f64, 1.0, MAX_CELLS as f64));
         }
         Ok(Self { edge, cells, min_marks: 8 })
     }

@@ -216,6 +216,6 @@ mod tests {
         assert_eq!(refused(&sphere), expected);
         let dim = encode(&Light::point(Vec3::ONE, -Vec3::ONE));
         let error = refused(&dim).expect("a light does not take light away").to_string();
-        assert!(error.starts_with("light 7: emission.r is -1, outside 0 to "), "{error}");
+        assert!(error.starts_with("light 7: emission.r is -1; it must be from 0 to "), "{error}");
     }
 }

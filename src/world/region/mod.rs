@@ -143,8 +143,7 @@ impl Region {
     /// not made for the instance is rebuilt now. A tree of the world is rebuilt when the region is added.
     ///
     /// # Errors
-    /// [`WorldError::NoSuchRegionTree`], [`WorldError::Policy`], [`WorldError::Factor`],
-    /// [`WorldError::Placement`]. How far the placement is from the world's origin is checked when
+    /// [`WorldError::NoSuchRegionTree`], [`WorldError::Value`]. How far the placement is from the world's origin is checked when
     /// the region is added.
     pub fn add_instance(&mut self, instance: RegionInstance) -> Result<usize, WorldError> {
         let RegionInstance { tree: RegionTree(index), placement, policy, appearance } = instance;

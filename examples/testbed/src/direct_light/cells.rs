@@ -5,7 +5,7 @@ use super::view::{Surface, View};
 use crate::common::hash::pcg4d;
 use crate::scene::{Camera, Material, Scene};
 use girandole::{
-    CellError, CutOptions, CutTable, LightSample, LightSampler, LightWorld, ShadingPoint, VisibilityOptions,
+    CutOptions, CutTable, LightSample, LightSampler, LightWorld, ShadingPoint, ValueError, VisibilityOptions,
     VisibilityTable,
 };
 use rayon::prelude::*;
@@ -44,7 +44,7 @@ pub struct Cells {
 
 impl Cells {
     /// Cells that know nothing yet.
-    pub fn new(settings: CellSettings) -> Result<Self, CellError> {
+    pub fn new(settings: CellSettings) -> Result<Self, ValueError> {
         let options = settings.taught.map(|_| VisibilityOptions::new(LEARNT.0, LEARNT.1)).transpose()?;
         Ok(Self { settings, cuts: CutTable::new(CutOptions::default()), learnt: options.map(VisibilityTable::new) })
     }
@@ -138,7 +138,7 @@ impl<'a> SharedCells<'a> {
         world: &'a LightWorld,
         (view, scene): (&'a View, &'a Scene),
         settings: CellSettings,
-    ) -> Result<Self, CellError> {
+    ) -> Result<Self, ValueError> {
         let mut cells = Cells::new(settings)?;
         cells.set_view(world, &scene.camera, (view.pixels.len() / view.width) as f32, EDGE);
         Ok(Self { world, view, scene, cells })

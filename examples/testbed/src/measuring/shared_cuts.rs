@@ -2,7 +2,7 @@
 
 use crate::scene::rng::Rng;
 use girandole::glam::Vec3;
-use girandole::{CellError, CutOptions, CutTable, LightWorld, ShadingPoint};
+use girandole::{CutOptions, CutTable, LightWorld, ShadingPoint, ValueError};
 use std::time::Instant;
 
 /// The points that are marked around each shading point: as many pixels as a cell has in a picture.
@@ -15,7 +15,7 @@ const SEED: u64 = 2_024;
 /// A table with the cells of all shading points, each with an edge of `edge` metres and built for
 /// neighbours that lie in the plane of the point's surface, or around a point in a volume. Glossy points
 /// are seen by one camera, which stands where the view of the first of them ends.
-pub fn table(world: &LightWorld, shading_points: &[ShadingPoint], edge: f32) -> Result<CutTable, CellError> {
+pub fn table(world: &LightWorld, shading_points: &[ShadingPoint], edge: f32) -> Result<CutTable, ValueError> {
     let mut table = marked(world, shading_points, edge)?;
     table.build(world.sampler());
     Ok(table)
@@ -27,7 +27,7 @@ pub fn build_time(
     shading_points: &[ShadingPoint],
     edge: f32,
     rounds: usize,
-) -> Result<f64, CellError> {
+) -> Result<f64, ValueError> {
     let mut least = f64::INFINITY;
     for _ in 0..rounds {
         let mut table = marked(world, shading_points, edge)?;
@@ -39,7 +39,7 @@ pub fn build_time(
 }
 
 /// The table before the build.
-pub fn marked(world: &LightWorld, shading_points: &[ShadingPoint], edge: f32) -> Result<CutTable, CellError> {
+pub fn marked(world: &LightWorld, shading_points: &[ShadingPoint], edge: f32) -> Result<CutTable, ValueError> {
     let eye = shading_points.iter().find_map(|at| Some(at.position + at.gloss?.view));
     // With pixels that are so small, all cells have the least edge.
     let options_edge = if eye.is_some() { SMALLEST * edge } else { edge };

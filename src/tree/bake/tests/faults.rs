@@ -133,7 +133,7 @@ fn values_that_are_never_written_are_refused_although_the_checksum_is_right() {
         put(bytes, third + 4, f32::INFINITY.to_bits());
         put(bytes, third + 2 * size_of::<Record>(), 99);
     });
-    assert_eq!(error.to_string(), "light 2: position is inf, not a finite number");
+    assert_eq!(error.to_string(), "light 2: position is inf; it must be from -1000000000 to 1000000000");
     assert_eq!(error.code(), 1104);
 }
 
