@@ -164,9 +164,9 @@ mod documented;
 mod f64_reference;
 
 pub use effects::{EffectCounts, Effects};
-pub use error::{ProfileError, SkyError, ValueError, WorldError};
 #[cfg(feature = "bake")]
 pub use error::LoadError;
+pub use error::{ProfileError, SkyError, ValueError, WorldError};
 
 pub use glam;
 pub use instance::appearance::{Appearance, MAX_FACTOR};

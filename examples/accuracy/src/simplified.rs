@@ -10,11 +10,8 @@ use std::f32::consts::FRAC_PI_2;
 use testbed::scene::SceneError;
 
 /// The effects of lights that can be left out, and their names in tables.
-pub const LIGHT_EFFECTS: [(Effects, &str); 3] = [
-    (Effects::CONES, "cones"),
-    (Effects::RANGES, "ranges"),
-    (Effects::AREAS, "areas"),
-];
+pub const LIGHT_EFFECTS: [(Effects, &str); 3] =
+    [(Effects::CONES, "cones"), (Effects::RANGES, "ranges"), (Effects::AREAS, "areas")];
 
 /// A copy of a world whose lights lack an effect.
 pub fn without(world: &LightWorld, effect: Effects) -> Result<LightWorld, SceneError> {

@@ -3,7 +3,6 @@
 use glam::{DVec3, Mat3, Quat, Vec3};
 
 use super::*;
-use crate::error::LoadError;
 use crate::file::seal;
 use crate::keys::{InstanceKey, LightId, TreeKey};
 use crate::light::{DirectionalLight, Light};
@@ -12,7 +11,7 @@ use crate::profile::tests::{of_degrees, street_lamp};
 use crate::tree::testing::Rng;
 use crate::tree::{Attribute, LightTree};
 use crate::world::{LightWorld, OriginMode, TreeSource};
-use crate::{FrameBudget, Placement, Policy, ShadingPoint, Sky, WorldError};
+use crate::{FrameBudget, Placement, Policy, ShadingPoint, Sky};
 
 fn lamps(rng: &mut Rng, count: usize, reach: f32) -> Vec<Light> {
     (0..count).map(|_| Light::point(rng.position(reach), Vec3::splat(rng.between(0.5, 5.0)))).collect()
