@@ -14,6 +14,7 @@ use glam::Vec3;
 
 use crate::light::luminance;
 use crate::math::dice::U_STEP;
+use crate::math::parallel::for_each_chunk;
 
 /// The largest number of a shared exponent, with nine bits for a channel.
 const MAX_SHARED: f32 = 65_408.0;
@@ -45,7 +46,6 @@ type Change = (u64, [usize; 2], [usize; 2]);
 static NEXT_REVISION: AtomicU64 = AtomicU64::new(1);
 
 /// Blocks in rows are shared among threads from this number on.
-#[cfg(feature = "parallel")]
 const MIN_SHARED_BLOCKS: usize = 1 << 12;
 
 /// Changes that are told apart; readers of older revisions read everything.
@@ -271,18 +271,16 @@ impl Levels {
         let (below, blocks) = self.blocks.split_at_mut(start);
         let rows = first[1] / 4..end[1].div_ceil(4);
         let blocks = &mut blocks[rows.start * in_row..rows.end * in_row];
-        let of_row = |(row, blocks): (usize, &mut [Block])| {
+        let of_row = |row: usize, blocks: &mut [Block]| {
             let y = 4 * (rows.start + row);
             for y in y.max(first[1])..(y + 4).min(end[1]) {
                 (first[0]..end[0]).for_each(|x| *blocks[x / 4].word([x, y]) = word(below, [x, y]));
             }
         };
-        #[cfg(feature = "parallel")]
         if blocks.len() >= MIN_SHARED_BLOCKS {
-            use rayon::prelude::*;
-            return blocks.par_chunks_mut(in_row).enumerate().for_each(of_row);
+            return for_each_chunk(blocks, in_row, of_row);
         }
-        blocks.chunks_mut(in_row).enumerate().for_each(of_row);
+        blocks.chunks_mut(in_row).enumerate().for_each(|(row, blocks)| of_row(row, blocks));
     }
 
     /// The quad of a stored level below the square `at` of the level above it.

@@ -19,6 +19,7 @@ use glam::Vec3;
 
 use crate::error::SkyError;
 use crate::light::{Light, MAX_EMISSION};
+use crate::math::parallel::map_chunks;
 use levels::{Levels, in_order};
 use patches::{Known, Patch};
 use resampled::resampled;
@@ -268,14 +269,7 @@ fn greatest(pixels: &[Vec3]) -> Result<f32, SkyError> {
         });
         most[0].max(most[1]).max(most[2])
     };
-    #[cfg(feature = "parallel")]
-    let most = {
-        use rayon::prelude::*;
-        pixels.par_chunks(PIXELS_OF_A_TASK).map(of_part).max()
-    };
-    #[cfg(not(feature = "parallel"))]
-    let most = pixels.chunks(PIXELS_OF_A_TASK).map(of_part).max();
-    let greatest = most.unwrap_or(0);
+    let greatest = map_chunks(pixels, PIXELS_OF_A_TASK, of_part).into_iter().max().unwrap_or(0);
     if greatest <= MAX_EMISSION.to_bits() {
         return Ok(f32::from_bits(greatest));
     }

@@ -1,6 +1,6 @@
 //! The patches of a map: squares of texels, small where much light comes from.
 
-use std::cmp::Ordering;
+use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
 
 use glam::Vec3;
@@ -33,33 +33,9 @@ pub(super) struct Patch {
     pub radius: f32,
 }
 
-/// A patch by what is gained if it is cut.
-struct Candidate {
-    gain: f32,
-    patch: Patch,
-}
-
-impl Ord for Candidate {
-    fn cmp(&self, other: &Self) -> Ordering {
-        // The first in order of equal ones.
-        let order = |candidate: &Self| candidate.patch.place.first_in_order();
-        self.gain.total_cmp(&other.gain).then(order(other).cmp(&order(self)))
-    }
-}
-
-impl PartialOrd for Candidate {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Candidate {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other).is_eq()
-    }
-}
-
-impl Eq for Candidate {}
+/// A patch that may be cut: the bits of what that gains, which are in the order of numbers above 0; then, the first in
+/// order of equal ones before the others; and its place in a list.
+type Waiting = (u32, Reverse<u64>, usize);
 
 /// Squares that were looked at, as patches; `None` for dark ones.
 pub(super) type Known = HashMap<Square, Option<Patch>>;
@@ -67,20 +43,27 @@ pub(super) type Known = HashMap<Square, Option<Patch>>;
 /// Cuts a map into patches in order: always the one whose light comes from most different directions. Squares that are
 /// known are not computed, and all that are looked at become known.
 pub(super) fn cut(levels: &Levels, known: &mut Known) -> Vec<Patch> {
-    let mut candidate =
-        |square: Square| known.entry(square).or_insert_with(|| patch_of(levels, square)).map(Candidate::of);
+    let mut patches: Vec<Patch> = Vec::new();
+    let mut wait = |square: Square, patches: &mut Vec<Patch>| -> Option<Waiting> {
+        let patch = (*known.entry(square).or_insert_with(|| patch_of(levels, square)))?;
+        let gain = if square.level == 0 { 0.0 } else { patch.lux * patch.radius };
+        patches.push(patch);
+        Some((gain.to_bits(), Reverse(square.first_in_order()), patches.len() - 1))
+    };
     let first = (0..levels.count()).find(|level| levels.size_of(*level)[0] <= FIRST_SQUARES).unwrap_or(0);
     let [width, height] = levels.size_of(first);
     let squares = (0..height).flat_map(|y| (0..width).map(move |x| Square { level: first, at: [x, y] }));
-    let mut waiting: BinaryHeap<Candidate> = squares.filter_map(&mut candidate).collect();
-    let least = LEAST_SHARE * waiting.iter().map(|candidate| candidate.patch.lux).sum::<f32>();
+    let mut waiting: BinaryHeap<Waiting> = squares.filter_map(|square| wait(square, &mut patches)).collect();
+    let least = LEAST_SHARE * waiting.iter().map(|(.., place)| patches[*place].lux).sum::<f32>();
     let mut done = Vec::new();
-    while let Some(Candidate { gain, patch }) = waiting.pop() {
-        if gain <= least || patch.place.level == 0 || done.len() + waiting.len() + 4 > PATCHES {
+    while let Some((gain, _, place)) = waiting.pop() {
+        let patch = patches[place];
+        let is_small = f32::from_bits(gain) <= least || patch.place.level == 0;
+        if is_small || done.len() + waiting.len() + 4 > PATCHES {
             done.push(patch);
             continue;
         }
-        waiting.extend(below(levels, patch.place).filter_map(&mut candidate));
+        waiting.extend(below(levels, patch.place).filter_map(|square| wait(square, &mut patches)));
     }
     done.sort_unstable_by_key(|patch| patch.place.first_in_order());
     done
@@ -91,12 +74,6 @@ fn below(levels: &Levels, Square { level, at }: Square) -> impl Iterator<Item = 
     let size = levels.size_of(level - 1);
     let squares = (0..4).map(move |k| Square { level: level - 1, at: [2 * at[0] + k % 2, 2 * at[1] + k / 2] });
     squares.filter(move |square| square.at[0] < size[0] && square.at[1] < size[1])
-}
-
-impl Candidate {
-    fn of(patch: Patch) -> Self {
-        Self { gain: if patch.place.level == 0 { 0.0 } else { patch.lux * patch.radius }, patch }
-    }
 }
 
 /// The patch that a square is; `None` if it is dark.

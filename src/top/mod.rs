@@ -15,6 +15,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use crate::cluster::Cluster;
 use crate::instance::part::{PART, PART_BITS, Part};
 use crate::math::dice::hash;
+use crate::math::parallel::map_all;
 use crate::tree::{ChildRef, EMPTY_SLOT, LEAF, NO_PARENT, Node, WIDTH, WideCluster};
 use masks::{MaskShares, NodeMasks};
 use partition::{PartId, Partition, ROOT};
@@ -238,17 +239,6 @@ impl Build<'_> {
         self.top.nodes[index as usize] = node;
         Unit { cluster, kind: UnitKind::Node(index) }
     }
-}
-
-/// The results of a function for all items, in their order. On all threads with the feature `parallel`.
-fn map_all<T: Sync, R: Send>(items: &[T], result: impl Fn(&T) -> R + Sync + Send) -> Vec<R> {
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        items.par_iter().map(result).collect()
-    }
-    #[cfg(not(feature = "parallel"))]
-    items.iter().map(result).collect()
 }
 
 /// Sorts pairs of which no two are equal, so the result does not depend on the threads.

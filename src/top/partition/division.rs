@@ -27,14 +27,14 @@ pub(super) struct Division {
     /// The first takes the place of the node. Each comes after its parent.
     pub nodes: Vec<NewNode>,
     /// Those that may be divided yet.
-    rest: Vec<u32>,
+    pub rest: Vec<u32>,
 }
 
 /// A node that takes the place of others once all are divided.
 #[derive(Clone, Debug)]
 pub(super) struct NewNode {
     pub items: Range<usize>,
-    depth: usize,
+    pub depth: usize,
     /// Its children are numbers of new nodes. `None` for a cell.
     pub divided: Option<Box<Divided>>,
 }
@@ -46,16 +46,6 @@ impl fmt::Debug for Division {
 }
 
 impl Division {
-    /// Nothing is divided yet. The node is at a depth of `depth`.
-    pub fn new(
-        (node, depth): (u32, usize),
-        (parts, items): (Vec<(PartId, u32)>, Vec<BuildItem>),
-        origin: DVec3,
-    ) -> Self {
-        let root = NewNode { items: 0..items.len(), depth, divided: None };
-        Self { node, parts, items, origin, nodes: vec![root], rest: vec![0] }
-    }
-
     /// Divides nodes until about so many items were divided, and takes the number of these away from `left`.
     /// Returns whether all nodes are divided.
     pub fn go_on(&mut self, left: &mut usize) -> bool {

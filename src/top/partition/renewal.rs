@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::division::Division;
+use super::division::{Division, NewNode};
 use super::part_id::PartId;
 use super::{Bounds, Content, MOST_AT_ONCE, MOST_PARTS, Partition, PoolNode, ROOT};
 use crate::cluster::Cluster;
@@ -138,7 +138,8 @@ impl Partition {
             BuildItem::new(&Cluster { axis: Vec3::ZERO, ..cluster(*part) }, index)
         };
         let items: Vec<BuildItem> = parts.iter().zip(0..).map(item).collect();
-        Division::new((node, self.path(node).count()), (parts, items), self.origin)
+        let root = NewNode { items: 0..items.len(), depth: self.path(node).count(), divided: None };
+        Division { node, parts, items, origin: self.origin, nodes: vec![root], rest: vec![0] }
     }
 
     /// The parts below a node, with their cells.

@@ -5,6 +5,7 @@
 use glam::{Mat4, Vec3, Vec4};
 
 use crate::cluster::{Aabb, Cluster};
+use crate::math::parallel::map_chunks;
 use crate::tree::cost::{build_cost, size};
 
 /// Fluxes are divided by 2^30: 2^31 lights of the largest flux (1e34 lm) add up to 2e34, and the
@@ -338,14 +339,7 @@ impl<T: ItemSums> SumsOfRuns<T> {
             add_items(&mut sums, run);
             sums
         };
-        #[cfg(feature = "parallel")]
-        let runs: Vec<T> = {
-            use rayon::prelude::*;
-            items.par_chunks(RUN).map(sums_of).collect()
-        };
-        #[cfg(not(feature = "parallel"))]
-        let runs: Vec<T> = items.chunks(RUN).map(sums_of).collect();
-        runs.iter().for_each(|run| self.all.add(run));
+        map_chunks(items, RUN, sums_of).iter().for_each(|run| self.all.add(run));
     }
 
     /// The number of items that have been added.
