@@ -20,7 +20,7 @@ use crate::effects::Effects;
 use crate::instance::portal::PlacedPortal;
 use crate::instance::sector;
 use crate::keys::slot_of;
-use crate::sampling::cut::NO_INSTANCE;
+use crate::sampling::view::NO_INSTANCE;
 use crate::world::{LightWorld, Revision};
 
 /// What the device holds once all plans are played. A frame works on a copy, which replaces this if the engine takes

@@ -13,7 +13,7 @@ use crate::instance::appearance::Appearance;
 use crate::instance::placement::Placed;
 use crate::instance::sector;
 use crate::light::{DirectionalLight, Light, Shape, UNLIMITED_RANGE, spot_falloff, spot_lobe};
-use crate::sampling::cut::NO_INSTANCE;
+use crate::sampling::view::NO_INSTANCE;
 use crate::sky::StoredPatch;
 use crate::top::masks::NodeMasks;
 use crate::tree::{LightTree, Opening};

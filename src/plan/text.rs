@@ -16,12 +16,11 @@ use crate::light;
 use crate::math::dice;
 use crate::math::solid_angle;
 use crate::profile;
-use crate::sampling::cut;
 use crate::sampling::cuts;
 use crate::sampling::emit;
 use crate::sampling::equiangular;
 use crate::sampling::hit;
-use crate::sampling::{resample, reservoir};
+use crate::sampling::{resample, reservoir, view};
 use crate::shading::gloss;
 use crate::shading::importance;
 use crate::shading::rough;
@@ -307,7 +306,7 @@ pub(crate) fn constants() -> String {
         ("SINGLE", part::SINGLE),
         ("PART_BITS", part::PART_BITS),
         ("DIRECTIONAL", layout::DIRECTIONAL),
-        ("NO_INSTANCE", cut::NO_INSTANCE),
+        ("NO_INSTANCE", view::NO_INSTANCE),
         ("HEAT_CUTS", HeatMap::Cuts.number()),
         ("HEAT_MISSES", HeatMap::Misses.number()),
         ("HEAT_LIGHTS", HeatMap::Lights.number()),

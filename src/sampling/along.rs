@@ -4,6 +4,7 @@
 
 use crate::keys::LightId;
 use crate::math::dice::clamp_unit;
+use crate::sampling::equiangular::Stretch;
 use crate::sampling::sample::LightSampler;
 use crate::shading::segment::LocalSegment;
 use crate::shading::shading_point::ShadingPoint;
@@ -49,5 +50,20 @@ impl LightSampler<'_> {
     pub fn along_pdf(&self, segment: &ShadingPoint, light: LightId, along: f32) -> f32 {
         let Some(local) = LocalSegment::of(segment) else { return 1.0 };
         self.stretch(segment, &local, light).map_or(0.0, |stretch| stretch.pdf(along))
+    }
+
+    /// The part of a segment that a light may reach; `None` if there is none.
+    fn stretch(&self, shading_point: &ShadingPoint, segment: &LocalSegment, light: LightId) -> Option<Stretch> {
+        match light {
+            LightId::Directional(key) => self.world.directional(key).map(|_| Stretch::uniform(segment)),
+            LightId::Local { instance, light } => {
+                let placed = self.world.instance(instance)?;
+                if placed.is_sky {
+                    return Some(Stretch::uniform(segment));
+                }
+                let light = self.world.tree(placed.tree)?.lights().get(light as usize)?;
+                Stretch::of(light, &placed.shown()?.frame(self.world.home()), shading_point, segment)
+            }
+        }
     }
 }

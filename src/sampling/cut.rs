@@ -11,13 +11,12 @@
 //! is, because the shading point is too near (`docs/math.md`, "Children that a node cannot resolve").
 //! Its importance has a negative sign until the last split.
 
-use crate::instance::part::SINGLE;
 use crate::math::dice::{Dice, choice_pmf};
+use crate::math::simd::{VectorJob, with_vectors};
+use crate::sampling::view::{TreeView, WorldView};
 use crate::shading::importance::{
-    ChildImportances, LocalShadingPoint, UNRESOLVED_DOUBT, child_importances, resolved_sum, running_sums,
-    scale_unresolved, unresolved_scale, unresolved_sum,
+    ChildImportances, UNRESOLVED_DOUBT, resolved_sum, running_sums, scale_unresolved, unresolved_scale, unresolved_sum,
 };
-use crate::shading::shading_point::ShadingPoint;
 use crate::tree::{ChildRef, Lanes, Node, WIDTH};
 
 /// The most splits of a sampler: see [`LightSampler::with_splits`](crate::LightSampler::with_splits).
@@ -31,90 +30,6 @@ pub(crate) const DEFAULT_SPLITS: usize = 6;
 /// candidates.
 pub(crate) const MIN_DOUBT: f32 = 0.002;
 
-/// [`TreeView::instance`] of the top level, and of a tree that is sampled by itself.
-pub(crate) const NO_INSTANCE: u32 = u32::MAX;
-
-/// The nodes of a tree, and the shading point in their space.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct TreeView<'a> {
-    pub nodes: &'a [Node],
-    pub local: LocalShadingPoint<'a>,
-    /// The slot of the instance whose tree this is, or [`NO_INSTANCE`].
-    pub instance: u32,
-}
-
-impl<'a> TreeView<'a> {
-    /// A tree that is sampled by itself, in its own space.
-    pub fn of_tree(nodes: &'a [Node], shading_point: &ShadingPoint) -> Self {
-        Self { nodes, local: LocalShadingPoint::of(shading_point), instance: NO_INSTANCE }
-    }
-
-    /// Whether this is a top level, whose leaves are parts of instances.
-    #[inline(always)]
-    pub fn is_top(&self) -> bool {
-        self.local.light_bit == SINGLE
-    }
-}
-
-/// Finds the trees of the parts of instances that are the leaves of a top level.
-pub(crate) trait InstanceTrees<'a> {
-    /// The tree below a leaf of the top level, and where in it a walk goes on. `None` if there is
-    /// no such leaf, or if the tree has no nodes.
-    fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, ChildRef)>;
-
-    /// The tree of the sky, which has nodes: a second root beside the top level. `None` if the shading point sees no
-    /// sky.
-    fn sky(&self) -> Option<TreeView<'a>> {
-        None
-    }
-
-    /// The learnt visible share of each child of a node, in (0, 1]; `None` if nothing is learnt
-    /// here. Shares multiply importances in the cut, and nowhere below it: so all that reads
-    /// weights from the cut stays exact.
-    #[inline(always)]
-    fn visible_shares(&self, _tree: &TreeView<'a>, _node: &Node) -> Option<Lanes> {
-        None
-    }
-
-    /// Whether masks or portals may hide lights.
-    #[inline(always)]
-    fn hides(&self) -> bool {
-        false
-    }
-
-    /// Multiplies the importance of each child of a node by the share of the flux below it that
-    /// reaches the shading point by its mask or through a portal; 0 only if nothing does. `record` is
-    /// the node.
-    #[inline(always)]
-    fn weigh_masks(&self, _tree: &TreeView<'a>, _node: u32, _record: &Node, _children: &mut ChildImportances) {}
-}
-
-/// The importances of the children of a node, which is in `tree`. 0 where masks hide all lights.
-#[inline(always)]
-pub(crate) fn seen_importances<'a>(
-    tree: &TreeView<'a>,
-    node: u32,
-    record: &Node,
-    instance_trees: &impl InstanceTrees<'a>,
-) -> ChildImportances {
-    // A copy of its own: where lights may be hidden, the loop over the children takes twice the time.
-    if !instance_trees.hides() {
-        return child_importances(record, &tree.local);
-    }
-    let mut children = child_importances(record, &tree.local);
-    instance_trees.weigh_masks(tree, node, record, &mut children);
-    children
-}
-
-/// Serves a tree whose leaves are lights.
-pub(crate) struct NoInstances;
-
-impl<'a> InstanceTrees<'a> for NoInstances {
-    fn tree_view(&self, _: u32) -> Option<(TreeView<'a>, ChildRef)> {
-        None
-    }
-}
-
 /// What a light is chosen from before the walk down the trees: the candidates of one shading point, or
 /// those that a cell shares.
 pub(crate) trait Candidates<'a> {
@@ -122,7 +37,7 @@ pub(crate) trait Candidates<'a> {
     fn total(&self) -> f32;
 
     /// Chooses a candidate, and remaps the number for the next choice; `None` if there are none.
-    fn choose(&self, dice: &mut Dice) -> Option<Choice<'a>>;
+    fn choose(&self, view: &WorldView<'a, '_>, dice: &mut Dice) -> Option<Choice<'a>>;
 
     /// The probability of a node's child; `None` if the node was not split, and 0 if the child was.
     fn pmf(&self, tree: &TreeView<'a>, node: u32, slot: usize) -> Option<f32>;
@@ -134,12 +49,12 @@ pub(crate) trait Candidates<'a> {
 
     /// What a walk below the candidates chooses one of a node's children by. 0 where masks hide all lights.
     #[inline(always)]
-    fn weights(&self, tree: &TreeView<'a>, node: u32, record: &Node, trees: &impl InstanceTrees<'a>) -> Lanes {
-        seen_importances(tree, node, record, trees).weights()
+    fn weights(&self, view: &WorldView<'a, '_>, tree: &TreeView<'a>, node: u32, record: &Node) -> Lanes {
+        view.importances(tree, node, record).weights()
     }
 
     /// Visits every candidate that may be chosen, with its probability.
-    fn visit(&self, visit: impl FnMut(&TreeView<'a>, ChildRef, f32));
+    fn visit(&self, view: &WorldView<'a, '_>, visit: impl FnMut(Choice<'a>));
 }
 
 /// Where the candidates of a shading point come from.
@@ -147,23 +62,53 @@ pub(crate) trait CutSource<'a> {
     type Cut: Candidates<'a>;
 
     /// The candidates.
-    fn cut(self, instance_trees: &impl InstanceTrees<'a>) -> Self::Cut;
+    fn cut(self, view: &WorldView<'a, '_>) -> Self::Cut;
 }
 
-/// Splits the trees for one shading point.
-pub(crate) struct OwnCut<'a> {
-    pub root: TreeView<'a>,
+/// Work on the candidates of a shading point.
+pub(crate) trait CutWork<'a> {
+    type Output;
+
+    /// Every implementation, and every function that it calls, must be `#[inline(always)]`.
+    fn run(self, cut: &impl Candidates<'a>, view: &WorldView<'a, '_>) -> Self::Output;
+}
+
+/// Does some work on the candidates of a shading point, with the vector instructions of the machine.
+#[inline]
+pub(crate) fn work_on_cut<'a, W: CutWork<'a>>(
+    source: impl CutSource<'a>,
+    view: &WorldView<'a, '_>,
+    work: W,
+) -> W::Output {
+    with_vectors(CutJob { source, view, work })
+}
+
+struct CutJob<'v, 'a, 's, S, W> {
+    source: S,
+    view: &'v WorldView<'a, 's>,
+    work: W,
+}
+
+impl<'a, S: CutSource<'a>, W: CutWork<'a>> VectorJob for CutJob<'_, 'a, '_, S, W> {
+    type Output = W::Output;
+
+    #[inline(always)]
+    fn run(self) -> W::Output {
+        self.work.run(&self.source.cut(self.view), self.view)
+    }
+}
+
+/// Splits the trees for one shading point, up to so many times.
+pub(crate) struct OwnCut {
     pub splits: usize,
-    /// The illuminance by directional lights, which are chosen beside the candidates.
-    pub directional_lux: f32,
 }
 
-impl<'a> CutSource<'a> for OwnCut<'a> {
+impl<'a> CutSource<'a> for OwnCut {
     type Cut = Cut<'a>;
 
     #[inline(always)]
-    fn cut(self, instance_trees: &impl InstanceTrees<'a>) -> Cut<'a> {
-        Cut::new(self, instance_trees)
+    fn cut(self, view: &WorldView<'a, '_>) -> Cut<'a> {
+        Cut::new(self.splits, view)
     }
 }
 
@@ -215,8 +160,7 @@ impl<'a> Cut<'a> {
     /// split, that one is not counted. So a world in one instance, or with one lamp far away, is sampled as well as
     /// one tree over all lights.
     #[inline(always)]
-    fn new(source: OwnCut<'a>, instance_trees: &impl InstanceTrees<'a>) -> Self {
-        let OwnCut { root, splits, directional_lux } = source;
+    fn new(splits: usize, view: &WorldView<'a, '_>) -> Self {
         let mut cut = Cut {
             trees: [const { None }; MAX_NODES],
             tree_count: 0,
@@ -230,12 +174,12 @@ impl<'a> Cut<'a> {
             keys: [0; MAX_NODES],
             total: 0.0,
         };
-        let mut next = (cut.add_tree(root), 0);
+        let mut next = (cut.add_tree(view.root), 0);
         let mut most = splits.min(MAX_SPLITS);
-        let mut sky = instance_trees.sky();
+        let mut sky = view.sky();
         loop {
             let (tree, node) = next;
-            if cut.add_children(tree, node, instance_trees).is_none() {
+            if cut.add_children(tree, node, view).is_none() {
                 break;
             }
             if let Some(sky) = sky.take() {
@@ -252,7 +196,7 @@ impl<'a> Cut<'a> {
             let Some((index, slot)) = cut.most_doubtful() else { break };
             next = match cut.child(index, slot) {
                 Some(ChildRef::Node(node)) => (cut.tree_of[index], node),
-                Some(ChildRef::Leaf(leaf)) => match instance_trees.tree_view(leaf) {
+                Some(ChildRef::Leaf(leaf)) => match view.tree_below(leaf) {
                     Some((tree, ChildRef::Node(node))) => (cut.add_tree(tree), node),
                     // The doubt about a single light is 0.
                     _ => break,
@@ -263,7 +207,7 @@ impl<'a> Cut<'a> {
         }
         if cut.has_unresolved {
             let count = cut.node_count;
-            limit_unresolved(&mut cut.weights[..count], &mut cut.totals[..count], cut.total + directional_lux);
+            limit_unresolved(&mut cut.weights[..count], &mut cut.totals[..count], cut.total + view.directional_lux);
             cut.add_totals();
         }
         cut
@@ -287,12 +231,12 @@ impl<'a> Cut<'a> {
 
     /// Makes a node's children candidates. `None` and no change if there is no such node.
     #[inline(always)]
-    fn add_children(&mut self, tree: usize, node: u32, instance_trees: &impl InstanceTrees<'a>) -> Option<()> {
-        let view = self.trees[tree].as_ref()?;
-        let TreeView { nodes, local, .. } = view;
+    fn add_children(&mut self, tree: usize, node: u32, view: &WorldView<'a, '_>) -> Option<()> {
+        let seen = self.trees[tree].as_ref()?;
+        let TreeView { nodes, local, .. } = seen;
         let record = nodes.get(node as usize)?;
-        let mut children = seen_importances(view, node, record, instance_trees);
-        if let Some(shares) = instance_trees.visible_shares(view, record) {
+        let mut children = view.importances(seen, node, record);
+        if let Some(shares) = view.visible_shares(seen, record) {
             for i in 0..WIDTH {
                 children.importance[i] *= shares[i];
             }
@@ -373,7 +317,7 @@ impl<'a> Candidates<'a> for Cut<'a> {
     }
 
     #[inline(always)]
-    fn choose(&self, dice: &mut Dice) -> Option<Choice<'a>> {
+    fn choose(&self, _: &WorldView<'a, '_>, dice: &mut Dice) -> Option<Choice<'a>> {
         if self.total <= 0.0 {
             return None;
         }
@@ -402,13 +346,13 @@ impl<'a> Candidates<'a> for Cut<'a> {
     }
 
     #[inline(always)]
-    fn visit(&self, mut visit: impl FnMut(&TreeView<'a>, ChildRef, f32)) {
+    fn visit(&self, _: &WorldView<'a, '_>, mut visit: impl FnMut(Choice<'a>)) {
         for index in 0..self.node_count {
             let Some(tree) = self.tree(index) else { continue };
             for slot in 0..WIDTH {
                 let weight = self.weights[index][slot];
                 if let Some(child) = self.child(index, slot).filter(|_| weight > 0.0) {
-                    visit(tree, child, choice_pmf(weight, self.total));
+                    visit(Choice { tree: *tree, child, pmf: choice_pmf(weight, self.total) });
                 }
             }
         }
@@ -439,11 +383,10 @@ fn limit_unresolved(weights: &mut [Lanes], totals: &mut [f32], others: f32) {
     }
 }
 
-/// A candidate that was chosen.
+/// A candidate, and the probability that it is chosen.
 pub(crate) struct Choice<'a> {
     pub tree: TreeView<'a>,
     pub child: ChildRef,
-    /// The probability of this choice.
     pub pmf: f32,
 }
 

@@ -4,8 +4,8 @@
 //! down instead of from a light up: each node is evaluated once for all lights below it.
 
 use crate::math::dice::{choice_pmf, joint_pmf};
-use crate::math::simd::{VectorJob, with_vectors};
-use crate::sampling::cut::{Candidates, CutSource, InstanceTrees, NO_INSTANCE, NoInstances, OwnCut, TreeView};
+use crate::sampling::cut::{Candidates, Choice, CutWork, OwnCut, work_on_cut};
+use crate::sampling::view::{NO_INSTANCE, WorldView};
 use crate::shading::importance::running_sums;
 use crate::shading::shading_point::ShadingPoint;
 use crate::tree::{ChildRef, LightTree, WIDTH};
@@ -19,61 +19,53 @@ impl LightTree {
     pub fn distribution(&self, shading_point: &ShadingPoint, splits: usize, pmfs: &mut Vec<f32>) {
         pmfs.clear();
         pmfs.resize(self.lights().len(), 0.0);
-        let source = OwnCut { root: TreeView::of_tree(self.nodes(), shading_point), splits, directional_lux: 0.0 };
-        with_vectors(DistributionJob { source, directional_lux: 0.0, instance_trees: &NoInstances, starts: &[], pmfs });
+        let view = WorldView::of_tree(self.nodes(), shading_point);
+        work_on_cut(OwnCut { splits }, &view, Distribution { starts: &[], pmfs });
     }
 }
 
 /// Computes the probability of every light of the root's tree and of the instances below it.
 /// Returns the lux of all candidates and directional lights.
-pub(crate) struct DistributionJob<'t, C, T> {
-    pub source: C,
-    /// The illuminance by all directional lights.
-    pub directional_lux: f32,
-    pub instance_trees: &'t T,
+pub(crate) struct Distribution<'t> {
     /// For each slot the index in `pmfs` of its instance's first light.
     pub starts: &'t [usize],
     /// 0 at first.
     pub pmfs: &'t mut [f32],
 }
 
-impl<'a, C: CutSource<'a>, T: InstanceTrees<'a>> VectorJob for DistributionJob<'_, C, T> {
+impl<'a> CutWork<'a> for Distribution<'_> {
     type Output = f32;
 
     #[inline(always)]
-    fn run(self) -> f32 {
-        let Self { source, directional_lux, instance_trees, starts, pmfs } = self;
-        let cut = source.cut(instance_trees);
-        let total = cut.total() + directional_lux;
-        let cut_pmf = if directional_lux > 0.0 { choice_pmf(cut.total(), total) } else { 1.0 };
+    fn run(self, cut: &impl Candidates<'a>, view: &WorldView<'a, '_>) -> f32 {
+        let Self { starts, pmfs } = self;
+        let total = cut.total() + view.directional_lux;
+        let cut_pmf = if view.directional_lux > 0.0 { choice_pmf(cut.total(), total) } else { 1.0 };
         let (mut stack, mut inner_stack) = (Vec::new(), Vec::new());
-        cut.visit(|tree, child, pmf| {
-            let pmf = joint_pmf(cut_pmf, pmf);
-            if !tree.is_top() {
-                let start = if tree.instance == NO_INSTANCE { 0 } else { starts[tree.instance as usize] };
+        cut.visit(view, |member| {
+            let member = Choice { pmf: joint_pmf(cut_pmf, member.pmf), ..member };
+            if !member.tree.is_top() {
+                let start = if member.tree.instance == NO_INSTANCE { 0 } else { starts[member.tree.instance as usize] };
                 let visit = |light: u32, pmf| pmfs[start + light as usize] = pmf;
-                return visit_leaves(&cut, tree, child, pmf, instance_trees, &mut inner_stack, visit);
+                return visit_leaves(cut, view, member, &mut inner_stack, visit);
             }
-            visit_leaves(&cut, tree, child, pmf, instance_trees, &mut stack, |leaf, pmf| {
-                let Some((tree, child)) = instance_trees.tree_view(leaf) else { return };
+            visit_leaves(cut, view, member, &mut stack, |leaf, pmf| {
+                let Some((tree, child)) = view.tree_below(leaf) else { return };
                 let start = starts[tree.instance as usize];
                 let visit = |light: u32, pmf| pmfs[start + light as usize] = pmf;
-                visit_leaves(&cut, &tree, child, pmf, instance_trees, &mut inner_stack, visit);
+                visit_leaves(cut, view, Choice { tree, child, pmf }, &mut inner_stack, visit);
             });
         });
         total
     }
 }
 
-/// Visits every leaf of a tree at or below `child` with its probability by a cut; `pmf` is that of
-/// `child`. `stack` is empty before and after.
+/// Visits every leaf at or below a member of a cut with its probability. `stack` is empty before and after.
 #[inline(always)]
 fn visit_leaves<'a>(
     cut: &impl Candidates<'a>,
-    tree: &TreeView<'a>,
-    child: ChildRef,
-    pmf: f32,
-    instance_trees: &impl InstanceTrees<'a>,
+    view: &WorldView<'a, '_>,
+    Choice { tree, child, pmf }: Choice<'a>,
     stack: &mut Vec<(u32, f32)>,
     mut visit: impl FnMut(u32, f32),
 ) {
@@ -83,7 +75,7 @@ fn visit_leaves<'a>(
     }
     while let Some((node, pmf)) = stack.pop() {
         let record = &tree.nodes[node as usize];
-        let weights = cut.weights(tree, node, record, instance_trees);
+        let weights = cut.weights(view, &tree, node, record);
         let total = running_sums(&weights)[WIDTH - 1];
         for slot in 0..WIDTH {
             if weights[slot] <= 0.0 {

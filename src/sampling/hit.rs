@@ -52,12 +52,7 @@ impl LightSampler<'_> {
         let radiance = placed.appearance.arriving(radiance)?;
         let incident = Incident { direction, dist, radiance, pdf, is_delta: false, along: 0.0 };
         let pmf = self.pmf(shading_point, light);
-        Some(LightSample {
-            light,
-            pmf,
-            incident,
-            user_data: self.world.instance(instance).map_or(0, |i| i.appearance.user_data),
-        })
+        Some(LightSample { light, pmf, incident, user_data: placed.appearance.user_data })
     }
 
     /// Returns where on a triangle or parallelogram the point of a sample or of a hit is: how far it is along both edges
@@ -85,7 +80,7 @@ impl LightSampler<'_> {
     fn first_hit(&self, shading_point: &ShadingPoint, direction: Vec3, max_dist: f32) -> Option<(LightId, f32)> {
         let mut found = None;
         let mut dist = max_dist;
-        let top = self.root(shading_point);
+        let top = self.view(shading_point).root;
         Ray::new(top.local.position, direction, top.local.margin).leaves(top.nodes, 0, &mut dist, |leaf, dist| {
             let Some(part) = self.top.part(leaf) else { return };
             let Some(instance) = self.world.instance_at(part.slot) else { return };

@@ -28,10 +28,11 @@ impl LightSampler<'_> {
     pub fn record_visibility(&self, shading_point: &ShadingPoint, sample: &LightSample, is_visible: bool) {
         let Some((table, grid)) = &self.visibility else { return };
         let LightId::Local { instance, light } = sample.light else { return };
-        let Some(mut path) = self.leaf_path(instance, light, shading_point) else { return };
+        let view = self.view(shading_point);
+        let Some(mut path) = self.leaf_path(&view, instance, light) else { return };
         let cell = grid.cell(shading_point);
         let Some(row) = table.row_to_record(&cell) else { return };
-        let mut to_world = self.world_of(&path.tree);
+        let mut to_world = view.to_world(&path.tree);
         // What candidates ask for, and then what cuts do: each cluster that holds the light may be a member.
         let toward = sample.incident.toward(LocalSegment::of(shading_point).as_ref());
         let mut last = bin_toward(toward, cell.from_center, grid.edge);

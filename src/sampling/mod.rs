@@ -15,4 +15,5 @@ mod roots;
 pub(crate) mod sample;
 mod sky;
 pub(crate) mod snapshot;
+pub(crate) mod view;
 pub(crate) mod walk;

@@ -12,10 +12,10 @@ use glam::Vec3;
 use crate::keys::LightId;
 use crate::light::luminance;
 use crate::math::dice::{Dice, U_STEP, clamp_unit};
-use crate::math::simd::{VectorJob, with_vectors};
-use crate::sampling::cut::{CutSource, InstanceTrees};
+use crate::sampling::cut::{Candidates, CutWork};
 use crate::sampling::reservoir::{MAX_RESERVOIR_WEIGHT, Reservoir, stored};
-use crate::sampling::sample::{LightSample, LightSampler, with_cut};
+use crate::sampling::sample::{LightSample, LightSampler};
+use crate::sampling::view::WorldView;
 use crate::sampling::walk::{Outcome, draw};
 use crate::shading::importance::LocalShadingPoint;
 use crate::shading::segment::LocalSegment;
@@ -70,10 +70,7 @@ impl LightSampler<'_> {
                 (kept, kept_weight) = (Some((pick, numbers)), weight);
             }
         };
-        with_cut!(self, shading_point, |source, directional_lux, instance_trees| {
-            let (u, visit) = ([a, b, x, y], &mut visit);
-            with_vectors(DrawManyJob { source, directional_lux, u, candidates, instance_trees, visit })
-        });
+        self.on_cut(&self.view(shading_point), DrawMany { u: [a, b, x, y], candidates, visit: &mut visit });
         let weight = kept.map_or(0.0, |(pick, _)| choice.total / (candidates as f32 * kept_weight) / pick.pmf);
         self.reservoir_of_pick(kept, weight.min(MAX_RESERVOIR_WEIGHT))
     }
@@ -93,7 +90,18 @@ impl Reservoir {
     /// For programs that draw candidates one by one and [merge](Reservoir::merge) them by a target of their own.
     /// [`LightSampler::resample`] takes the same numbers. Twin of `light_candidate_numbers`.
     pub fn candidate_numbers(u: [f32; 4], i: u32, candidates: u32) -> [f32; 4] {
-        candidate_numbers(u, i, candidates)
+        if candidates <= 1 {
+            return u;
+        }
+        // Integers and sums only, so that GPUs compute the same bits: the numbers that choose a light are hashed later.
+        // The first number lies in the candidate's stratum of [0, 1), the others are shifted along a lattice.
+        let fixed_point = (clamp_unit(u[0]) / U_STEP) as u64;
+        let first = ((u64::from(i.min(candidates - 1)) << 24) + fixed_point) / u64::from(candidates);
+        let shifted = |which: usize| {
+            let sum = clamp_unit(u[which + 1]) + (i.wrapping_mul(LATTICE[which]) >> 8) as f32 * U_STEP;
+            if sum >= 1.0 { sum - 1.0 } else { sum }
+        };
+        [first as f32 * U_STEP, shifted(0), shifted(1), shifted(2)]
     }
 }
 
@@ -151,51 +159,22 @@ fn illuminance_weight(shading_point: &ShadingPoint, sample: &LightSample) -> f32
     (lux / sample.incident.pdf / sample.pmf).max(MIN_WEIGHT).min(MAX_WEIGHT)
 }
 
-/// The random numbers of candidate `i`: the first lies in the candidate's stratum of [0, 1), the
-/// others are shifted along a lattice.
-///
-/// It uses integers and sums only, so that GPUs compute the same bits: the numbers that choose a
-/// light are hashed later.
-fn candidate_numbers(u: [f32; 4], i: u32, candidates: u32) -> [f32; 4] {
-    if candidates <= 1 {
-        return u;
-    }
-    let fixed_point = (clamp_unit(u[0]) / U_STEP) as u64;
-    let first = ((u64::from(i.min(candidates - 1)) << 24) + fixed_point) / u64::from(candidates);
-    let shifted = |which: usize| {
-        let sum = clamp_unit(u[which + 1]) + (i.wrapping_mul(LATTICE[which]) >> 8) as f32 * U_STEP;
-        if sum >= 1.0 { sum - 1.0 } else { sum }
-    };
-    [first as f32 * U_STEP, shifted(0), shifted(1), shifted(2)]
-}
-
 /// Draws several lights from one cut.
-struct DrawManyJob<'t, C, T, F> {
-    source: C,
-    /// The illuminance by all directional lights.
-    directional_lux: f32,
+struct DrawMany<'v, F> {
     u: [f32; 4],
     candidates: u32,
-    instance_trees: &'t T,
     /// Gets what is drawn, with the numbers of the candidate.
-    visit: &'t mut F,
+    visit: &'v mut F,
 }
 
-impl<'a, C, T, F> VectorJob for DrawManyJob<'_, C, T, F>
-where
-    C: CutSource<'a>,
-    T: InstanceTrees<'a>,
-    F: FnMut(Outcome, [f32; 4]),
-{
+impl<'a, F: FnMut(Outcome, [f32; 4])> CutWork<'a> for DrawMany<'_, F> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
-        let Self { source, directional_lux, u, candidates, instance_trees, visit } = self;
-        let cut = source.cut(instance_trees);
-        for i in 0..candidates {
-            let numbers = candidate_numbers(u, i, candidates);
-            visit(draw(&cut, directional_lux, [numbers[0], numbers[1]], instance_trees), numbers);
+    fn run(self, cut: &impl Candidates<'a>, view: &WorldView<'a, '_>) {
+        for i in 0..self.candidates {
+            let numbers = Reservoir::candidate_numbers(self.u, i, self.candidates);
+            (self.visit)(draw(cut, view, [numbers[0], numbers[1]]), numbers);
         }
     }
 }
@@ -210,7 +189,7 @@ mod tests {
             for u in [[0.0; 4], [0.999_999_94; 4], [0.5, 0.1, 0.7, 0.3]] {
                 let mut seen = Vec::new();
                 for i in 0..count {
-                    let all = candidate_numbers(u, i, count);
+                    let all = Reservoir::candidate_numbers(u, i, count);
                     assert!(all.iter().all(|x| (0.0..1.0).contains(x)), "{all:?}");
                     // Strata end between 24-bit numbers, unless the count is a power of two.
                     let within = all[0] * count as f32 - i as f32;
@@ -221,7 +200,7 @@ mod tests {
                 }
             }
         }
-        let nan = candidate_numbers([f32::NAN, -1.0, f32::INFINITY, 2.0], 3, 5);
+        let nan = Reservoir::candidate_numbers([f32::NAN, -1.0, f32::INFINITY, 2.0], 3, 5);
         assert!(nan.iter().all(|x| (0.0..1.0).contains(x)), "{nan:?}");
     }
 
@@ -264,6 +243,6 @@ mod tests {
     #[test]
     fn one_candidate_keeps_the_numbers_it_was_given() {
         let u = [0.123_456_79, 1.0e-9, 0.999_999_94, 0.0];
-        assert_eq!(candidate_numbers(u, 0, 1), u);
+        assert_eq!(Reservoir::candidate_numbers(u, 0, 1), u);
     }
 }

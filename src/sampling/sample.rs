@@ -5,27 +5,19 @@
 
 use std::fmt;
 
-use glam::{Mat3, Vec3};
-
-use crate::instance::part::{Part, SINGLE};
-use crate::instance::portal::PortalsInSight;
 use crate::keys::{InstanceKey, LightId, slot_of};
-use crate::light::{DirectionalLight, luminance};
-use crate::math::dice::{choice_pmf, clamp_unit, hashed_unit};
-use crate::math::simd::with_vectors;
-use crate::sampling::cut::{DEFAULT_SPLITS, InstanceTrees, NO_INSTANCE, NoInstances, OwnCut, TreeView};
+use crate::math::dice::{choice_pmf, hashed_unit};
+use crate::sampling::cut::{CutWork, DEFAULT_SPLITS, OwnCut, work_on_cut};
 use crate::sampling::cuts::table::CutsInUse;
-use crate::sampling::distribution::DistributionJob;
+use crate::sampling::distribution::Distribution;
 use crate::sampling::emit::{Incident, MIN_INVERSE_PDF, MIN_PDF, sample_light};
-use crate::sampling::equiangular::Stretch;
 use crate::sampling::roots::FromRoots;
-use crate::sampling::walk::{DrawJob, LeafPath, Outcome, PmfJob, PmfQuery, TopPath, TreeLight};
-use crate::shading::importance::{ChildImportances, LocalShadingPoint};
+use crate::sampling::view::{WorldView, illuminance};
+use crate::sampling::walk::{Draw, LeafPath, Outcome, PmfOf, TopPath, TreeLight};
 use crate::shading::segment::LocalSegment;
 use crate::shading::shading_point::ShadingPoint;
-use crate::sky::SKY_DIST;
 use crate::top::TopLevel;
-use crate::tree::{ChildRef, Lanes, LightTree, NO_LEAF, Node, WIDTH};
+use crate::tree::{ChildRef, LightTree, NO_LEAF, Node};
 use crate::visibility::{CellGrid, LearntCell, VisibilityTable};
 use crate::world::{Instance, LightWorld};
 
@@ -125,96 +117,6 @@ impl fmt::Debug for LightSampler<'_> {
     }
 }
 
-/// The trees of a sampler's instances as seen from a shading point.
-#[derive(Clone, Copy)]
-pub(crate) struct WorldTrees<'a, 's> {
-    sampler: &'s LightSampler<'a>,
-    shading_point: &'s ShadingPoint,
-    /// What is learnt about the cell of the shading point.
-    learnt: Option<LearntCell<'a>>,
-    /// Whether masks may hide lights.
-    has_masks: bool,
-    /// The slot of the sky, and the portals through which it is seen.
-    pub portals: Option<(u32, PortalsInSight<'a>)>,
-}
-
-impl<'a> InstanceTrees<'a> for WorldTrees<'a, '_> {
-    fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, ChildRef)> {
-        let sampler = self.sampler;
-        let Part { slot, entry } = sampler.top.part(leaf)?;
-        let (_, tree) = sampler.tree_view(sampler.world.instance_at(slot)?, self.shading_point)?;
-        (!tree.nodes.is_empty()).then_some((tree, entry))
-    }
-
-    fn sky(&self) -> Option<TreeView<'a>> {
-        self.sampler.sky_view(self.shading_point)
-    }
-
-    #[inline(always)]
-    fn visible_shares(&self, tree: &TreeView<'a>, node: &Node) -> Option<Lanes> {
-        let learnt = self.learnt.as_ref()?;
-        Some(learnt.shares(node, &tree.local, &self.sampler.world_of(tree)))
-    }
-
-    #[inline(always)]
-    fn hides(&self) -> bool {
-        self.has_masks || self.portals.is_some()
-    }
-
-    #[inline(always)]
-    fn weigh_masks(&self, tree: &TreeView<'a>, node: u32, record: &Node, children: &mut ChildImportances) {
-        // Below the top level all lights have the mask of one instance.
-        if !tree.is_top() {
-            if let Some((_, portals)) = self.portals.as_ref().filter(|(sky, _)| *sky == tree.instance) {
-                portals.weigh(record, children);
-            }
-            return;
-        }
-        let (mask, masks) = (self.shading_point.mask, &self.sampler.top.masks);
-        let met = self.sampler.met_children(tree, node, mask);
-        for slot in 0..WIDTH {
-            if !met[slot] {
-                children.importance[slot] = 0.0;
-            } else if let Some(ChildRef::Node(child)) = record.child(slot) {
-                children.importance[slot] *= masks.get(child as usize).map_or(1.0, |masks| masks.shares.seen(mask));
-            }
-        }
-    }
-}
-
-impl<'a> WorldTrees<'a, '_> {
-    /// The same with what is learnt about the cell of the shading point.
-    pub fn with(self, learnt: Option<LearntCell<'a>>) -> Self {
-        Self { learnt, ..self }
-    }
-}
-
-/// Evaluates an expression for a shading point with the source of its candidates, the illuminance by
-/// directional lights in lux, and a reference to the trees around it. There is a copy of the expression
-/// for each kind of source.
-macro_rules! with_cut {
-    ($sampler:expr, $shading_point:expr, |$source:ident, $directional_lux:ident, $trees:ident| $run:expr) => {{
-        let $trees = &$sampler.world_trees($shading_point);
-        let $directional_lux = $sampler.directional_lux($shading_point);
-        match $sampler.shared_cut($shading_point, $directional_lux) {
-            Some($source) => $run,
-            None if $sampler.is_from_roots => {
-                let $source = $sampler.root_cut($shading_point, $directional_lux);
-                $run
-            }
-            None => {
-                let $source = $sampler.own_cut($shading_point, $directional_lux);
-                // Where cells share cuts, those alone know what is learnt: looking it up for the few points without
-                // a cell took longer than it gained.
-                let learnt = if $sampler.cuts.is_none() { $sampler.learnt($shading_point) } else { None };
-                let $trees = &$trees.with(learnt);
-                $run
-            }
-        }
-    }};
-}
-pub(crate) use with_cut;
-
 impl LightWorld {
     /// Returns a sampler of the world as it is now, with lights as of the last
     /// [`LightWorld::update`].
@@ -225,18 +127,16 @@ impl LightWorld {
     /// Any thread may call this, also inside a rayon job. Threads that make the first call at once
     /// may each build the top level; to build it once, call this before the parallel loop.
     pub fn sampler(&self) -> LightSampler<'_> {
-        LightSampler {
-            world: self,
-            top: self.top_level(),
-            splits: DEFAULT_SPLITS,
-            visibility: None,
-            cuts: None,
-            is_from_roots: false,
-        }
+        LightSampler::new(self, self.top_level())
     }
 }
 
 impl<'a> LightSampler<'a> {
+    /// A sampler over a top level of a world.
+    pub(crate) fn new(world: &'a LightWorld, top: &'a TopLevel) -> Self {
+        Self { world, top, splits: DEFAULT_SPLITS, visibility: None, cuts: None, is_from_roots: false }
+    }
+
     /// Chooses a light and a point on it. Call it once per sample and trace one shadow ray to the
     /// result.
     ///
@@ -309,10 +209,7 @@ impl<'a> LightSampler<'a> {
     /// each level below the clusters, whatever the number of lights: about a microsecond. Source:
     /// CK18 5; `cut.rs` names the differences.
     pub fn pick(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> Option<LightPick> {
-        let outcome = with_cut!(self, shading_point, |source, directional_lux, instance_trees| {
-            with_vectors(DrawJob { source, directional_lux, u, instance_trees })
-        });
-        self.picked(shading_point, outcome)
+        self.picked(shading_point, self.on_cut(&self.view(shading_point), Draw(u)))
     }
 
     /// The pick that the result of a draw stands for.
@@ -333,19 +230,18 @@ impl<'a> LightSampler<'a> {
     /// that is dark, that cannot reach the shading point, or that does not exist. The cost is that
     /// of [`LightSampler::pick`].
     pub fn pmf(&self, shading_point: &ShadingPoint, light: LightId) -> f32 {
-        let query = match light {
+        let view = self.view(shading_point);
+        let of = match light {
             LightId::Directional(key) => match self.world.directional(key) {
-                Some(light) => PmfQuery::Directional(illuminance(light, shading_point)),
+                Some(light) => PmfOf::Directional(illuminance(light, shading_point)),
                 None => return 0.0,
             },
-            LightId::Local { instance, light } => match self.leaf_path(instance, light, shading_point) {
-                Some(path) => PmfQuery::Light(path),
+            LightId::Local { instance, light } => match self.leaf_path(&view, instance, light) {
+                Some(path) => PmfOf::Light(path),
                 None => return 0.0,
             },
         };
-        with_cut!(self, shading_point, |source, directional_lux, instance_trees| {
-            with_vectors(PmfJob { source, directional_lux, query, instance_trees })
-        })
+        self.on_cut(&view, of)
     }
 
     /// Chooses a point on a given light. `u` is as the last two numbers of
@@ -357,45 +253,13 @@ impl<'a> LightSampler<'a> {
     /// [`Incident::along`]. The first number chooses the point of the segment as
     /// [`LightSampler::sample_along`] does; the second, and a hash of both, the point on the light.
     pub fn sample_light(&self, shading_point: &ShadingPoint, light: LightId, u: [f32; 2]) -> Option<Incident> {
-        match LocalSegment::of(shading_point) {
-            None => self.sample_light_from(shading_point, light, u),
-            Some(segment) => self.sample_light_along(shading_point, &segment, light, u),
+        if LocalSegment::of(shading_point).is_none() {
+            return self.sample_light_from(shading_point, light, u);
         }
-    }
-
-    fn sample_light_along(
-        &self,
-        shading_point: &ShadingPoint,
-        segment: &LocalSegment,
-        light: LightId,
-        u: [f32; 2],
-    ) -> Option<Incident> {
-        let (along, pdf) = self.stretch(shading_point, segment, light)?.sample(clamp_unit(u[0]));
-        let from = ShadingPoint::volume(shading_point.position + segment.unit * (along - segment.half));
-        let from = from.with_mask(shading_point.mask);
-        let incident = self.sample_light_from(&from, light, [u[1], hashed_unit(u)])?;
-        let pdf = (incident.pdf * pdf).clamp(MIN_PDF, 1.0 / MIN_INVERSE_PDF);
-        Some(Incident { along, pdf, ..incident })
-    }
-
-    /// The part of a segment that a light may reach; `None` if there is none.
-    pub(crate) fn stretch(
-        &self,
-        shading_point: &ShadingPoint,
-        segment: &LocalSegment,
-        light: LightId,
-    ) -> Option<Stretch> {
-        match light {
-            LightId::Directional(key) => self.world.directional(key).map(|_| Stretch::uniform(segment)),
-            LightId::Local { instance, light } => {
-                let placed = self.world.instance(instance)?;
-                if placed.is_sky {
-                    return Some(Stretch::uniform(segment));
-                }
-                let light = self.world.tree(placed.tree)?.lights().get(light as usize)?;
-                Stretch::of(light, &placed.shown()?.frame(self.world.home()), shading_point, segment)
-            }
-        }
+        let at = self.sample_along(shading_point, light, u[0])?;
+        let incident = self.sample_light_from(&at.shading_point, light, [u[1], hashed_unit(u)])?;
+        let pdf = (incident.pdf * at.pdf).clamp(MIN_PDF, 1.0 / MIN_INVERSE_PDF);
+        Some(Incident { along: at.along, pdf, ..incident })
     }
 
     /// [`LightSampler::sample_light`] for a point.
@@ -477,46 +341,30 @@ impl<'a> LightSampler<'a> {
         }
         pmfs.clear();
         pmfs.resize(lights, 0.0);
-        let starts = &starts;
-        let total = with_cut!(self, shading_point, |source, directional_lux, instance_trees| {
-            with_vectors(DistributionJob { source, directional_lux, instance_trees, starts, pmfs })
-        });
+        let total = self.on_cut(&self.view(shading_point), Distribution { starts: &starts, pmfs });
         pmfs.extend(world.directional_lights().map(|(_, light)| {
             let lux = illuminance(light, shading_point);
             if total > 0.0 { choice_pmf(lux, total) } else { 0.0 }
         }));
     }
 
-    /// The illuminance by all directional lights, in lux.
-    pub(crate) fn directional_lux(&self, shading_point: &ShadingPoint) -> f32 {
-        self.world.directional_lights().map(|(_, light)| illuminance(light, shading_point)).sum()
+    /// The world as a shading point sees it.
+    pub(crate) fn view<'s>(&self, shading_point: &'s ShadingPoint) -> WorldView<'a, 's> {
+        WorldView::new(self.world, self.top, shading_point)
     }
 
-    /// What splits the trees for one shading point.
-    pub(crate) fn own_cut(&self, shading_point: &ShadingPoint, directional_lux: f32) -> OwnCut<'a> {
-        OwnCut { root: self.root(shading_point), splits: self.splits, directional_lux }
-    }
-
-    /// What chooses from the roots for one shading point.
-    pub(crate) fn root_cut(&self, shading_point: &ShadingPoint, directional_lux: f32) -> FromRoots<'a> {
-        FromRoots { top: self.root(shading_point), directional_lux }
-    }
-
-    /// The trees of all instances as seen from a shading point that has learnt nothing.
-    pub(crate) fn world_trees<'s>(&'s self, shading_point: &'s ShadingPoint) -> WorldTrees<'a, 's> {
-        let has_masks = !self.top.masks.is_empty() || shading_point.mask == 0;
-        WorldTrees { sampler: self, shading_point, learnt: None, has_masks, portals: self.portals(shading_point) }
-    }
-
-    /// Whether the masks of instances below each child of a node and a mask have a bit in common. All of them in a
-    /// tree, whose lights have the mask of one instance.
-    #[inline(always)]
-    pub(crate) fn met_children(&self, tree: &TreeView<'_>, node: u32, mask: u32) -> [bool; WIDTH] {
-        if !tree.is_top() {
-            return [true; WIDTH];
+    /// Does some work on the candidates of a shading point.
+    pub(crate) fn on_cut<W: CutWork<'a>>(&self, view: &WorldView<'a, '_>, work: W) -> W::Output {
+        match self.shared_cut(view.shading_point) {
+            Some(source) => work_on_cut(source, view, work),
+            None if self.is_from_roots => work_on_cut(FromRoots, view, work),
+            None => {
+                // Where cells share cuts, those alone know what is learnt: looking it up for the few points without
+                // a cell took longer than it gained.
+                let learnt = if self.cuts.is_none() { self.learnt(view.shading_point) } else { None };
+                work_on_cut(OwnCut { splits: self.splits }, &WorldView { learnt, ..*view }, work)
+            }
         }
-        let unions = self.top.masks.get(node as usize).map_or([u32::MAX; WIDTH], |masks| masks.children);
-        unions.map(|union| union & mask != 0)
     }
 
     /// What is learnt about the cell of a shading point.
@@ -525,32 +373,18 @@ impl<'a> LightSampler<'a> {
         table.cell(&grid.cell(shading_point))
     }
 
-    /// The linear part of the map to the world from the space in which a tree is seen.
-    pub(crate) fn world_of(&self, tree: &TreeView<'_>) -> Mat3 {
-        let instance = || self.world.instance(self.world.instance_at(tree.instance)?);
-        let of_instance = || Some(instance()?.shown()?.linear.linear);
-        let axes = tree.local.map.map(|map| map.axes).or_else(of_instance).unwrap_or(Mat3::IDENTITY);
-        if instance().is_some_and(|instance| instance.is_sky) { axes * SKY_DIST } else { axes }
-    }
-
-    /// The top level.
-    pub(crate) fn root(&self, shading_point: &ShadingPoint) -> TreeView<'a> {
-        let local = LocalShadingPoint { light_bit: SINGLE, ..LocalShadingPoint::of(shading_point) };
-        TreeView { nodes: &self.top.nodes, local, instance: NO_INSTANCE }
-    }
-
     /// The way up from a light of an instance; `None` if there is no such light.
     pub(crate) fn leaf_path(
         &self,
+        view: &WorldView<'a, '_>,
         instance: InstanceKey,
         light: u32,
-        shading_point: &ShadingPoint,
     ) -> Option<LeafPath<'a>> {
-        let (lights, tree) = self.tree_view(instance, shading_point)?;
+        let (lights, tree) = view.instance_tree(instance)?;
         let place = *lights.leaves().get(light as usize).filter(|place| **place != NO_LEAF)?;
         let Instance { tree: key, is_sky, .. } = *self.world.instance(instance)?;
         let top = || TopPath {
-            tree: self.root(shading_point),
+            tree: view.root,
             places: self.top.places(slot_of(instance)),
             openings: self.world.openings(key),
         };
@@ -571,46 +405,6 @@ impl<'a> LightSampler<'a> {
         }
         chosen
     }
-
-    /// The tree of an instance by its slot, or the top level for [`NO_INSTANCE`].
-    pub(crate) fn view_at(&self, instance: u32, shading_point: &ShadingPoint) -> Option<TreeView<'a>> {
-        if instance == NO_INSTANCE {
-            return Some(self.root(shading_point));
-        }
-        Some(self.tree_view(self.world.instance_at(instance)?, shading_point)?.1)
-    }
-
-    pub(crate) fn tree_view(
-        &self,
-        key: InstanceKey,
-        shading_point: &ShadingPoint,
-    ) -> Option<(&'a LightTree, TreeView<'a>)> {
-        let instance = self.world.instance(key)?;
-        let tree = self.world.tree(instance.tree)?;
-        let (placed, home, brightness) = (instance.shown()?, self.world.home(), instance.appearance.brightness());
-        let local = if instance.is_sky {
-            // It is as far from every point.
-            let here = ShadingPoint { position: placed.translation(home), segment: Vec3::ZERO, ..*shading_point };
-            LocalShadingPoint { is_sky: true, ..placed.local_shading_point(&here, home, brightness) }
-        } else {
-            placed.local_shading_point(shading_point, home, brightness)
-        };
-        Some((tree, TreeView { nodes: tree.nodes(), local, instance: slot_of(key) }))
-    }
-}
-
-/// What a directional light is chosen by: its illuminance at a shading point, as luminance in lux,
-/// times the reflectance of a glossy surface.
-#[allow(clippy::manual_clamp, reason = "not the same for NaN")]
-pub(crate) fn illuminance(light: &DirectionalLight, shading_point: &ShadingPoint) -> f32 {
-    let toward = -light.direction.normalize();
-    let cosine = if shading_point.normal == Vec3::ZERO { 1.0 } else { shading_point.normal.dot(toward) };
-    // At most 1, whatever the length of the normal is, and 0 for NaN.
-    let lux = luminance(light.illuminance) * cosine.max(0.0).min(1.0);
-    match LocalShadingPoint::gloss_of(shading_point) {
-        Some(gloss) if lux > 0.0 => lux * gloss.toward(toward, cosine),
-        _ => lux,
-    }
 }
 
 impl LightTree {
@@ -619,8 +413,8 @@ impl LightTree {
     /// The shading point is in the tree's space. `u` and the result are as for
     /// [`LightSampler::pick`], `splits` as for [`LightSampler::with_splits`].
     pub fn pick(&self, shading_point: &ShadingPoint, u: [f32; 2], splits: usize) -> Option<(u32, f32)> {
-        let source = OwnCut { root: TreeView::of_tree(self.nodes(), shading_point), splits, directional_lux: 0.0 };
-        match with_vectors(DrawJob { source, directional_lux: 0.0, u, instance_trees: &NoInstances }) {
+        let view = WorldView::of_tree(self.nodes(), shading_point);
+        match work_on_cut(OwnCut { splits }, &view, Draw(u)) {
             Outcome::Light(TreeLight { light, pmf, .. }) => Some((light, pmf)),
             Outcome::Directional { .. } | Outcome::Nothing => None,
         }
@@ -630,9 +424,8 @@ impl LightTree {
     /// the tree does not have and for that of a removed light.
     pub fn pmf(&self, shading_point: &ShadingPoint, light: u32, splits: usize) -> f32 {
         let Some(place) = self.leaves().get(light as usize).filter(|place| **place != NO_LEAF) else { return 0.0 };
-        let root = TreeView::of_tree(self.nodes(), shading_point);
-        let query = PmfQuery::Light(LeafPath { tree: root, place: *place, top: None });
-        let source = OwnCut { root, splits, directional_lux: 0.0 };
-        with_vectors(PmfJob { source, directional_lux: 0.0, query, instance_trees: &NoInstances })
+        let view = WorldView::of_tree(self.nodes(), shading_point);
+        let path = LeafPath { tree: view.root, place: *place, top: None };
+        work_on_cut(OwnCut { splits }, &view, PmfOf::Light(path))
     }
 }

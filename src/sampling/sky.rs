@@ -3,36 +3,14 @@
 use glam::Vec3;
 
 use crate::instance::placement::Placed;
-use crate::instance::portal::PortalsInSight;
-use crate::keys::{LightId, slot_of};
+use crate::keys::LightId;
 use crate::math::dice::clamp_unit;
-use crate::sampling::cut::TreeView;
 use crate::sampling::emit::{Incident, MIN_INVERSE_PDF, MIN_PDF};
 use crate::sampling::sample::{LightSample, LightSampler};
-use crate::shading::segment::LocalSegment;
 use crate::shading::shading_point::ShadingPoint;
 use crate::sky::SkyPoint;
 
-impl<'a> LightSampler<'a> {
-    /// The instance of the sky and the root of its tree, if a shading point sees it.
-    pub(crate) fn sky_view(&self, shading_point: &ShadingPoint) -> Option<TreeView<'a>> {
-        let (key, _) = self.world.sky()?;
-        let mask = self.world.instance(key)?.appearance.mask;
-        let (_, tree) = (mask & shading_point.mask != 0).then(|| self.tree_view(key, shading_point))??;
-        (!tree.nodes.is_empty()).then_some(tree)
-    }
-
-    /// The slot of the sky, and the portals through which a shading point sees it; `None` if it is in no room.
-    pub(crate) fn portals(&self, shading_point: &ShadingPoint) -> Option<(u32, PortalsInSight<'a>)> {
-        let portals = self.world.placed_portals();
-        if portals.is_empty() || LocalSegment::of(shading_point).is_some() {
-            return None;
-        }
-        let (key, _) = self.world.sky()?;
-        let axes = self.world.instance(key)?.shown()?.linear.linear;
-        Some((slot_of(key), PortalsInSight::new(portals, shading_point.position, axes)?))
-    }
-
+impl LightSampler<'_> {
     /// Chooses a point of a patch.
     pub(crate) fn sample_sky(
         &self,
@@ -59,7 +37,7 @@ impl<'a> LightSampler<'a> {
         let (patch, incident) = self.sky_point(placed, shading_point, direction)?;
         let incident = Incident { radiance: instance.appearance.arriving(incident.radiance)?, ..incident };
         let light = LightId::Local { instance: key, light: patch };
-        let user_data = self.world.instance(key).map_or(0, |i| i.appearance.user_data);
+        let user_data = instance.appearance.user_data;
         Some(LightSample { light, pmf: self.pmf(shading_point, light), incident, user_data })
     }
 

@@ -1,6 +1,5 @@
 //! The lights of a world as they are at one moment.
 
-use crate::sampling::cut::DEFAULT_SPLITS;
 use crate::sampling::reservoir::Reservoir;
 use crate::sampling::sample::{LightSample, LightSampler};
 use crate::shading::shading_point::ShadingPoint;
@@ -28,15 +27,7 @@ impl LightSnapshot {
     /// Returns the light of a reservoir as it was: see [`LightSampler::reservoir_sample`]. Positions are relative to the
     /// world's origin as it was.
     pub fn reservoir_sample(&self, shading_point: &ShadingPoint, reservoir: &Reservoir) -> Option<LightSample> {
-        let sampler = LightSampler {
-            world: &self.world,
-            top: &self.top,
-            splits: DEFAULT_SPLITS,
-            visibility: None,
-            cuts: None,
-            is_from_roots: false,
-        };
-        sampler.reservoir_sample(shading_point, reservoir)
+        LightSampler::new(&self.world, &self.top).reservoir_sample(shading_point, reservoir)
     }
 }
 

@@ -5,8 +5,8 @@
 //! so the depth of trees has no limit.
 
 use crate::math::dice::{Dice, choice_pmf, joint_pmf};
-use crate::math::simd::VectorJob;
-use crate::sampling::cut::{Candidates, Choice, CutSource, InstanceTrees, NO_INSTANCE, TreeView, choose_lane};
+use crate::sampling::cut::{Candidates, Choice, CutWork, choose_lane};
+use crate::sampling::view::{NO_INSTANCE, TreeView, WorldView};
 use crate::shading::importance::running_sums;
 use crate::tree::{ChildRef, NO_PARENT, Opening, WIDTH};
 
@@ -33,21 +33,16 @@ pub(crate) enum Outcome {
     Nothing,
 }
 
-/// Draws a light of a cut, or a directional light; those bring `directional_lux` together.
+/// Draws a light of a cut, or a directional light.
 #[inline(always)]
-pub(crate) fn draw<'a>(
-    cut: &impl Candidates<'a>,
-    directional_lux: f32,
-    u: [f32; 2],
-    instance_trees: &impl InstanceTrees<'a>,
-) -> Outcome {
-    let total = cut.total() + directional_lux;
+pub(crate) fn draw<'a>(cut: &impl Candidates<'a>, view: &WorldView<'a, '_>, u: [f32; 2]) -> Outcome {
+    let total = cut.total() + view.directional_lux;
     if total <= 0.0 {
         return Outcome::Nothing;
     }
     let (mut outer, inner) = (Dice::new(u[0], u[1]), Dice::new(u[1], u[0]));
     let mut pmf = 1.0;
-    if directional_lux > 0.0 {
+    if view.directional_lux > 0.0 {
         let point = outer.point(total);
         if point >= cut.total() {
             return Outcome::Directional { offset: point - cut.total(), total };
@@ -55,7 +50,7 @@ pub(crate) fn draw<'a>(
         pmf = choice_pmf(cut.total(), total);
         outer.remap(point / total, pmf);
     }
-    match descend(cut, outer, inner, instance_trees) {
+    match descend(cut, view, outer, inner) {
         Some(light) => Outcome::Light(TreeLight { pmf: joint_pmf(pmf, light.pmf), ..light }),
         None => Outcome::Nothing,
     }
@@ -66,15 +61,15 @@ pub(crate) fn draw<'a>(
 #[inline(always)]
 fn descend<'a>(
     cut: &impl Candidates<'a>,
+    view: &WorldView<'a, '_>,
     mut outer: Dice,
     mut inner: Dice,
-    instance_trees: &impl InstanceTrees<'a>,
 ) -> Option<TreeLight> {
-    let Choice { mut tree, mut child, mut pmf } = cut.choose(&mut outer)?;
+    let Choice { mut tree, mut child, mut pmf } = cut.choose(view, &mut outer)?;
     loop {
         let node = match child {
             ChildRef::Leaf(leaf) if tree.is_top() => {
-                (tree, child) = instance_trees.tree_view(leaf)?;
+                (tree, child) = view.tree_below(leaf)?;
                 match child {
                     ChildRef::Node(node) => node,
                     ChildRef::Leaf(light) => return Some(TreeLight { instance: tree.instance, light, pmf }),
@@ -85,7 +80,7 @@ fn descend<'a>(
         };
         let dice = if tree.instance == NO_INSTANCE { &mut outer } else { &mut inner };
         let record = tree.nodes.get(node as usize)?;
-        let weights = cut.weights(&tree, node, record, instance_trees);
+        let weights = cut.weights(view, &tree, node, record);
         let sums = running_sums(&weights);
         let total = sums[WIDTH - 1];
         if total <= 0.0 {
@@ -142,7 +137,7 @@ impl<'a> LeafPath<'a> {
 
 /// The probability that [`descend`] ends at a leaf.
 #[inline(always)]
-fn climb<'a>(cut: &impl Candidates<'a>, leaf: &LeafPath<'a>, instance_trees: &impl InstanceTrees<'a>) -> f32 {
+fn climb<'a>(cut: &impl Candidates<'a>, leaf: &LeafPath<'a>, view: &WorldView<'a, '_>) -> f32 {
     let mut path = *leaf;
     let mut pmf = 1.0;
     while path.enter_top() {
@@ -152,7 +147,7 @@ fn climb<'a>(cut: &impl Candidates<'a>, leaf: &LeafPath<'a>, instance_trees: &im
             return joint_pmf(pmf, in_cut);
         }
         let record = &tree.nodes[node as usize];
-        let weights = cut.weights(tree, node, record, instance_trees);
+        let weights = cut.weights(view, tree, node, record);
         pmf = joint_pmf(pmf, choice_pmf(weights[slot], running_sums(&weights)[WIDTH - 1]));
         if pmf <= 0.0 {
             return 0.0;
@@ -165,57 +160,39 @@ fn climb<'a>(cut: &impl Candidates<'a>, leaf: &LeafPath<'a>, instance_trees: &im
     0.0
 }
 
-/// Draws one light.
-pub(crate) struct DrawJob<'t, C, T> {
-    pub source: C,
-    /// The illuminance by all directional lights.
-    pub directional_lux: f32,
-    pub u: [f32; 2],
-    pub instance_trees: &'t T,
-}
+/// Draws one light by two random numbers.
+pub(crate) struct Draw(pub [f32; 2]);
 
-impl<'a, C: CutSource<'a>, T: InstanceTrees<'a>> VectorJob for DrawJob<'_, C, T> {
+impl<'a> CutWork<'a> for Draw {
     type Output = Outcome;
 
     #[inline(always)]
-    fn run(self) -> Outcome {
-        let Self { source, directional_lux, u, instance_trees } = self;
-        draw(&source.cut(instance_trees), directional_lux, u, instance_trees)
+    fn run(self, cut: &impl Candidates<'a>, view: &WorldView<'a, '_>) -> Outcome {
+        draw(cut, view, self.0)
     }
 }
 
-/// A light whose probability is computed.
+/// Computes the probability that [`Draw`] chooses a light.
 #[allow(clippy::large_enum_variant, reason = "one exists at a time, on the stack")]
-pub(crate) enum PmfQuery<'a> {
+pub(crate) enum PmfOf<'a> {
     Light(LeafPath<'a>),
     /// A directional light that brings so many lux.
     Directional(f32),
 }
 
-/// Computes the probability that a [`DrawJob`] chooses a light.
-pub(crate) struct PmfJob<'a, 't, C, T> {
-    pub source: C,
-    /// The illuminance by all directional lights.
-    pub directional_lux: f32,
-    pub query: PmfQuery<'a>,
-    pub instance_trees: &'t T,
-}
-
-impl<'a, C: CutSource<'a>, T: InstanceTrees<'a>> VectorJob for PmfJob<'a, '_, C, T> {
+impl<'a> CutWork<'a> for PmfOf<'a> {
     type Output = f32;
 
     #[inline(always)]
-    fn run(self) -> f32 {
-        let Self { source, directional_lux, query, instance_trees } = self;
-        let cut = source.cut(instance_trees);
-        let total = cut.total() + directional_lux;
-        match query {
+    fn run(self, cut: &impl Candidates<'a>, view: &WorldView<'a, '_>) -> f32 {
+        let total = cut.total() + view.directional_lux;
+        match self {
             _ if total <= 0.0 => 0.0,
-            PmfQuery::Light(leaf) => {
-                let pmf = if directional_lux > 0.0 { choice_pmf(cut.total(), total) } else { 1.0 };
-                joint_pmf(pmf, climb(&cut, &leaf, instance_trees))
+            PmfOf::Light(leaf) => {
+                let pmf = if view.directional_lux > 0.0 { choice_pmf(cut.total(), total) } else { 1.0 };
+                joint_pmf(pmf, climb(cut, &leaf, view))
             }
-            PmfQuery::Directional(lux) => choice_pmf(lux, total),
+            PmfOf::Directional(lux) => choice_pmf(lux, total),
         }
     }
 }

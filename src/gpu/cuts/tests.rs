@@ -316,7 +316,7 @@ fn other_reservoirs(sampler: &LightSampler<'_>, inputs: &[Input], outputs: &[Out
         };
         (output.instance, output.light) != (instance, light) || (output.pmf / kept.weight - 1.0).abs() > 1.0e-2
     };
-    let has_cut = |(input, _): &(&Input, &Output)| sampler.shared_cut(&point(input), 0.0).is_some();
+    let has_cut = |(input, _): &(&Input, &Output)| sampler.shared_cut(&point(input)).is_some();
     inputs.iter().zip(outputs).filter(has_cut).filter(is_other).count()
 }
 
@@ -365,7 +365,7 @@ fn the_gpu_builds_the_cuts_that_the_cpu_builds_and_chooses_the_same_lights() {
         let [x, y, z] = cell.corner;
         let at = point(input);
         let sampler = world.sampler().with_cuts(&table);
-        let Some(cut) = sampler.shared_cut(&at, 0.0).map(|placed| placed.cut) else { continue };
+        let Some(cut) = sampler.shared_cut(&at).map(|placed| placed.cut) else { continue };
         total += 1;
         let Some(row) = cuts.get(&[x, y, z, cell.kind, cell.mask]) else { continue };
         let mut is_node = |[instance, index]: [u32; 2], node: &NodeId| {
@@ -419,7 +419,7 @@ fn cells_whose_candidates_are_all_contested_choose_as_on_the_cpu() {
     table.build(world.sampler());
     let sampler = world.sampler().with_cuts(&table);
     let has_no_units = |input: &Input| {
-        sampler.shared_cut(&point(input), 0.0).is_some_and(|placed| placed.cut.total() == 0 && placed.cut.count > 0)
+        sampler.shared_cut(&point(input)).is_some_and(|placed| placed.cut.total() == 0 && placed.cut.count > 0)
     };
     let all_contested = chosen.iter().filter(|input| has_no_units(input)).count();
     let outputs = rig.run(&marked, &chosen);
@@ -454,7 +454,7 @@ fn choices_from_a_cell_read_few_nodes() {
     queue.submit([encoder.finish()]);
     let found: Vec<[u32; 4]> = read(&device, &queue, &output);
     let sampler = world.sampler().with_cuts(&table);
-    let has_cut = |input: &Input| sampler.shared_cut(&point(input), 0.0).is_some();
+    let has_cut = |input: &Input| sampler.shared_cut(&point(input)).is_some();
     let known: Vec<[u32; 4]> =
         at.iter().zip(found).filter(|(input, _)| has_cut(input)).map(|(_, found)| found).collect();
     let mean = |i: usize| known.iter().map(|found| f64::from(found[i])).sum::<f64>() / known.len() as f64;

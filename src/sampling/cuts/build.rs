@@ -5,16 +5,17 @@
 //! reasons, and docs/decisions.md what else was tried.
 
 use crate::math::simd::{VectorJob, with_vectors};
-use crate::sampling::cut::{MIN_DOUBT, NO_INSTANCE, TreeView, seen_importances};
+use crate::sampling::cut::MIN_DOUBT;
 use crate::sampling::cuts::cell::POINTS;
 use crate::sampling::cuts::keep::{SKY_ROOT, below, flux_step, name};
 use crate::sampling::cuts::shared::{CONTESTED, Contested, MIN_SIDE, NodeId, SHARED_NODES, SharedCut, SkyState, UNITS};
 use crate::sampling::sample::LightSampler;
+use crate::sampling::view::{NO_INSTANCE, WorldView};
 use crate::shading::importance::{
     ChildImportances, UNRESOLVED_DOUBT, resolved_sum, scale_unresolved, unresolved_scale, unresolved_sum,
 };
 use crate::shading::shading_point::ShadingPoint;
-use crate::tree::{Lanes, Node, WIDTH};
+use crate::tree::{Lanes, WIDTH};
 use crate::visibility::LearntCell;
 
 /// A candidate is split only while its doubt and the deviation of its share are more than this share of
@@ -41,7 +42,7 @@ pub(crate) const CHILD_BITS: u32 = (SHARED_NODES * WIDTH) as u32 - 1;
 const VIEWS: usize = POINTS + 1;
 
 /// What is known of a node whose children are candidates.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 struct Opened {
     id: NodeId,
     /// The child that it was: see [`SharedCut::from`].
@@ -56,88 +57,78 @@ struct Opened {
     lit: u8,
 }
 
-/// The points of a cell.
-pub(crate) struct CellPoints<'p> {
-    /// At most [`POINTS`], and at least one.
-    pub points: &'p [ShadingPoint],
-    /// The middle of the cell.
-    pub center: ShadingPoint,
-}
-
 /// A cut that is being made.
-struct Sketch<'s, 'a, 'p> {
+struct Sketch<'s, 'a> {
     sampler: &'s LightSampler<'a>,
-    cell: &'s CellPoints<'p>,
+    /// The world as seen from the points of the cell, and from its middle, which is the last one.
+    views: [WorldView<'a, 's>; VIEWS],
+    /// The number of points.
+    points: usize,
     opened: [Opened; SHARED_NODES],
     count: usize,
-    /// The illuminance by directional lights at each point.
-    directional: [f32; VIEWS],
-    /// What is learnt about each point. The middle is of no surface.
-    learnt: [Option<LearntCell<'a>>; POINTS],
 }
 
-/// Builds the cut of a cell. It has no nodes if no light reaches any of the points.
-pub(crate) fn build(sampler: &LightSampler<'_>, cell: &CellPoints<'_>, cut: &mut SharedCut) {
-    with_vectors(BuildJob { sampler, cell, cut });
+/// Builds the cut of a cell for a few of its points, at most [`POINTS`] and at least one, and for its middle. It has no
+/// nodes if no light reaches any of the points.
+pub(crate) fn build(sampler: &LightSampler<'_>, points: &[ShadingPoint], center: &ShadingPoint, cut: &mut SharedCut) {
+    with_vectors(BuildJob { sampler, points, center, cut });
 }
 
-struct BuildJob<'s, 'a, 'p> {
+struct BuildJob<'s, 'a> {
     sampler: &'s LightSampler<'a>,
-    cell: &'s CellPoints<'p>,
+    points: &'s [ShadingPoint],
+    center: &'s ShadingPoint,
     cut: &'s mut SharedCut,
 }
 
-impl VectorJob for BuildJob<'_, '_, '_> {
+impl VectorJob for BuildJob<'_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let Self { sampler, cell, cut } = self;
-        sketch(sampler, cell).finish(cut);
+        let Self { sampler, points, center, cut } = self;
+        let mut sketch = Sketch::new(sampler, points, center);
+        sketch.split();
+        sketch.finish(cut);
     }
 }
 
-/// Splits until no split is worth its time, or as often as there is room.
-#[inline(always)]
-fn sketch<'s, 'a, 'p>(sampler: &'s LightSampler<'a>, cell: &'s CellPoints<'p>) -> Sketch<'s, 'a, 'p> {
-    let opened = Opened {
-        id: NodeId::default(),
-        from: 0,
-        importance: [[0.0; WIDTH]; VIEWS],
-        sums: [0.0; VIEWS],
-        priority: [0.0; WIDTH],
-        lit: 0,
-    };
-    let (directional, learnt) = ([0.0; VIEWS], [None; POINTS]);
-    let mut sketch = Sketch { sampler, cell, opened: [opened; SHARED_NODES], count: 0, directional, learnt };
-    for view in sketch.views() {
-        sketch.directional[view] = sampler.directional_lux(sketch.point(view));
+impl<'s, 'a> Sketch<'s, 'a> {
+    #[inline(always)]
+    fn new(sampler: &'s LightSampler<'a>, points: &'s [ShadingPoint], center: &'s ShadingPoint) -> Self {
+        let view = |k: usize| match points.get(k) {
+            Some(point) => WorldView { learnt: sampler.learnt(point), ..sampler.view(point) },
+            // The middle is of no surface, and stands for all points of the cell, which may see other parts of the sky.
+            None => WorldView { portals: None, ..sampler.view(center) },
+        };
+        let views = std::array::from_fn(view);
+        Self { sampler, views, points: points.len(), opened: [Opened::default(); SHARED_NODES], count: 0 }
     }
-    for (learnt, point) in sketch.learnt.iter_mut().zip(cell.points) {
-        *learnt = sampler.learnt(point);
-    }
-    let mut next = (NodeId { instance: NO_INSTANCE, node: 0 }, 0);
-    let mut sky = sampler.sky_view(&cell.center).map(|tree| NodeId { instance: tree.instance, node: 0 });
-    while sketch.add(next).is_some() && sketch.count < SHARED_NODES {
-        if let Some(root) = sky.take() {
-            next = (root, SKY_ROOT);
-            continue;
-        }
-        let Some((index, slot, child)) = sketch.next() else { break };
-        sketch.remove(index, slot);
-        next = (child, (index * WIDTH + slot) as u8);
-    }
-    sketch
-}
 
-impl<'a> Sketch<'_, 'a, '_> {
-    fn point(&self, view: usize) -> &ShadingPoint {
-        if view == POINTS { &self.cell.center } else { &self.cell.points[view] }
+    /// The world as the middle sees it.
+    fn middle(&self) -> &WorldView<'a, 's> {
+        &self.views[POINTS]
     }
 
     /// The numbers of the points and of the middle.
     fn views(&self) -> impl Iterator<Item = usize> + use<> {
-        (0..self.cell.points.len()).chain([POINTS])
+        (0..self.points).chain([POINTS])
+    }
+
+    /// Splits until no split is worth its time, or as often as there is room.
+    #[inline(always)]
+    fn split(&mut self) {
+        let mut next = (NodeId { instance: NO_INSTANCE, node: 0 }, 0);
+        let mut sky = self.middle().sky().map(|tree| NodeId { instance: tree.instance, node: 0 });
+        while self.add(next).is_some() && self.count < SHARED_NODES {
+            if let Some(root) = sky.take() {
+                next = (root, SKY_ROOT);
+                continue;
+            }
+            let Some((index, slot, child)) = self.next() else { break };
+            self.remove(index, slot);
+            next = (child, (index * WIDTH + slot) as u8);
+        }
     }
 
     /// Makes a node's children candidates. `None` if there is no such node.
@@ -147,27 +138,27 @@ impl<'a> Sketch<'_, 'a, '_> {
         let mut doubts = [[0.0; WIDTH]; POINTS];
         // Points in the same row see each child in the same group.
         let mut last: Option<(LearntCell<'a>, Lanes)> = None;
-        for view in self.views() {
-            let point = self.point(view);
-            let tree = self.sampler.view_at(id.instance, point)?;
+        for k in self.views() {
+            let view = &self.views[k];
+            let tree = view.tree(id.instance)?;
             let record = tree.nodes.get(id.node as usize)?;
-            let ChildImportances { mut importance, doubt } = self.importances(&tree, id.node, record, view);
-            if let Some(Some(learnt)) = self.learnt.get(view) {
+            let ChildImportances { mut importance, doubt } = view.importances(&tree, id.node, record);
+            if let Some(learnt) = &view.learnt {
                 let (_, shares) = match last {
                     Some(known) if std::ptr::eq(known.0.shares, learnt.shares) => known,
-                    _ => (*learnt, learnt.shares(record, &tree.local, &self.sampler.world_of(&tree))),
+                    _ => (*learnt, learnt.shares(record, &tree.local, &view.to_world(&tree))),
                 };
                 last = Some((*learnt, shares));
                 for slot in 0..WIDTH {
                     importance[slot] *= shares[slot];
                 }
             }
-            opened.sums[view] = resolved_sum(&importance);
-            opened.importance[view] = importance;
-            if view < POINTS {
-                doubts[view] = doubt;
+            opened.sums[k] = resolved_sum(&importance);
+            opened.importance[k] = importance;
+            if k < POINTS {
+                doubts[k] = doubt;
             } else {
-                let met = self.sampler.met_children(&tree, id.node, point.mask);
+                let met = view.met_children(id.instance, id.node);
                 for slot in 0..WIDTH {
                     opened.lit |= u8::from(record.flux[slot] > 0 && met[slot]) << slot;
                 }
@@ -179,24 +170,15 @@ impl<'a> Sketch<'_, 'a, '_> {
         Some(())
     }
 
-    #[inline(always)]
-    fn importances(&self, tree: &TreeView<'a>, node: u32, record: &Node, view: usize) -> ChildImportances {
-        let point = self.point(view);
-        let mut trees = self.sampler.world_trees(point);
-        // The middle stands for all points of the cell, which may see other parts of the sky.
-        trees.portals = trees.portals.filter(|_| view < POINTS);
-        seen_importances(tree, node, record, &trees)
-    }
-
     /// All light at a point that is known to be resolved.
     fn total(&self, view: usize) -> f32 {
-        self.opened[..self.count].iter().map(|opened| opened.sums[view]).sum::<f32>() + self.directional[view]
+        self.opened[..self.count].iter().map(|opened| opened.sums[view]).sum::<f32>() + self.views[view].directional_lux
     }
 
     /// What is split next: the mean doubt, and the deviation of the shares.
     #[inline(always)]
     fn priorities(&self, opened: &Opened, doubts: &[Lanes; POINTS]) -> Lanes {
-        let count = self.cell.points.len();
+        let count = self.points;
         let (mut priority, mut sums, mut squares) = ([0.0; WIDTH], [0.0; WIDTH], [0.0; WIDTH]);
         for view in 0..count {
             let total = self.total(view);
@@ -236,7 +218,7 @@ impl<'a> Sketch<'_, 'a, '_> {
             }
             let child = (CHILD_BITS - (greatest & CHILD_BITS)) as usize;
             let (index, slot) = (child / WIDTH, child % WIDTH);
-            if let Some(node) = below(self.sampler, self.opened[index].id, slot) {
+            if let Some(node) = below(self.middle(), self.opened[index].id, slot) {
                 return Some((index, slot, node));
             }
             // A single light cannot be split.
@@ -271,25 +253,25 @@ impl<'a> Sketch<'_, 'a, '_> {
                 let weights = scale_unresolved(&opened.importance[view], scale);
                 opened.importance[view] = weights.map(|weight| weight * inverse);
             }
-            (all[view], directional[view]) = (total, self.directional[view] * inverse);
+            (all[view], directional[view]) = (total, self.views[view].directional_lux * inverse);
         }
         [all, directional]
     }
 
     /// The root of the mean square of what each point of the cell has.
     fn root_mean_square(&self, of: impl Fn(usize) -> f32) -> f32 {
-        let count = self.cell.points.len();
+        let count = self.points;
         ((0..count).map(|view| of(view) * of(view)).sum::<f32>() / count as f32).sqrt()
     }
 
     /// The nodes about whose children the points disagree most, from shares and the roots of their mean squares.
     fn contested(&self, weights: &[Lanes; SHARED_NODES]) -> [Contested; CONTESTED] {
-        let scale = 1.0 / self.cell.points.len() as f32;
+        let scale = 1.0 / self.points as f32;
         let mut keys = [0; SHARED_NODES];
         let mut disagreements = [0.0; SHARED_NODES];
         for (index, opened) in self.opened[..self.count].iter().enumerate() {
             for slot in 0..WIDTH {
-                let sum: f32 = (0..self.cell.points.len()).map(|view| opened.importance[view][slot]).sum();
+                let sum: f32 = (0..self.points).map(|view| opened.importance[view][slot]).sum();
                 disagreements[index] += (weights[index][slot] - sum * scale).max(0.0);
             }
             // The last bits name the node, so that no two are equal.
@@ -348,7 +330,7 @@ impl<'a> Sketch<'_, 'a, '_> {
             0 => 0.0,
             _ => {
                 // Not root mean squares, since squares of lux may leave f32.
-                let count = self.cell.points.len();
+                let count = self.points;
                 let mean = |lux: &dyn Fn(usize) -> f32| (0..count).map(|view| lux(view) / count as f32).sum::<f32>();
                 mean(&|view| share(view) * all[view]).max(MIN_SIDE * mean(&|view| all[view]))
             }
@@ -370,13 +352,12 @@ impl<'a> Sketch<'_, 'a, '_> {
             }
         }
         cut.count = self.count;
-        (cut.name, cut.sky) = (0, SkyState::of(self.sampler));
+        (cut.name, cut.sky) = (0, SkyState::of(self.sampler.world));
         for (index, Opened { id, from, .. }) in self.opened[..self.count].iter().enumerate() {
-            let record =
-                self.sampler.view_at(id.instance, &self.cell.center).and_then(|t| t.nodes.get(id.node as usize));
+            let record = self.middle().nodes(id.instance).and_then(|nodes| nodes.get(id.node as usize));
             cut.from[index] = *from;
             cut.flux[index] = record.map_or([0; WIDTH], |record| record.flux.map(flux_step));
-            cut.name = cut.name.wrapping_add(name(self.sampler, *id).unwrap_or(0));
+            cut.name = cut.name.wrapping_add(name(self.middle(), *id).unwrap_or(0));
         }
     }
 }

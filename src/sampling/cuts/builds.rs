@@ -2,9 +2,10 @@
 
 use std::cmp::Reverse;
 
-use crate::sampling::cuts::build::{CellPoints, build};
+use crate::math::parallel::for_each_chunk;
+use crate::sampling::cuts::build::build;
 use crate::sampling::cuts::cell::{CutCell, CutGrid, POINTS};
-use crate::sampling::cuts::keep::TURNS;
+use crate::sampling::cuts::keep::{CellNow, TURNS};
 use crate::sampling::cuts::marks::Marked;
 use crate::sampling::cuts::shared::SharedCut;
 use crate::sampling::cuts::table::{CutReport, CutTable};
@@ -24,7 +25,8 @@ impl Build<'_> {
     /// Builds the cut of a cell, unless it may keep the one that it has. Returns whether it is built.
     fn run(&self, cell: &CutCell, marked: &Marked, cut: &mut SharedCut) -> bool {
         let Self { sampler, grid, taught, .. } = self;
-        let (center, toward, [_, tag]) = (grid.center(cell), grid.toward(cell), cell.keys());
+        let (center, [_, tag]) = (grid.center(cell), cell.keys());
+        let now = CellNow { toward: grid.toward(cell), tag, taught: *taught };
         let mut points = [center; POINTS];
         let mut count = 0;
         for word in marked.words() {
@@ -34,12 +36,13 @@ impl Build<'_> {
         // It was made for at least as many points as are known now.
         if cut.count == 0 || cut.points < count {
             cut.age = 0;
-        } else if self.is_calm[usize::from(cell.is_glossy())] || cut.is_kept(sampler, (&center, toward), (tag, *taught))
+        } else if self.is_calm[usize::from(cell.is_glossy())]
+            || cut.is_kept(sampler.world, &sampler.view(&center), &now)
         {
             return false;
         }
-        build(sampler, &CellPoints { points: &points[..count], center }, cut);
-        (cut.points, cut.toward) = (count, toward);
+        build(sampler, &points[..count], &center, cut);
+        (cut.points, cut.toward) = (count, now.toward);
         true
     }
 }
@@ -77,24 +80,20 @@ impl CutTable {
         let is_rested = built.calm > TURNS;
         let is_calm = [is_rested, is_rested && built.eye_rest > TURNS];
         let build = Build { sampler, grid, is_calm, taught };
-        let work =
-            chosen.into_iter().map(|(cell, marked)| (cell, marked, built.cuts.remove(&cell).unwrap_or_default()));
-        let work: Vec<_> = work.collect();
-        let run = |(cell, marked, mut cut): (CutCell, Marked, Box<SharedCut>)| {
-            let is_built = build.run(&cell, &marked, &mut cut);
-            (cell, cut, is_built)
-        };
-        #[cfg(feature = "parallel")]
-        let done: Vec<_> = {
-            use rayon::prelude::*;
-            work.into_par_iter().map(run).collect()
-        };
-        #[cfg(not(feature = "parallel"))]
-        let done: Vec<_> = work.into_iter().map(run).collect();
-        report.built = done.iter().filter(|(.., is_built)| *is_built).count();
-        report.kept = done.len() - report.built;
+        let work = chosen.into_iter().map(|(cell, marked)| {
+            let cut = built.cuts.remove(&cell).unwrap_or_default();
+            (cell, marked, cut, false)
+        });
+        let mut work: Vec<(CutCell, Marked, Box<SharedCut>, bool)> = work.collect();
+        for_each_chunk(&mut work, 1, |_, work| {
+            for (cell, marked, cut, is_built) in work {
+                *is_built = build.run(cell, marked, cut);
+            }
+        });
+        report.built = work.iter().filter(|(.., is_built)| *is_built).count();
+        report.kept = work.len() - report.built;
         built.cuts.clear();
-        built.cuts.extend(done.into_iter().map(|(cell, cut, _)| (cell, cut)));
+        built.cuts.extend(work.into_iter().map(|(cell, _, cut, _)| (cell, cut)));
         (built.grid, built.world, built.learnt, built.report) = (Some(grid), sampler.top.id, learnt, report);
     }
 }

@@ -7,11 +7,10 @@
 use glam::Vec3;
 
 use crate::math::dice::hash;
-use crate::sampling::cut::NO_INSTANCE;
 use crate::sampling::cuts::shared::{NodeId, SharedCut, SkyState};
-use crate::sampling::sample::LightSampler;
-use crate::shading::shading_point::ShadingPoint;
+use crate::sampling::view::{NO_INSTANCE, WorldView};
 use crate::tree::{ChildRef, WIDTH};
+use crate::world::LightWorld;
 
 /// Cells are built again in turn, each in one of so many builds.
 pub(crate) const TURNS: u32 = 12;
@@ -40,8 +39,8 @@ pub(crate) fn flux_step(flux: u16) -> u8 {
 
 impl SkyState {
     /// That of a world; the default without a sky.
-    pub fn of(sampler: &LightSampler<'_>) -> Self {
-        let sky = sampler.world.sky().and_then(|(key, _)| sampler.world.instance(key));
+    pub fn of(world: &LightWorld) -> Self {
+        let sky = world.sky().and_then(|(key, _)| world.instance(key));
         sky.and_then(|sky| {
             let turn = (sky.shown()?.linear.linear * Vec3::new(1.0, 2.0, 3.0)).normalize_or_zero();
             Some(Self { turn, brightness: (sky.appearance.brightness().to_bits() >> 22) as u8 })
@@ -60,46 +59,45 @@ fn is_young(age: u32) -> bool {
     age <= YOUNG && age.is_power_of_two()
 }
 
+/// What decides, beside the world, whether a cell keeps its cut.
+pub(crate) struct CellNow {
+    /// The direction from a glossy cell to the eye; 0 for a matte one.
+    pub toward: Vec3,
+    /// What tells the cell from others.
+    pub tag: u32,
+    /// Whether anything was learnt since the last build.
+    pub taught: bool,
+}
+
 impl SharedCut {
     /// Follows nodes that were stored elsewhere. Returns whether the cut still suits the world and the view; if not, or
-    /// if it is its turn, it is to be built again. `taught` is whether anything was learnt since the last build, and
-    /// `tag` that of the cell.
-    pub fn is_kept(
-        &mut self,
-        sampler: &LightSampler<'_>,
-        (center, toward): (&ShadingPoint, Vec3),
-        (tag, taught): (u32, bool),
-    ) -> bool {
+    /// if it is its turn, it is to be built again. `middle` is the world as the middle of the cell sees it.
+    pub fn is_kept(&mut self, world: &LightWorld, middle: &WorldView<'_, '_>, now: &CellNow) -> bool {
         self.age += 1;
-        let is_due = self.age.wrapping_add(tag) % TURNS == 0 || taught && is_young(self.age);
-        !is_due && self.has_same_view(toward) && self.follow(sampler, center).is_some()
+        let is_due = self.age.wrapping_add(now.tag) % TURNS == 0 || now.taught && is_young(self.age);
+        let has_same_view = now.toward == Vec3::ZERO || self.toward.dot(now.toward) >= KEPT_VIEW_COSINE;
+        !is_due && has_same_view && self.follow(world, middle).is_some()
     }
 
-    /// `toward` is the direction from a glossy cell to the eye, or 0.
-    fn has_same_view(&self, toward: Vec3) -> bool {
-        toward == Vec3::ZERO || self.toward.dot(toward) >= KEPT_VIEW_COSINE
-    }
-
-    fn follow(&mut self, sampler: &LightSampler<'_>, center: &ShadingPoint) -> Option<()> {
-        let sky = sampler.sky_view(center).map(|tree| NodeId { instance: tree.instance, node: 0 });
+    fn follow(&mut self, world: &LightWorld, middle: &WorldView<'_, '_>) -> Option<()> {
+        let sky = middle.sky().map(|tree| NodeId { instance: tree.instance, node: 0 });
         let has_sky = self.count > 1 && self.from[1] == SKY_ROOT;
-        let has_sun = sampler.world.directional_lights().next().is_some();
+        let has_sun = world.directional_lights().next().is_some();
         (has_sky == sky.is_some() && has_sun == (self.directional > 0.0)).then_some(())?;
-        (!has_sky || self.sky.suits(&SkyState::of(sampler))).then_some(())?;
+        (!has_sky || self.sky.suits(&SkyState::of(world))).then_some(())?;
         for index in 1..self.count {
             self.nodes[index] = match self.from[index] {
                 SKY_ROOT => sky?,
-                child => below(sampler, self.nodes[usize::from(child) / WIDTH], usize::from(child) % WIDTH)?,
+                child => below(middle, self.nodes[usize::from(child) / WIDTH], usize::from(child) % WIDTH)?,
             };
         }
         let name =
-            self.nodes[..self.count].iter().try_fold(0, |sum: u32, id| Some(sum.wrapping_add(name(sampler, *id)?)));
+            self.nodes[..self.count].iter().try_fold(0, |sum: u32, id| Some(sum.wrapping_add(name(middle, *id)?)));
         (name? == self.name).then_some(())?;
         let least = JUMP_SHARE * self.total() as f32;
         for (index, id) in self.nodes[..self.count].iter().enumerate() {
-            let tree = sampler.view_at(id.instance, center)?;
-            let record = tree.nodes.get(id.node as usize)?;
-            let met = sampler.met_children(&tree, id.node, center.mask);
+            let record = middle.nodes(id.instance)?.get(id.node as usize)?;
+            let met = middle.met_children(id.instance, id.node);
             for slot in 0..WIDTH {
                 let child = index * WIDTH + slot;
                 let [_, units] = self.units(child);
@@ -122,16 +120,11 @@ impl SharedCut {
 }
 
 /// The node below a child; `None` for a light, and if there is none.
-pub(crate) fn below(sampler: &LightSampler<'_>, id: NodeId, slot: usize) -> Option<NodeId> {
-    let LightSampler { world, top, .. } = sampler;
-    let nodes = match id.instance {
-        NO_INSTANCE => &top.nodes[..],
-        slot => world.tree(world.instance(world.instance_at(slot)?)?.tree)?.nodes(),
-    };
-    match nodes.get(id.node as usize)?.child(slot)? {
+pub(crate) fn below(view: &WorldView<'_, '_>, id: NodeId, slot: usize) -> Option<NodeId> {
+    match view.nodes(id.instance)?.get(id.node as usize)?.child(slot)? {
         ChildRef::Node(node) => Some(NodeId { node, ..id }),
         ChildRef::Leaf(leaf) if id.instance == NO_INSTANCE => {
-            let part = top.part(leaf)?;
+            let part = view.part(leaf)?;
             match part.entry {
                 ChildRef::Node(node) => Some(NodeId { instance: part.slot, node }),
                 ChildRef::Leaf(_) => None,
@@ -142,12 +135,10 @@ pub(crate) fn below(sampler: &LightSampler<'_>, id: NodeId, slot: usize) -> Opti
 }
 
 /// What changes with the children of a node.
-pub(crate) fn name(sampler: &LightSampler<'_>, id: NodeId) -> Option<u32> {
-    let LightSampler { world, top, .. } = sampler;
+pub(crate) fn name(view: &WorldView<'_, '_>, id: NodeId) -> Option<u32> {
     if id.instance == NO_INSTANCE {
-        return Some(top.name(id.node));
+        return view.top_name(id.node);
     }
-    let tree = world.tree(world.instance(world.instance_at(id.instance)?)?.tree)?;
-    let children = tree.nodes().get(id.node as usize)?.children;
+    let children = view.nodes(id.instance)?.get(id.node as usize)?.children;
     Some((0..).zip(children).fold(0, |sum, (slot, child)| sum.wrapping_add(hash(child ^ hash(slot)))))
 }

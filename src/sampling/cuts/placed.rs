@@ -1,52 +1,44 @@
 //! Samples from the cuts that cells share.
 
 use crate::math::dice::{Dice, choice_pmf, joint_pmf};
-use crate::sampling::cut::{Candidates, Choice, CutSource, InstanceTrees, TreeView, choose_lane};
+use crate::sampling::cut::{Candidates, Choice, CutSource, choose_lane};
 use crate::sampling::cuts::shared::{CONTESTED, Contested, MIN_SIDE, NodeId, SharedCut};
 use crate::sampling::cuts::table::{CutTable, CutsInUse};
-use crate::sampling::roots::seen_rough_weights;
 use crate::sampling::sample::LightSampler;
+use crate::sampling::view::{TreeView, WorldView};
 use crate::shading::importance::running_sums;
 use crate::shading::shading_point::ShadingPoint;
-use crate::tree::{ChildRef, Lanes, Node, WIDTH};
+use crate::tree::{Lanes, Node, WIDTH};
 
 /// A shared cut at one of the points of its cell.
-#[derive(Clone, Copy)]
 pub(crate) struct PlacedCut<'a, 's> {
     pub cut: &'a SharedCut,
-    pub sampler: &'s LightSampler<'a>,
-    pub shading_point: &'s ShadingPoint,
-    /// The illuminance by directional lights at the point.
-    pub directional_lux: f32,
+    sampler: &'s LightSampler<'a>,
+    shading_point: &'s ShadingPoint,
 }
 
-impl<'a> PlacedCut<'a, '_> {
-    fn tree(&self, node: NodeId) -> Option<TreeView<'a>> {
-        self.sampler.view_at(node.instance, self.shading_point)
-    }
-}
-
-impl<'a, 's> CutSource<'a> for PlacedCut<'a, 's> {
-    type Cut = WeighedCut<'a, 's>;
+impl<'a> CutSource<'a> for PlacedCut<'a, '_> {
+    type Cut = WeighedCut<'a>;
 
     #[inline(always)]
-    fn cut(self, trees: &impl InstanceTrees<'a>) -> WeighedCut<'a, 's> {
+    fn cut(self, view: &WorldView<'a, '_>) -> WeighedCut<'a> {
+        let Self { cut, sampler, shading_point } = self;
         let mut lanes = [[0.0; WIDTH]; CONTESTED];
-        let learnt = self.cut.contested().next().and_then(|_| self.sampler.learnt(self.shading_point));
-        let mut sum = self.cut.rest;
-        for (contested, lanes) in self.cut.contested().zip(&mut lanes) {
-            let id = self.cut.nodes[usize::from(contested.node)];
-            let Some(tree) = self.tree(id) else { continue };
+        let learnt = cut.contested().next().and_then(|_| sampler.learnt(shading_point));
+        let mut sum = cut.rest;
+        for (contested, lanes) in cut.contested().zip(&mut lanes) {
+            let id = cut.nodes[usize::from(contested.node)];
+            let Some(tree) = view.tree(id.instance) else { continue };
             let Some(record) = tree.nodes.get(id.node as usize) else { continue };
-            let mut weights = seen_rough_weights(&tree, id.node, record, trees);
+            let mut weights = view.rough_weights(&tree, id.node, record);
             if let Some(learnt) = &learnt {
-                let shares = learnt.shares(record, &tree.local, &self.sampler.world_of(&tree));
+                let shares = learnt.shares(record, &tree.local, &view.to_world(&tree));
                 weights.iter_mut().zip(shares).for_each(|(weight, share)| *weight *= share);
             }
             *lanes = contested.among(weights);
             sum += running_sums(lanes)[WIDTH - 1];
         }
-        WeighedCut { placed: self, lanes, sum }
+        WeighedCut { cut, directional_lux: view.directional_lux, lanes, sum }
     }
 }
 
@@ -63,17 +55,27 @@ impl Contested {
 }
 
 /// A shared cut at a point that has weighed the children of contested nodes.
-pub(crate) struct WeighedCut<'a, 's> {
-    placed: PlacedCut<'a, 's>,
+pub(crate) struct WeighedCut<'a> {
+    cut: &'a SharedCut,
+    /// The illuminance by directional lights at the point.
+    directional_lux: f32,
     lanes: [Lanes; CONTESTED],
     /// What all candidates weigh.
     sum: f32,
 }
 
-impl<'a> WeighedCut<'a, '_> {
+impl<'a> WeighedCut<'a> {
+    /// A child, counted through all nodes, as a candidate.
+    fn choice(&self, view: &WorldView<'a, '_>, child: usize, pmf: f32) -> Option<Choice<'a>> {
+        let id = self.cut.nodes[child / WIDTH];
+        let tree = view.tree(id.instance)?;
+        let child = tree.nodes.get(id.node as usize)?.child(child % WIDTH)?;
+        Some(Choice { tree, child, pmf })
+    }
+
     /// The probability of a child of one of the nodes.
     fn child_pmf(&self, node: usize, slot: usize) -> f32 {
-        let cut = self.placed.cut;
+        let cut = self.cut;
         match cut.contested.iter().position(|other| other.has(node, slot)) {
             Some(k) => choice_pmf(self.lanes[k][slot], self.sum),
             None if cut.rest > 0.0 => {
@@ -85,31 +87,26 @@ impl<'a> WeighedCut<'a, '_> {
     }
 
     /// Chooses among the candidates that the cell has weighed.
-    fn choose_shared(&self, dice: &mut Dice) -> Option<Choice<'a>> {
-        let cut = self.placed.cut;
-        let (sums, total) = (cut.sums(), cut.total());
+    fn choose_shared(&self, view: &WorldView<'a, '_>, dice: &mut Dice) -> Option<Choice<'a>> {
+        let (sums, total) = (self.cut.sums(), self.cut.total());
         let point = dice.point(total as f32);
         let unit = (point as u32).min(total.checked_sub(1)?);
         let child = sums.partition_point(|sum| *sum <= unit);
-        let [before, units] = cut.units(child);
+        let [before, units] = self.cut.units(child);
         let pmf = units as f32 / total as f32;
         dice.remap((point - before as f32) / total as f32, pmf);
-        let id = cut.nodes[child / WIDTH];
-        let tree = self.placed.tree(id)?;
-        let child = tree.nodes.get(id.node as usize)?.child(child % WIDTH)?;
-        Some(Choice { tree, child, pmf })
+        self.choice(view, child, pmf)
     }
 }
 
-impl<'a> Candidates<'a> for WeighedCut<'a, '_> {
+impl<'a> Candidates<'a> for WeighedCut<'a> {
     /// On the scale of the point's own directional lights, so that the part of samples that goes to them
     /// is that of the cell.
     fn total(&self) -> f32 {
-        let PlacedCut { cut, directional_lux, .. } = self.placed;
-        if cut.count == 0 {
+        if self.cut.count == 0 {
             0.0
-        } else if directional_lux > 0.0 {
-            directional_lux / cut.directional.max(MIN_SIDE)
+        } else if self.directional_lux > 0.0 {
+            self.directional_lux / self.cut.directional.max(MIN_SIDE)
         } else {
             1.0
         }
@@ -117,10 +114,10 @@ impl<'a> Candidates<'a> for WeighedCut<'a, '_> {
 
     /// Chooses among the candidates that the cell has weighed; the children of each contested node may then take the
     /// place of what was chosen before.
-    fn choose(&self, dice: &mut Dice) -> Option<Choice<'a>> {
-        let mut choice = self.choose_shared(dice);
-        let mut sum = self.placed.cut.rest;
-        for (contested, lanes) in self.placed.cut.contested().zip(&self.lanes) {
+    fn choose(&self, view: &WorldView<'a, '_>, dice: &mut Dice) -> Option<Choice<'a>> {
+        let mut choice = self.choose_shared(view, dice);
+        let mut sum = self.cut.rest;
+        for (contested, lanes) in self.cut.contested().zip(&self.lanes) {
             let sums = running_sums(lanes);
             let (of_node, before) = (sums[WIDTH - 1], sum);
             sum += of_node;
@@ -137,33 +134,30 @@ impl<'a> Candidates<'a> for WeighedCut<'a, '_> {
             let (slot, offset) = choose_lane(lanes, &sums, point);
             let pmf = choice_pmf(lanes[slot], sum);
             dice.remap(offset / sum, pmf);
-            let id = self.placed.cut.nodes[usize::from(contested.node)];
-            let tree = self.placed.tree(id)?;
-            choice = Some(Choice { tree, child: tree.nodes.get(id.node as usize)?.child(slot)?, pmf });
+            choice = Some(self.choice(view, usize::from(contested.node) * WIDTH + slot, pmf)?);
         }
         choice
     }
 
     fn pmf(&self, tree: &TreeView<'a>, node: u32, slot: usize) -> Option<f32> {
-        let (cut, id) = (self.placed.cut, NodeId { instance: tree.instance, node });
-        cut.nodes[..cut.count].iter().position(|other| *other == id).map(|index| self.child_pmf(index, slot))
+        let id = NodeId { instance: tree.instance, node };
+        self.cut.nodes[..self.cut.count].iter().position(|other| *other == id).map(|index| self.child_pmf(index, slot))
     }
 
-    /// By [rough estimates](rough_weights).
+    /// By rough estimates.
     #[inline(always)]
-    fn weights(&self, tree: &TreeView<'a>, node: u32, record: &Node, trees: &impl InstanceTrees<'a>) -> Lanes {
-        seen_rough_weights(tree, node, record, trees)
+    fn weights(&self, view: &WorldView<'a, '_>, tree: &TreeView<'a>, node: u32, record: &Node) -> Lanes {
+        view.rough_weights(tree, node, record)
     }
 
-    fn visit(&self, mut visit: impl FnMut(&TreeView<'a>, ChildRef, f32)) {
-        let cut = self.placed.cut;
-        for (index, id) in cut.nodes[..cut.count].iter().enumerate() {
-            let Some(tree) = self.placed.tree(*id) else { continue };
-            let Some(record) = tree.nodes.get(id.node as usize) else { continue };
+    fn visit(&self, view: &WorldView<'a, '_>, mut visit: impl FnMut(Choice<'a>)) {
+        for index in 0..self.cut.count {
             for slot in 0..WIDTH {
                 let pmf = self.child_pmf(index, slot);
-                if let Some(child) = record.child(slot).filter(|_| pmf > 0.0) {
-                    visit(&tree, child, pmf);
+                if pmf > 0.0
+                    && let Some(choice) = self.choice(view, index * WIDTH + slot, pmf)
+                {
+                    visit(choice);
                 }
             }
         }
@@ -193,12 +187,8 @@ impl<'a> LightSampler<'a> {
 
     /// The cut that a shading point shares, at that point.
     #[inline]
-    pub(crate) fn shared_cut<'s>(
-        &'s self,
-        shading_point: &'s ShadingPoint,
-        directional_lux: f32,
-    ) -> Option<PlacedCut<'a, 's>> {
+    pub(crate) fn shared_cut<'s>(&'s self, shading_point: &'s ShadingPoint) -> Option<PlacedCut<'a, 's>> {
         let cut = self.cuts.as_ref()?.cut(shading_point)?;
-        Some(PlacedCut { cut, sampler: self, shading_point, directional_lux })
+        Some(PlacedCut { cut, sampler: self, shading_point })
     }
 }

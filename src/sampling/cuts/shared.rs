@@ -27,7 +27,7 @@ pub(crate) struct Contested {
     pub children: u8,
 }
 
-/// A node of a world: the slot of an instance, or [`NO_INSTANCE`](crate::sampling::cut::NO_INSTANCE) for the top
+/// A node of a world: the slot of an instance, or [`NO_INSTANCE`](crate::sampling::view::NO_INSTANCE) for the top
 /// level, and the index of the
 /// node in its tree.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -44,7 +44,7 @@ pub(crate) struct SkyState {
 }
 
 /// The candidates of a cell.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct SharedCut {
     /// The number of nodes; 0 if the cell has no cut.
     pub count: usize,
@@ -74,26 +74,6 @@ pub(crate) struct SharedCut {
     /// The illuminance by directional lights over that by the trees, by which a sample chooses between
     /// the two. 0 if there are no directional lights.
     pub directional: f32,
-}
-
-impl Default for SharedCut {
-    fn default() -> Self {
-        Self {
-            count: 0,
-            points: 0,
-            nodes: [NodeId::default(); SHARED_NODES],
-            from: [0; SHARED_NODES],
-            name: 0,
-            flux: [[0; WIDTH]; SHARED_NODES],
-            age: 0,
-            sky: SkyState::default(),
-            toward: Vec3::ZERO,
-            contested: [Contested::default(); CONTESTED],
-            rest: 0.0,
-            sums: [[0; WIDTH]; SHARED_NODES],
-            directional: 0.0,
-        }
-    }
 }
 
 impl SharedCut {
