@@ -5,8 +5,7 @@
 //! (docs/decisions.md, 2); the size counts the diagonal, so that a street of collinear lamps, whose
 //! box has no area, still has a cost.
 //!
-//! Builds use [`build_cost`], with four groups at once for bottom-level trees (`shape/group.rs`)
-//! and with one group for the top level (`top/split.rs`). The attributes of a tree use [`size`] and
+//! Builds use [`build_cost`], for four groups at once (`shape/group.rs`). The attributes of a tree use [`size`] and
 //! [`orientation`].
 
 use std::f32::consts::PI;
@@ -35,67 +34,42 @@ pub(crate) const FALL_TO_BEAM: f32 = 3.0;
 pub(crate) const MIN_ORIENTATION: f32 = 1.0 / 256.0;
 
 /// One number, or one number for each of several groups.
-pub(crate) trait CostLanes:
+pub(crate) trait Lane:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Mul<f32, Output = Self>
 {
-    /// The larger of two numbers, lane by lane.
-    fn larger(self, other: Self) -> Self;
-    /// The square root, lane by lane.
-    fn square_root(self) -> Self;
 }
 
-impl CostLanes for f32 {
-    #[inline(always)]
-    fn larger(self, other: Self) -> Self {
-        self.max(other)
-    }
-
-    #[inline(always)]
-    fn square_root(self) -> Self {
-        self.sqrt()
-    }
-}
-
-impl CostLanes for Vec4 {
-    #[inline(always)]
-    fn larger(self, other: Self) -> Self {
-        self.max(other)
-    }
-
-    #[inline(always)]
-    fn square_root(self) -> Self {
-        Self::from_array(self.to_array().map(f32::sqrt))
-    }
-}
+impl Lane for f32 {}
+impl Lane for Vec4 {}
 
 /// A group's size in square metres, from the edges of its box.
 #[inline(always)]
-pub(crate) fn size<T: CostLanes>([x, y, z]: [T; 3]) -> T {
+pub(crate) fn size<T: Lane>([x, y, z]: [T; 3]) -> T {
     x * y + y * z + z * x + (x * x + y * y + z * z) * DIAGONAL_WEIGHT
 }
 
 /// Flux times orientation while the mean direction is at most [`LAMBERTIAN`] long.
 /// `directed` is the flux times that length.
 #[inline(always)]
-fn wide<T: CostLanes>(flux: T, directed: T) -> T {
+fn wide<T: Lane>(flux: T, directed: T) -> T {
     flux * ALL_SIDES - directed * FALL_TO_FLAT
 }
 
 /// Flux times orientation where the mean direction is longer.
 #[inline(always)]
-fn narrow<T: CostLanes>(flux: T, directed: T) -> T {
+fn narrow<T: Lane>(flux: T, directed: T) -> T {
     (flux - directed) * FALL_TO_BEAM
 }
 
-/// The cost of a group in a build. `size` is its [`size()`], `directed_flux` is its flux times its
+/// The costs of four groups in a build. `size` is their [`size()`], the next argument is their flux times their
 /// mean direction. This is equation 2 of CK18 but for a constant factor, with an orientation of at
 /// least [`MIN_ORIENTATION`].
 ///
 /// Multiplying by the orientation this way needs no division by the flux.
 #[inline(always)]
-pub(crate) fn build_cost<T: CostLanes>(size: T, [x, y, z]: [T; 3], flux: T) -> T {
-    let directed = (x * x + y * y + z * z).square_root();
-    size * wide(flux, directed).larger(narrow(flux, directed)).larger(flux * MIN_ORIENTATION)
+pub(crate) fn build_cost(size: Vec4, [x, y, z]: [Vec4; 3], flux: Vec4) -> Vec4 {
+    let directed = Vec4::from_array((x * x + y * y + z * z).to_array().map(f32::sqrt));
+    size * wide(flux, directed).max(narrow(flux, directed)).max(flux * MIN_ORIENTATION)
 }
 
 /// How widely a group emits, in steradians, from the length of its mean direction: 4π to all sides,
@@ -125,14 +99,19 @@ mod tests {
         group.1.map(|v| v * group.2)
     }
 
+    /// The cost of one group in a build.
+    fn alone(size: f32, directed: [f32; 3], flux: f32) -> f32 {
+        build_cost(Vec4::splat(size), directed.map(Vec4::splat), Vec4::splat(flux)).x
+    }
+
     #[test]
     fn four_groups_at_once_cost_the_same_bits_as_one_group_alone() {
         let lanes = |of: &dyn Fn(usize) -> f32| Vec4::new(of(0), of(1), of(2), of(3));
         let edges = [0, 1, 2].map(|k| lanes(&|i| GROUPS[i].0[k]));
         let powers = [0, 1, 2].map(|k| lanes(&|i| directed(&GROUPS[i])[k]));
         let four = build_cost(size(edges), powers, lanes(&|i| GROUPS[i].2));
-        let alone = GROUPS.map(|group| build_cost(size(group.0), directed(&group), group.2));
-        assert_eq!(four.to_array().map(f32::to_bits), alone.map(f32::to_bits));
+        let single = GROUPS.map(|group| alone(size(group.0), directed(&group), group.2));
+        assert_eq!(four.to_array().map(f32::to_bits), single.map(f32::to_bits));
     }
 
     #[test]
@@ -141,7 +120,7 @@ mod tests {
             let length = group.1.iter().map(|v| v * v).sum::<f32>().sqrt();
             let measured = group.2 * size(group.0) * orientation(length) / PI;
             let least = group.2 * size(group.0) * MIN_ORIENTATION;
-            let built = build_cost(size(group.0), directed(&group), group.2);
+            let built = alone(size(group.0), directed(&group), group.2);
             assert!((built - measured.max(least)).abs() <= 1.0e-5 * built, "{built} {measured} {least}");
         }
     }
@@ -153,7 +132,7 @@ mod tests {
         let close = |a: f32, b: f32| assert!((a - b).abs() <= 1.0e-5 * b.abs(), "{a} {b}");
         for (length, expected) in [(0.0, 4.0), (1.0 / 3.0, 2.5), (2.0 / 3.0, 1.0), (5.0 / 6.0, 0.5), (1.0, 1.0 / 256.0)]
         {
-            close(build_cost(size([1.0, 2.0, 3.0]), [0.0, 10.0 * length, 0.0], 10.0), 10.0 * square_metres * expected);
+            close(alone(size([1.0, 2.0, 3.0]), [0.0, 10.0 * length, 0.0], 10.0), 10.0 * square_metres * expected);
         }
         close(orientation(0.0), 4.0 * PI);
         close(orientation(2.0 / 3.0), PI);

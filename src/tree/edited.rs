@@ -10,14 +10,14 @@ pub(super) struct Edited {
     /// The indices that have no light.
     vacant: BTreeSet<u32>,
     /// The nodes that removals and rebuilt subtrees have left spare. A build leaves none.
-    free: BTreeSet<u32>,
+    pub free: BTreeSet<u32>,
     /// For each node the number of lights below it when it was made. Empty before the first
     /// addition.
-    built_lights: Vec<u32>,
+    pub built_lights: Vec<u32>,
     /// Lights whose leaves have moved. In no order; a light may occur several times.
-    moved: Vec<u32>,
+    pub moved: Vec<u32>,
     /// Lights were added or removed since the last build.
-    is_changed: bool,
+    pub is_changed: bool,
 }
 
 impl Edited {
@@ -44,22 +44,12 @@ impl Edited {
         self.is_changed
     }
 
-    /// Records that a light was removed.
-    pub fn was_removed(&mut self) {
-        self.is_changed = true;
-    }
-
     /// Prepares for an addition to a tree with these numbers of lights below its nodes.
     pub fn will_add(&mut self, light_counts: &[u32]) {
         self.is_changed = true;
         if self.built_lights.is_empty() {
             self.built_lights.extend_from_slice(light_counts);
         }
-    }
-
-    /// The number of lights below a node when it was made.
-    pub fn built_lights(&self, node: usize) -> u32 {
-        self.built_lights[node]
     }
 
     /// Records the number of lights below a node that was just made.
@@ -69,35 +59,12 @@ impl Edited {
         }
     }
 
-    /// Records that a node is spare now.
-    pub fn free(&mut self, node: usize) {
-        self.free.insert(node as u32);
-    }
-
     /// Takes the first free node after another node. `None` if there is none: the new node is then
     /// appended.
     pub fn take_node_after(&mut self, node: usize) -> Option<usize> {
         let free = *self.free.range(node as u32 + 1..).next()?;
         self.free.remove(&free);
         Some(free as usize)
-    }
-
-    /// Records that a node was appended.
-    pub fn append_node(&mut self) {
-        self.built_lights.push(0);
-    }
-
-    /// Records that the leaf of a light has moved.
-    pub fn add_moved(&mut self, light: u32) {
-        self.moved.push(light);
-    }
-
-    pub fn moved(&self) -> &[u32] {
-        &self.moved
-    }
-
-    pub fn forget_moved(&mut self) {
-        self.moved.clear();
     }
 }
 

@@ -164,7 +164,7 @@ impl LightTree {
             self.light_counts.push(0);
             self.state.data_mut().attribute_sums.push(AttributeSums::default());
             self.state.data_mut().dirty.grow(self.nodes.len());
-            self.edited.append_node();
+            self.edited.built_lights.push(0);
             self.nodes.len() - 1
         })
     }
@@ -177,7 +177,7 @@ impl LightTree {
         };
         let has_outgrown = |node: &usize| {
             let lights = self.light_counts[*node];
-            lights > WIDTH as u32 && lights / MAX_GROWTH >= self.edited.built_lights(*node)
+            lights > WIDTH as u32 && lights / MAX_GROWTH >= self.edited.built_lights[*node]
         };
         match std::iter::successors(Some(node), parent).filter(has_outgrown).last() {
             Some(0) => self.rebuild(),

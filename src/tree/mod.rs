@@ -202,7 +202,7 @@ impl LightTree {
     /// The lights whose leaves have moved since [`LightTree::forget_refitted`] was last called. A
     /// light may occur several times.
     pub(crate) fn moved_leaves(&self) -> &[u32] {
-        self.edited.moved()
+        &self.edited.moved
     }
 
     /// The nodes that refits have written since [`LightTree::forget_refitted`] was last called.
@@ -217,8 +217,8 @@ impl LightTree {
     }
 
     fn forget_moved(&mut self) {
-        if !self.edited.moved().is_empty() {
-            self.edited.forget_moved();
+        if !self.edited.moved.is_empty() {
+            self.edited.moved.clear();
         }
     }
 

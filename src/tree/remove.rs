@@ -34,7 +34,7 @@ impl LightTree {
 
     /// Removes one light of several, and marks the nodes above it for the next refit.
     pub(super) fn remove(&mut self, index: u32) {
-        self.edited.was_removed();
+        self.edited.is_changed = true;
         let former = std::mem::replace(&mut self.lights[index as usize], Light::REMOVED);
         if !former.effects().is_empty() {
             self.effects.remove(former.effects());
@@ -96,7 +96,7 @@ impl LightTree {
     /// Records the place of a light's leaf.
     pub(super) fn place_leaf(&mut self, light: u32, place: usize) {
         self.leaves[light as usize] = place as u32;
-        self.edited.add_moved(light);
+        self.edited.moved.push(light);
     }
 
     /// Makes a node spare.
@@ -106,6 +106,6 @@ impl LightTree {
         self.state.data_mut().attribute_sums[node] = AttributeSums::default();
         self.light_counts[node] = 0;
         self.state.data_mut().dirty.remove(node);
-        self.edited.free(node);
+        self.edited.free.insert(node as u32);
     }
 }

@@ -4,7 +4,6 @@
 
 mod bins;
 mod children;
-mod costed;
 mod counts;
 mod group;
 mod median;

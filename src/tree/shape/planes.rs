@@ -6,7 +6,6 @@ use std::array;
 use glam::Vec4;
 
 use super::children::ChildChooser;
-use super::costed::CostedGroup;
 use super::counts::middle;
 use super::group::{BuildItem, Group};
 use super::split::{longest_axis, split};
@@ -56,13 +55,13 @@ struct Plane {
 /// number of items of each child. There is a single child if all identities of items at one point are equal.
 pub(crate) fn divide(items: &mut [BuildItem], halve: bool, identity: impl Fn(u32) -> u32) -> (Planes, [usize; WIDTH]) {
     let whole = Group { is_cut_along_longest: true, ..Group::around(items) };
-    let mut chooser = ChildChooser::new(CostedGroup::whole(&whole));
+    let mut chooser = ChildChooser::default();
+    chooser.start(&whole);
     let mut planes = Planes::default();
     // Which way leads to each group.
-    let mut leads = [[0_usize; 2]; WIDTH];
-    let mut groups = 1;
+    let mut leads = vec![[0; 2]];
     while let Some(place) = chooser.next_split() {
-        let group = Group { is_cut_along_longest: true, ..chooser.group(place).group };
+        let group = Group { is_cut_along_longest: true, ..*chooser.group(place) };
         let first = chooser.first_light(place);
         let Some((plane, parts)) = cut(&mut items[first..][..group.count], &group, halve, &identity) else { break };
         let number = planes.count;
@@ -71,25 +70,20 @@ pub(crate) fn divide(items: &mut [BuildItem], halve: bool, identity: impl Fn(u32
             let [above, side] = leads[place];
             planes.ways[above][side] = number as u8;
         }
-        leads.copy_within(place + 1..groups, place + 2);
-        leads[place..place + 2].copy_from_slice(&[[number, 0], [number, 1]]);
+        leads[place] = [number, 0];
+        leads.insert(place + 1, [number, 1]);
         planes.count += 1;
-        groups += 1;
-        let mut parts = CostedGroup::parts(&whole, &parts);
-        if plane.axis != BY_IDENTITY {
-            // What lies at one point is divided by a node of its own.
-            for part in &mut parts {
-                part.is_tiny |= part.group.count > WIDTH && longest_axis(&part.group.means).is_none();
-            }
-        }
-        chooser.replace(place, &parts);
+        // What lies at one point is divided by a node of its own.
+        let is_one_point = |part: &Group| part.count > WIDTH && longest_axis(&part.means).is_none();
+        chooser.replace(place, &parts, &whole, |part| plane.axis != BY_IDENTITY && is_one_point(part));
     }
     if planes.count > 0 {
-        for (child, [plane, side]) in leads[..groups].iter().enumerate() {
+        for (child, [plane, side]) in leads.iter().enumerate() {
             planes.ways[*plane][*side] = EXIT + child as u8;
         }
     }
-    (planes, array::from_fn(|child| if child < groups { chooser.group(child).group.count } else { 0 }))
+    let mut counts = chooser.groups().map(|group| group.count);
+    (planes, array::from_fn(|_| counts.next().unwrap_or(0)))
 }
 
 /// Cuts a group by a plane and sorts its items, those below the plane first. `None` if the items are at one point and

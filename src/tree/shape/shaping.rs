@@ -5,7 +5,6 @@
 //! them. The shape has the same bits in all cases.
 
 use super::children::ChildChooser;
-use super::costed::CostedGroup;
 use super::group::{BuildItem, Group, SumsOfRuns};
 use super::sides::sides;
 use super::split::{MIN_STEPPED, Splitting, split_at_once};
@@ -44,9 +43,10 @@ pub(in crate::tree) struct Shaping {
     whole: SumsOfRuns<Group>,
     /// What is left to shape; the last range comes first.
     ranges: Vec<Range>,
-    is_choosing: bool,
-    /// The node whose children are being chosen, or were chosen last.
-    choice: Option<Box<Choice>>,
+    /// The node whose children are being chosen.
+    choice: Option<Choice>,
+    /// Their groups.
+    chooser: ChildChooser,
     /// The state of splits of many items, once there was one.
     split: Option<Box<Splitting>>,
 }
@@ -67,7 +67,6 @@ struct Range {
 struct Choice {
     node: usize,
     range: Range,
-    chooser: ChildChooser<CostedGroup>,
     /// The place of the group that is being split in steps.
     splitting: Option<usize>,
 }
@@ -110,14 +109,14 @@ impl Shaping {
 
     /// Whether all nodes are complete.
     pub fn is_done(&self) -> bool {
-        self.ranges.is_empty() && !self.is_choosing
+        self.ranges.is_empty() && self.choice.is_none()
     }
 
     /// Shapes what is left, on several threads if that is much.
     pub fn finish(&mut self, items: &mut [BuildItem]) {
         while !self.is_done() {
             #[cfg(feature = "parallel")]
-            if !self.is_choosing
+            if self.choice.is_none()
                 && self.ranges.len() > 1
                 && self.ranges.iter().map(|range| range.group.count).sum::<usize>() >= PARALLEL_ITEMS
             {
@@ -164,17 +163,17 @@ impl Shaping {
 
     /// Does a step: begins a node, or splits a group, on about `most` items. Returns the ticks.
     pub fn advance(&mut self, items: &mut [BuildItem], most: usize) -> usize {
-        let Some(choice) = self.choice.as_deref_mut().filter(|_| self.is_choosing) else { return self.begin(items) };
-        let Choice { range, chooser, splitting, .. } = choice;
+        let Self { choice, chooser, split, .. } = self;
+        let Some(Choice { range, splitting, .. }) = choice else { return self.begin(items) };
         let Some(place) = splitting.or_else(|| chooser.next_split()) else { return self.finish_choice(items) };
-        let (group, halve) = (chooser.group(place).group, range.depth >= MAX_COST_DEPTH);
+        let (group, halve) = (*chooser.group(place), range.depth >= MAX_COST_DEPTH);
         let items = &mut items[range.first + chooser.first_light(place)..][..group.count];
         let mut ticks = 0;
         let parts = if group.count < MIN_STEPPED {
             ticks += whole_split_ticks(group.count);
             Some(split_at_once(items, &group, halve))
         } else {
-            let split = self.split.get_or_insert_with(|| Box::new(Splitting::new()));
+            let split = split.get_or_insert_with(|| Box::new(Splitting::new()));
             if splitting.is_none() {
                 split.start(&group, halve);
                 *splitting = Some(place);
@@ -182,7 +181,7 @@ impl Shaping {
             split.advance(items, &group, most, &mut ticks)
         };
         if let Some(parts) = parts {
-            chooser.replace(place, &CostedGroup::parts(&range.group, &parts));
+            chooser.replace(place, &parts, &range.group, |_| false);
             *splitting = None;
         }
         ticks
@@ -197,31 +196,18 @@ impl Shaping {
         if range.group.count <= WIDTH {
             self.nodes[node].push_leaves(&items[range.first..][..range.group.count]);
         } else {
-            let whole = CostedGroup::whole(&range.group);
-            self.is_choosing = true;
-            match &mut self.choice {
-                Some(choice) => {
-                    choice.chooser.restart(whole);
-                    (choice.node, choice.range, choice.splitting) = (node, range, None);
-                }
-                none => {
-                    let chooser = ChildChooser::new(whole);
-                    *none = Some(Box::new(Choice { node, range, chooser, splitting: None }));
-                }
-            }
+            self.chooser.start(&range.group);
+            self.choice = Some(Choice { node, range, splitting: None });
         }
         NODE_TICKS
     }
 
     /// Completes the node whose children are chosen. Returns the ticks.
     fn finish_choice(&mut self, items: &[BuildItem]) -> usize {
-        let Self { choice, nodes, ranges, .. } = self;
-        let before = nodes.len();
-        if let Some(choice) = choice {
-            let children = choice.chooser.children().map(|(child, is_inlined)| (&child.group, is_inlined));
-            choice.range.list_children(choice.node, children, items, nodes, ranges);
+        let before = self.nodes.len();
+        if let Some(Choice { node, range, .. }) = self.choice.take() {
+            range.list_children(node, self.chooser.children(), items, &mut self.nodes, &mut self.ranges);
         }
-        self.is_choosing = false;
         NODE_TICKS * (1 + self.nodes.len() - before)
     }
 }

@@ -282,20 +282,6 @@ impl Splitting {
                     }
                 }
             }
-            _ => return self.advance_halves(items, whole, most, ticks),
-        }
-        None
-    }
-
-    /// The same for a split near the median.
-    fn advance_halves(
-        &mut self,
-        items: &mut [BuildItem],
-        whole: &Group,
-        most: usize,
-        ticks: &mut usize,
-    ) -> Option<[Group; 2]> {
-        match &mut self.phase {
             SplitPhase::Select(selection, counted) => {
                 let end = items.len().min(counted.saturating_add(most));
                 selection.count(&items[*counted..end]);
@@ -315,7 +301,7 @@ impl Splitting {
                     self.phase = SplitPhase::Sum;
                 }
             }
-            _ => {
+            SplitPhase::Sum => {
                 let (left, right) = items.split_at(middle(whole.count));
                 let [left_sums, right_sums] = &mut self.halves;
                 let (half, sums) = if left_sums.added() < left.len() { (left, left_sums) } else { (right, right_sums) };

@@ -5,7 +5,7 @@ use std::cmp::Reverse;
 
 use glam::{DVec3, Vec3};
 
-use super::costed::TINY_SHARE;
+use super::children::TINY_SHARE;
 use super::counts::{FULL, fills_nodes};
 use super::shaping::MAX_COST_DEPTH;
 use super::*;
