@@ -67,13 +67,12 @@ impl fmt::Display for ValueError {
 /// A number with the fewest digits that tell it from others of its precision.
 fn shown(value: f64) -> String {
     let single = value as f32;
-    let is_long = value != 0.0 && !(1.0e-4..1.0e10).contains(&value.abs());
-    match (f64::from(single) == value, is_long) {
-        (true, false) => single.to_string(),
-        (true, true) => format!("{single:?}"),
-        (false, false) => value.to_string(),
-        (false, true) => format!("{value:?}"),
+    let is_single = f64::from(single) == value;
+    if value != 0.0 && !(1.0e-4..1.0e10).contains(&value.abs()) {
+        return if is_single { format!("{single:?}") } else { format!("{value:?}") };
     }
+    // An f32 of more than seven digits would be shown with zeros at its end.
+    if is_single && value.fract() != 0.0 { single.to_string() } else { value.to_string() }
 }
 
 /// Checks that a number lies in a range. NaN is in none.
