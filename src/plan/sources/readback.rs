@@ -70,7 +70,6 @@ impl MeasureReadback {
             let measure = SourceMeasure {
                 attributes: Attributes { distance, overlap, variance, splitting_cost },
                 spread: record.spread,
-                axis_length: record.axis_length,
                 refused: record.refused,
             };
             version.filter(|version| world.measure(*version, &measure)).map(|version| version.tree)
