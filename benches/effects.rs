@@ -11,8 +11,9 @@
 use std::time::{Duration, Instant};
 
 use girandole::glam::{DVec3, Mat3, Quat, Vec3};
-use girandole::gpu::{GpuLights, SampleRecord, SampleRequest};
+use girandole::gpu::GpuLights;
 use girandole::{Effects, FrameBudget, Light, LightTree, LightWorld, Placement, Policy, WorldError, wgpu};
+use testbed::common::batch::{SampleRecord, SampleRequest};
 
 use testbed::common::gpu;
 use testbed::testing::support::Rng;
@@ -152,7 +153,7 @@ fn requests(count: u32) -> Vec<SampleRequest> {
 fn cases(machine: &Machine, lights: &GpuLights, own: &wgpu::BindGroupLayout, is_bench: bool) -> Vec<Case> {
     let none = lights.shader(0, Effects::empty());
     let batch = |effects: Effects| {
-        let stage = concat!(include_str!("../shaders/request.wgsl"), include_str!("../shaders/batch.wgsl"));
+        let stage = testbed::common::batch::STAGE;
         let text = none.with_effects(effects).join(stage);
         machine.pipeline(lights, own, &text, "batch")
     };

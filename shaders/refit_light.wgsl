@@ -51,9 +51,9 @@ fn refit_light(source: u32, light: u32) -> RefitCluster {
             // the rounding of its cosine.
             let cos = clamp(-c.y / c.x - REFIT_COSINE_ERROR, -1.0, 1.0);
             let sin = sqrt(max(1.0 - cos * cos, 0.0));
-            if mean_cosine > 0.0 && cos > -REFIT_RIM.x {
+            if mean_cosine > 0.0 && cos > -REFIT_COS_RIM {
                 found.cluster.axis = normalize_or(b, vec3(0.0, 0.0, 1.0)) * mean_cosine;
-                found.cluster.cos_half_angle = cos * REFIT_RIM.x - sin * REFIT_RIM.y - CAP_PADDING;
+                found.cluster.cos_half_angle = cos * REFIT_COS_RIM - sin * REFIT_SIN_RIM - CAP_PADDING;
             }
         }
         case LIGHT_KIND_RECTANGLE: {

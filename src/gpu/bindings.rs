@@ -1,5 +1,4 @@
-//! Bind group layouts and bind groups of the lights, and the entries that they share with the
-//! layouts of our own kernels.
+//! Bind group layouts and bind groups of what shaders of an engine bind.
 
 /// The stages that may read the lights.
 const VISIBILITY: wgpu::ShaderStages = wgpu::ShaderStages::COMPUTE.union(wgpu::ShaderStages::FRAGMENT);
@@ -44,35 +43,15 @@ fn entry(binding: u32, visibility: wgpu::ShaderStages, ty: wgpu::BufferBindingTy
 }
 
 /// Binds whole buffers, in the order of the layout.
-pub(super) fn bind_lights(
-    device: &wgpu::Device,
-    layout: &wgpu::BindGroupLayout,
-    buffers: &[&wgpu::Buffer],
-) -> wgpu::BindGroup {
-    let resources: Vec<_> = buffers.iter().map(|buffer| buffer.as_entire_binding()).collect();
-    bind(device, "girandole lights", layout, &resources)
-}
-
-/// Binds resources, in the order of the layout.
 pub(super) fn bind(
     device: &wgpu::Device,
     label: &str,
     layout: &wgpu::BindGroupLayout,
-    resources: &[wgpu::BindingResource],
+    buffers: &[&wgpu::Buffer],
 ) -> wgpu::BindGroup {
-    let entries: Vec<_> = resources
-        .iter()
-        .zip(0..)
-        .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource: resource.clone() })
+    let entries: Vec<_> = (0..)
+        .zip(buffers)
+        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
         .collect();
     device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
-}
-
-/// The first `count` records, of `bytes` bytes each, of a buffer of the engine.
-pub(super) fn records(buffer: &wgpu::Buffer, count: u32, bytes: usize) -> wgpu::BindingResource<'_> {
-    wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-        buffer,
-        offset: 0,
-        size: wgpu::BufferSize::new(u64::from(count) * bytes as u64),
-    })
 }

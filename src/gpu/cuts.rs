@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::GpuLights;
 use super::error::GpuError;
 use super::options::GpuOptions;
-use super::recorder::Recorder;
+use super::player::labelled;
 
 impl GpuLights {
     /// Makes cells follow the pixels of a camera for all marks to come, as
@@ -38,7 +38,7 @@ impl GpuLights {
             return;
         }
         let commands = self.planner.build_cuts();
-        self.player.record(&mut Recorder::together(encoder, "girandole cuts"), &commands);
+        self.player.record(encoder, &labelled("girandole cuts"), commands.iter());
     }
 
     /// Forgets what was learnt about visibility, as after a cut to another scene. Does nothing without

@@ -13,7 +13,7 @@
 //!    ([`GpuLights::build_top`]) and of the cuts of cells that were marked ([`GpuLights::build_cuts`]). An engine may
 //!    make these calls by itself.
 //! 2. The engine's shaders bind [`GpuLights::bind_group`], mark the cells of their shading points by `light_mark`, and
-//!    call the functions of [`LightShader`]. An engine without such a shader calls [`GpuLights::sample`] instead.
+//!    call the functions of [`LightShader`].
 //!
 //! # Browsers
 //!
@@ -29,7 +29,7 @@
 mod bindings;
 mod cuts;
 mod error;
-mod kernel;
+mod fate;
 mod limits;
 #[doc(hidden)]
 pub mod measure;
@@ -39,9 +39,6 @@ mod player;
 #[cfg(test)]
 mod poison;
 mod probe;
-mod records;
-mod recorder;
-mod sampling;
 mod shader;
 mod source_link;
 mod sources;
@@ -57,14 +54,11 @@ mod variants;
 
 use std::fmt;
 
-use bindings::{ALL, bind_lights, light_layout};
+use bindings::{ALL, bind, light_layout};
 pub use error::GpuError;
 use error::{check_limits, largest_storage_buffer};
-use kernel::RequestKernel;
 pub use options::GpuOptions;
-use player::Player;
-use recorder::Recorder;
-pub use records::{SampleRecord, SampleRequest};
+use player::{Player, labelled};
 pub use shader::LightShader;
 use source_link::SourceLink;
 pub use sync::SyncReport;
@@ -73,16 +67,13 @@ use top_status::TopStatus;
 use crate::effects::Effects;
 use crate::plan::{BufferId, Commands, KERNELS, Kernel, LightPlanner, PlanLimits};
 pub use crate::plan::{GpuMemory, HeatMap, ShaderNameError, ShaderParts, UploadReport, wgsl, with_prefix};
-use crate::world::{LightWorld, Revision};
+use crate::world::Revision;
 
-/// The lights of one [`LightWorld`] on a GPU: the buffers and the bind group that shaders read, and
+/// The lights of one [`LightWorld`](crate::LightWorld) on a GPU: the buffers and the bind group that shaders read, and
 /// the pipelines that fill them.
 ///
-/// Keep one for each world and device. Several threads may share it, except in browsers: recording
-/// with [`GpuLights::sample`] takes `&self`.
-///
-/// Buffers start small, grow by doubling, and keep their content. A node takes 224 bytes, a light 64, an
-/// instance 160, a leaf of the top level 24, and a node of the top level 224, or 272 in worlds with
+/// Keep one for each world and device. Buffers start small, grow by doubling, and keep their content. A node takes 224
+/// bytes, a light 64, an instance 160, a leaf of the top level 24, and a node of the top level 224, or 272 in worlds with
 /// [`Effects::MASKS`].
 ///
 /// ```
@@ -108,41 +99,20 @@ pub struct GpuLights {
     /// The build of the top level after the last upload.
     top: Commands,
     top_status: TopStatus,
-    /// The layout of group 0 in these kernels, which know no last frame.
-    kernel_layout: wgpu::BindGroupLayout,
-    sampling: RequestKernel,
     /// The engine has built cuts since the last [`GpuLights::sync`].
     has_built_cuts: bool,
     learns: bool,
-    /// An upload was refused memory, so the buffers are incomplete: `dark` is bound in their place.
+    /// There was no upload yet, or one was refused memory, so that the buffers are incomplete: `dark` is bound in their
+    /// place.
     is_dark: bool,
     dark: DarkBuffers,
-    /// What shaders bind.
-    group: LightGroup,
-    /// The buffers that it was made for; `None` for zeros.
+    /// What shaders bind, and its layout.
+    group: wgpu::BindGroup,
+    layout: wgpu::BindGroupLayout,
+    has_previous: bool,
+    /// The buffers that the group was made for; `None` for zeros.
     bound: [Option<BufferId>; ALL],
     sources: SourceLink,
-}
-
-/// A bind group with its layout, and how many buffers it has.
-#[derive(Clone)]
-struct LightGroup {
-    layout: wgpu::BindGroupLayout,
-    bind_group: wgpu::BindGroup,
-    count: usize,
-}
-
-impl LightGroup {
-    /// The first of these buffers, as many as are bound.
-    fn new(device: &wgpu::Device, count: usize, fragments_write: bool, buffers: &[&wgpu::Buffer]) -> Self {
-        let layout = light_layout(device, count, fragments_write);
-        let bind_group = bind_lights(device, &layout, &buffers[..count]);
-        Self { layout, bind_group, count }
-    }
-
-    fn rebind(&mut self, device: &wgpu::Device, buffers: &[&wgpu::Buffer]) {
-        self.bind_group = bind_lights(device, &self.layout, &buffers[..self.count]);
-    }
 }
 
 /// Zeros in place of all buffers that shaders bind: a world without lights.
@@ -196,24 +166,21 @@ impl GpuLights {
     fn make(device: &wgpu::Device, queue: &wgpu::Queue, options: &GpuOptions) -> Result<Self, GpuError> {
         let dark = DarkBuffers::new(device)?;
         let count = if options.previous { ALL } else { ALL - 1 };
-        let group = LightGroup::new(device, count, options.fragments_write, &dark.buffers());
-        let kernel_layout = match options.previous {
-            true => light_layout(device, ALL - 1, options.fragments_write),
-            false => group.layout.clone(),
-        };
+        let layout = light_layout(device, count, options.fragments_write);
+        let group = bind(device, "girandole lights", &layout, &dark.buffers()[..count]);
         let mut lights = Self {
             device: device.clone(),
             planner: LightPlanner::new(PlanLimits::new(largest_storage_buffer(device))),
             player: Player::new(device, queue),
             top: Commands::default(),
             top_status: TopStatus::new(),
-            sampling: RequestKernel::sampling(device, &kernel_layout),
-            kernel_layout,
             has_built_cuts: false,
             learns: options.learning.is_some(),
             is_dark: true,
             dark,
             group,
+            layout,
+            has_previous: options.previous,
             bound: [None; ALL],
             sources: SourceLink::new(device),
         };
@@ -222,22 +189,7 @@ impl GpuLights {
         KERNELS.iter().filter(|kernel| !is_rare(kernel)).for_each(|kernel| lights.player.compile(*kernel));
         lights.planner.keep_previous(options.previous);
         lights.make_cells(options)?;
-        lights.start()?;
         Ok(lights)
-    }
-
-    /// Makes the first buffers, of a world without lights.
-    fn start(&mut self) -> Result<(), GpuError> {
-        let world = LightWorld::new();
-        let reservation = self.planner.reserve(&world)?;
-        self.player.create(reservation.new_buffers())?;
-        // All nodes of the top level are zero, as a build of no lights leaves the root.
-        self.player.play(&reservation.plan().upload);
-        self.planner.announce_all_effects();
-        self.planner.rewind(Revision::default());
-        self.is_dark = false;
-        self.rebind();
-        Ok(())
     }
 
     /// Records the build of the top level into the engine's encoder, if a build is due, and before it the refit of
@@ -260,9 +212,7 @@ impl GpuLights {
             return;
         }
         self.top_status.record(encoder);
-        let mut recorder = Recorder::together(encoder, "girandole top level");
-        self.player.record(&mut recorder, &self.top);
-        drop(recorder);
+        self.player.record(encoder, &labelled("girandole top level"), self.top.iter());
         self.record_readback(encoder);
     }
 
@@ -270,7 +220,7 @@ impl GpuLights {
     /// read-only storage buffers and one that is written, for compute and fragment stages; with
     /// [`GpuOptions::previous`] one more that is only read.
     pub fn bind_group_layout(&self) -> &wgpu::BindGroupLayout {
-        &self.group.layout
+        &self.layout
     }
 
     /// The bind group with the lights, to be set at the group number of the engine's
@@ -281,11 +231,12 @@ impl GpuLights {
     /// that use it before the next upload. A bind group that was replaced keeps the former buffers,
     /// all of them in their former layout, for commands that are submitted late.
     pub fn bind_group(&self) -> &wgpu::BindGroup {
-        &self.group.bind_group
+        &self.group
     }
 
     /// The revision of the world at the last upload that succeeded; `Revision::default()` before the
-    /// first one. [`LightWorld::changes_since`] tells what the next upload will send.
+    /// first one. [`LightWorld::changes_since`](crate::LightWorld::changes_since) tells what the next upload will
+    /// send.
     pub fn revision(&self) -> Revision {
         self.planner.revision()
     }
@@ -304,8 +255,8 @@ impl GpuLights {
     /// `effects` are the effects that the text has to support; with [`Effects::all`] it supports
     /// every world. With [`GpuOptions::learning`] it has `light_record_visibility` ([`ShaderParts::learns`]).
     pub fn shader(&self, group: u32, effects: Effects) -> LightShader {
-        let parts = ShaderParts { learns: self.learns, previous: self.has_previous(), ..ShaderParts::default() };
-        LightShader::new(group, effects, parts, self.group.layout.clone())
+        let parts = ShaderParts { learns: self.learns, previous: self.has_previous, ..ShaderParts::default() };
+        LightShader::new(group, effects, parts, self.layout.clone())
     }
 
     /// Replaces the bind groups if a buffer was replaced. A former bind group keeps the former
@@ -314,22 +265,8 @@ impl GpuLights {
         let bound = self.ids();
         if bound.iter().all(Option::is_none) || bound != self.bound {
             self.bound = bound;
-            let mut group = self.group.clone();
-            group.rebind(&self.device, &self.buffers());
-            self.group = group;
-        }
-    }
-
-    /// Whether shaders read the lights of the last frame.
-    fn has_previous(&self) -> bool {
-        self.group.count == ALL
-    }
-
-    /// The bind group of the library's own kernels.
-    fn kernel_group(&self) -> wgpu::BindGroup {
-        match self.has_previous() {
-            true => bind_lights(&self.device, &self.kernel_layout, &self.buffers()[..ALL - 1]),
-            false => self.group.bind_group.clone(),
+            let count = if self.has_previous { ALL } else { ALL - 1 };
+            self.group = bind(&self.device, "girandole lights", &self.layout, &self.buffers()[..count]);
         }
     }
 

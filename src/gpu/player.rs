@@ -5,7 +5,6 @@ use std::collections::HashMap;
 use super::bindings::label_of;
 use super::error::GpuError;
 use super::memory;
-use super::recorder::{Recorder, Workgroups};
 use crate::plan::{Binding, BufferId, BufferKind, Command, Commands, Kernel, NewBuffer};
 
 /// The buffers of plans, and the pipelines and bind groups of their kernels.
@@ -168,7 +167,7 @@ impl Player {
             let encoder = encoder.get_or_insert_with(|| {
                 device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("girandole upload") })
             });
-            self.record_one(&mut Recorder::together(encoder, "girandole upload"), command);
+            self.record(encoder, &labelled("girandole upload"), std::iter::once(command));
         }
         self.submit(encoder);
     }
@@ -185,40 +184,51 @@ impl Player {
         }
     }
 
-    /// Records commands, none of them a write.
-    pub fn record(&mut self, recorder: &mut Recorder<'_>, commands: &Commands) {
-        commands.iter().for_each(|command| self.record_one(recorder, command));
-    }
-
-    fn record_one(&mut self, recorder: &mut Recorder<'_>, command: Command<'_>) {
-        match command {
-            Command::Write { .. } => unreachable!("writes go through the queue"),
-            Command::Copy { from, to, offset, bytes } => {
-                recorder.copy(self.buffer(from), (self.buffer(to), offset), bytes);
-            }
-            Command::Clear { buffer, offset, bytes } => recorder.clear(self.buffer(buffer), offset, bytes),
-            Command::Dispatch { kernel, buffers, uniform_offset, workgroups } => {
-                #[cfg(test)]
-                let workgroups = self.narrowed(kernel, workgroups);
-                let group = self.prepare(kernel, buffers);
-                recorder.dispatch(kernel, self.bound(kernel, group), uniform_offset, Workgroups::Count(workgroups));
-            }
-            Command::DispatchIndirect { kernel, buffers, uniform_offset, workgroups } => {
-                let group = self.prepare(kernel, buffers);
-                let workgroups = Workgroups::In(self.buffer(workgroups));
-                recorder.dispatch(kernel, self.bound(kernel, group), uniform_offset, workgroups);
+    /// Records commands, none of them a write. Dispatches in a row share a pass.
+    pub fn record<'a>(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        descriptor: &wgpu::ComputePassDescriptor<'_>,
+        commands: impl Iterator<Item = Command<'a>>,
+    ) {
+        // An open pass locks the encoder.
+        let mut open: Option<wgpu::ComputePass<'static>> = None;
+        for command in commands {
+            let (kernel, buffers, uniform_offset) = match command {
+                Command::Write { .. } => unreachable!("writes go through the queue"),
+                Command::Copy { from, to, offset, bytes } => {
+                    open = None;
+                    encoder.copy_buffer_to_buffer(self.buffer(from), 0, self.buffer(to), offset, bytes);
+                    continue;
+                }
+                Command::Clear { buffer, offset, bytes } => {
+                    open = None;
+                    encoder.clear_buffer(self.buffer(buffer), offset, Some(bytes));
+                    continue;
+                }
+                Command::Dispatch { kernel, buffers, uniform_offset, .. }
+                | Command::DispatchIndirect { kernel, buffers, uniform_offset, .. } => {
+                    (kernel, buffers, uniform_offset)
+                }
+            };
+            self.compile(kernel);
+            let group = self.group(kernel, buffers);
+            let pass = open.get_or_insert_with(|| encoder.begin_compute_pass(descriptor).forget_lifetime());
+            pass.set_pipeline(&self.pipelines[&kernel]);
+            pass.set_bind_group(0, &self.groups[group].group, &[uniform_offset]);
+            match command {
+                Command::DispatchIndirect { workgroups, .. } => {
+                    pass.dispatch_workgroups_indirect(self.buffer(workgroups), 0);
+                }
+                Command::Dispatch { workgroups, .. } => {
+                    #[cfg(test)]
+                    let workgroups = self.narrowed(kernel, workgroups);
+                    let [x, y, z] = workgroups;
+                    pass.dispatch_workgroups(x, y, z);
+                }
+                _ => {}
             }
         }
-    }
-
-    /// Makes the pipeline and the bind group of a dispatch at first use. Returns the index of the group.
-    fn prepare(&mut self, kernel: Kernel, buffers: &[BufferId]) -> usize {
-        self.compile(kernel);
-        self.group(kernel, buffers)
-    }
-
-    fn bound(&self, kernel: Kernel, group: usize) -> (&wgpu::ComputePipeline, &wgpu::BindGroup) {
-        (&self.pipelines[&kernel], &self.groups[group].group)
     }
 
     /// The index of a layout, which is made at first use.
@@ -292,10 +302,9 @@ impl Player {
     }
 }
 
-/// Dispatches at least `groups` workgroups, in two dimensions if one is too short.
-pub(super) fn dispatch(pass: &mut wgpu::ComputePass<'_>, groups: u32) {
-    let [x, y, z] = crate::plan::kernel::workgroups(groups);
-    pass.dispatch_workgroups(x, y, z);
+/// A pass of this name.
+pub(super) fn labelled(label: &str) -> wgpu::ComputePassDescriptor<'_> {
+    wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes: None }
 }
 
 /// Plans must not rely on the content of new buffers, although wgpu fills them with zeros.

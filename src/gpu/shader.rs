@@ -166,7 +166,7 @@ impl LightShader {
     #[must_use]
     pub fn with_learning(self) -> Self {
         let effects = self.effects;
-        Self { parts: self.parts.clone().with_learning(), ..self }.with_effects(effects)
+        Self { parts: self.parts.with_learning(), ..self }.with_effects(effects)
     }
 
     /// The same with `light_heat_map`, which shows how lights are chosen: see
@@ -174,7 +174,7 @@ impl LightShader {
     #[must_use]
     pub fn with_heat_map(self) -> Self {
         let effects = self.effects;
-        Self { parts: self.parts.clone().with_heat_map(), ..self }.with_effects(effects)
+        Self { parts: self.parts.with_heat_map(), ..self }.with_effects(effects)
     }
 
     /// Returns the engine's text with this text before it, but after the engine's `enable`,
@@ -263,7 +263,7 @@ mod tests {
                 let learns = block.contains("light_record_visibility");
                 let previous = block.contains("light_reservoir_sample_previous");
                 let heat_map = block.contains("light_heat_map");
-                let parts = ShaderParts { learns, heat_map, previous };
+                let parts = ShaderParts { learns, heat_map, previous, ..ShaderParts::default() };
                 let text = match block.contains("light_put_") {
                     true => wgsl_of_sources(1),
                     false => text::wgsl_with(1, effects, &parts) + STUBS,

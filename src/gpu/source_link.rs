@@ -1,11 +1,11 @@
 //! What the GPU tells and is told about trees whose lights kernels of the engine write.
 
-use std::collections::{HashSet, VecDeque};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::collections::VecDeque;
 
+use super::bindings::storage_entry;
+use super::fate::Watch;
 use crate::keys::TreeKey;
-use crate::plan::{BufferId, LightReadback, MeasureReadback, PartReadback};
+use crate::plan::{BufferId, Readback};
 use crate::world::LightWorld;
 
 /// The trees that are measured in one frame.
@@ -25,11 +25,6 @@ pub(super) const MAX_READ: usize = 16;
 /// The most frames that wait for the GPU. Later ones read nothing back.
 pub(super) const MAX_WAITING: usize = 4;
 
-/// The states of a [`Readback`].
-pub(super) const WAITS: u8 = 0;
-pub(super) const IS_READABLE: u8 = 1;
-pub(super) const IS_LOST: u8 = 2;
-
 /// What the GPU tells and is told about trees with a source.
 #[derive(Debug)]
 pub(super) struct SourceLink {
@@ -38,25 +33,29 @@ pub(super) struct SourceLink {
     pub group: Option<([BufferId; 2], wgpu::BindGroup)>,
     /// The number of the source that is measured next.
     pub next: u32,
-    /// The trees whose lights are to be read back, in order, and the same as a set.
+    /// The trees whose lights are to be read back, in order.
     pub wanted: VecDeque<TreeKey>,
-    pub are_wanted: HashSet<TreeKey>,
     /// The trees whose lights were read back, and that wait for their rebuild.
     pub read: Vec<TreeKey>,
     /// In the order in which they were recorded.
-    pub readbacks: VecDeque<Readback>,
+    pub copies: VecDeque<Copies>,
     /// A buffer that may be used again.
     pub spare: Option<wgpu::Buffer>,
 }
 
 /// Copies that were recorded in one frame, one after the other in a buffer.
 #[derive(Debug)]
-pub(super) struct Readback {
+pub(super) struct Copies {
     pub buffer: wgpu::Buffer,
-    pub state: Arc<AtomicU8>,
-    pub measures: MeasureReadback,
-    pub parts: Vec<PartReadback>,
-    pub lights: Vec<LightReadback>,
+    pub watch: Watch,
+    pub ranges: Vec<Readback>,
+}
+
+impl Copies {
+    /// The trees whose lights are among them.
+    pub fn lights(&self) -> impl Iterator<Item = TreeKey> {
+        self.ranges.iter().filter_map(Readback::tree_of_lights)
+    }
 }
 
 /// What mapped buffers return: wgpu 30 can fail where wgpu 29 panics.
@@ -76,61 +75,36 @@ impl<E> Mapped for Result<wgpu::BufferView, E> {
     }
 }
 
-/// Travels with the commands of a readback, and tells what became of them.
-pub(super) struct Fate(pub Arc<AtomicU8>);
-
-impl Drop for Fate {
-    fn drop(&mut self) {
-        // The commands were dropped before they were submitted.
-        let _ = self.0.compare_exchange(WAITS, IS_LOST, Ordering::AcqRel, Ordering::Relaxed);
-    }
-}
-
 impl SourceLink {
     pub fn new(device: &wgpu::Device) -> Self {
-        let entry = |binding| wgpu::BindGroupLayoutEntry {
-            binding,
-            visibility: wgpu::ShaderStages::COMPUTE,
-            ty: wgpu::BindingType::Buffer {
-                ty: wgpu::BufferBindingType::Storage { read_only: false },
-                has_dynamic_offset: false,
-                min_binding_size: None,
-            },
-            count: None,
-        };
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("girandole sources"),
-            entries: &[entry(0), entry(1)],
+            entries: &[storage_entry(0, false), storage_entry(1, false)],
         });
-        let (wanted, readbacks) = (VecDeque::new(), VecDeque::new());
-        let are_wanted = HashSet::new();
-        Self { layout, group: None, next: 0, wanted, are_wanted, read: Vec::new(), readbacks, spare: None }
+        let (wanted, copies) = (VecDeque::new(), VecDeque::new());
+        Self { layout, group: None, next: 0, wanted, read: Vec::new(), copies, spare: None }
     }
-}
 
-impl SourceLink {
-    /// Tells the world what a readback says.
-    pub fn take(&mut self, readback: &Readback, world: &mut LightWorld) {
-        let Readback { buffer, measures, parts, lights, .. } = readback;
-        let sizes = parts.iter().map(|parts| parts.bytes).chain(lights.iter().map(|lights| lights.bytes));
-        let end = measures.bytes + sizes.sum::<u64>();
-        let Some(bytes) = buffer.slice(..end).get_mapped_range().view() else { return };
-        let mut at = measures.bytes as usize;
-        for parts in parts {
-            parts.apply(world, &bytes[at..][..parts.bytes as usize]);
-            at += parts.bytes as usize;
-        }
-        for lights in lights {
-            lights.apply(world, &bytes[at..][..lights.bytes as usize]);
-            self.read.push(lights.tree);
-            at += lights.bytes as usize;
-        }
-        for tree in measures.apply(world, &bytes[..measures.bytes as usize]) {
-            let is_underway = self.readbacks.iter().any(|r| r.lights.iter().any(|l| l.tree == tree))
-                || lights.iter().any(|lights| lights.tree == tree);
-            if !is_underway && self.are_wanted.insert(tree) {
-                self.wanted.push_back(tree);
+    /// How many trees have lights that are being read back or wait for their rebuild.
+    pub fn underway(&self) -> usize {
+        self.read.len() + self.copies.iter().flat_map(Copies::lights).count()
+    }
+
+    /// Tells the world what some copies say.
+    pub fn take(&mut self, copies: &Copies, world: &mut LightWorld) {
+        let end: u64 = copies.ranges.iter().map(|range| range.bytes).sum();
+        let Some(bytes) = copies.buffer.slice(..end).get_mapped_range().view() else { return };
+        self.read.extend(copies.lights());
+        let mut bytes = &bytes[..];
+        for range in &copies.ranges {
+            let (own, rest) = bytes.split_at(range.bytes as usize);
+            for tree in range.apply(world, own) {
+                let mut copied = self.copies.iter().flat_map(Copies::lights).chain(copies.lights());
+                if !copied.any(|other| other == tree) && !self.wanted.contains(&tree) {
+                    self.wanted.push_back(tree);
+                }
             }
+            bytes = rest;
         }
     }
 }

@@ -1,15 +1,17 @@
 //! Trees whose lights kernels of the engine write: the bind group of these kernels, and what is read back.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU8, Ordering};
-
+use super::bindings::bind;
+use super::fate::{Fate, Watch};
 use super::source_link::{
-    Fate, IS_LOST, IS_READABLE, LIGHT_BYTES_PER_FRAME, MAX_READ, MAX_WAITING, MEASURED_PER_FRAME,
-    PART_RANGES_PER_FRAME, PARTS_PER_FRAME, Readback, WAITS,
+    Copies, LIGHT_BYTES_PER_FRAME, MAX_READ, MAX_WAITING, MEASURED_PER_FRAME, PART_RANGES_PER_FRAME, PARTS_PER_FRAME,
 };
 use super::{GpuLights, memory};
-use crate::plan::{BufferId, PartReadback, wgsl_of_sources};
+use crate::plan::layout::TreeRecord;
+use crate::plan::{Readback, wgsl_of_sources};
 use crate::world::LightWorld;
+
+/// The bytes of a part that is read back.
+const PART_BYTES: u64 = size_of::<TreeRecord>() as u64;
 
 impl GpuLights {
     /// The WGSL text for kernels that write the lights of trees with a [source](crate::TreeSource): see
@@ -33,16 +35,8 @@ impl GpuLights {
     pub fn source_group(&mut self) -> Option<&wgpu::BindGroup> {
         let buffers = self.planner.source_bindings().filter(|_| !self.is_dark)?;
         if self.sources.group.as_ref().is_none_or(|(bound, _)| *bound != buffers) {
-            let entry = |(binding, id): (u32, &BufferId)| wgpu::BindGroupEntry {
-                binding,
-                resource: self.player.buffer(*id).as_entire_binding(),
-            };
-            let entries: Vec<_> = (0..).zip(&buffers).map(entry).collect();
-            let group = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("girandole sources"),
-                layout: &self.sources.layout,
-                entries: &entries,
-            });
+            let bound = buffers.map(|id| self.player.buffer(id));
+            let group = bind(&self.device, "girandole sources", &self.sources.layout, &bound);
             self.sources.group = Some((buffers, group));
         }
         self.sources.group.as_ref().map(|(_, group)| group)
@@ -60,72 +54,67 @@ impl GpuLights {
     /// copied).
     pub fn follow_sources(&mut self, world: &mut LightWorld) {
         self.sources.read.retain(|tree| world.rebuild_state(*tree).is_some_and(|state| state.waited.is_some()));
-        while let Some(state) = self.sources.readbacks.front().map(|readback| readback.state.load(Ordering::Acquire)) {
-            if state == WAITS {
-                return;
+        while let Some(fate) =
+            self.sources.copies.front().map(|copies| copies.watch.fate()).filter(|f| *f != Fate::Waits)
+            && let Some(copies) = self.sources.copies.pop_front()
+        {
+            if fate == Fate::Done {
+                self.sources.take(&copies, world);
+                copies.buffer.unmap();
+                self.sources.spare = Some(copies.buffer);
             }
-            let Some(readback) = self.sources.readbacks.pop_front() else { return };
-            if state == IS_LOST {
-                continue;
-            }
-            self.sources.take(&readback, world);
-            readback.buffer.unmap();
-            self.sources.spare = Some(readback.buffer);
         }
     }
 
     /// Records copies of what the refit found out, and of lights that are wanted.
     pub(super) fn record_readback(&mut self, encoder: &mut wgpu::CommandEncoder) {
         let Self { planner, player, sources, device, .. } = self;
-        if sources.readbacks.len() >= MAX_WAITING {
+        if sources.copies.len() >= MAX_WAITING {
             return;
         }
         sources.next = if sources.next < planner.source_count() { sources.next } else { 0 };
         let Some(measures) = planner.measures(sources.next, MEASURED_PER_FRAME) else { return };
         sources.next += MEASURED_PER_FRAME;
-        let (mut bytes, mut parts, mut lights) = (measures.bytes, Vec::new(), Vec::new());
-        let mut left = PARTS_PER_FRAME;
+        let mut ranges: Vec<Readback> = Vec::new();
+        let mut left = u64::from(PARTS_PER_FRAME) * PART_BYTES;
         while left > 0
-            && parts.len() < PART_RANGES_PER_FRAME
-            && let Some(some) = planner.source_parts(left)
+            && ranges.len() < PART_RANGES_PER_FRAME
+            && let Some(parts) = planner.source_parts((left / PART_BYTES) as u32)
             // Otherwise all parts are read back in this frame.
-            && parts.first().is_none_or(|first: &PartReadback| first.offset != some.offset)
+            && ranges.first().is_none_or(|first| first.offset != parts.offset)
         {
-            bytes += some.bytes;
-            left -= some.len();
-            parts.push(some);
+            left -= parts.bytes;
+            ranges.push(parts);
         }
-        let underway = sources.read.len() + sources.readbacks.iter().map(|other| other.lights.len()).sum::<usize>();
-        while underway + lights.len() < MAX_READ
+        ranges.push(measures);
+        let bytes_of = |ranges: &[Readback]| ranges.iter().map(|range| range.bytes).sum::<u64>();
+        let (underway, others) = (sources.underway(), ranges.len());
+        while underway + ranges.len() - others < MAX_READ
             && let Some(tree) = sources.wanted.front()
         {
-            let of_tree = planner.source_lights(*tree);
-            let more = of_tree.as_ref().map_or(0, |of_tree| of_tree.bytes);
-            if !lights.is_empty() && bytes + more > LIGHT_BYTES_PER_FRAME {
+            let lights = planner.source_lights(*tree);
+            let bytes = bytes_of(&ranges) + bytes_of(lights.as_slice());
+            if ranges.len() > others && bytes > LIGHT_BYTES_PER_FRAME {
                 break;
             }
-            bytes += more;
-            lights.extend(of_tree);
-            sources.are_wanted.remove(tree);
+            ranges.extend(lights);
             sources.wanted.pop_front();
         }
+        let bytes = bytes_of(&ranges);
         let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
         let spare = sources.spare.take().filter(|spare| spare.size() >= bytes);
         let made = || memory::create_buffer(device, "readback", bytes.next_power_of_two(), usage);
         // Without memory, the trees ask again.
         let Some(buffer) = spare.map_or_else(|| made().ok(), Some) else { return };
-        let ranges = std::iter::once((measures.buffer, measures.offset, measures.bytes));
         let mut at = 0;
-        let ranges = ranges.chain(parts.iter().map(|p| (p.buffer, p.offset, p.bytes)));
-        for (from, offset, bytes) in ranges.chain(lights.iter().map(|l| (l.buffer, l.offset, l.bytes))) {
-            encoder.copy_buffer_to_buffer(player.buffer(from), offset, &buffer, at, Some(bytes));
+        for Readback { buffer: from, offset, bytes, .. } in &ranges {
+            encoder.copy_buffer_to_buffer(player.buffer(*from), *offset, &buffer, at, Some(*bytes));
             at += bytes;
         }
-        let state = Arc::new(AtomicU8::new(WAITS));
-        let fate = Fate(Arc::clone(&state));
+        let (watch, traveller) = Watch::new();
         encoder.map_buffer_on_submit(&buffer, wgpu::MapMode::Read, 0..at, move |result| {
-            fate.0.store(if result.is_ok() { IS_READABLE } else { IS_LOST }, Ordering::Release);
+            traveller.arrive(result.is_ok());
         });
-        sources.readbacks.push_back(Readback { buffer, state, measures, parts, lights });
+        sources.copies.push_back(Copies { buffer, watch, ranges });
     }
 }

@@ -5,9 +5,10 @@ use std::collections::HashMap;
 use std::sync::{Arc, LazyLock, Mutex, OnceLock, PoisonError};
 
 use glam::{DVec3, Mat3, Quat, Vec3};
+use testbed::common::batch::{self, SampleRecord, SampleRequest};
 use testbed::common::gpu as shared;
 
-use super::{GpuLights, SampleRecord, SampleRequest};
+use super::GpuLights;
 use crate::effects::Effects;
 use crate::instance::placement::Placement;
 use crate::light::{DirectionalLight, Light};
@@ -108,10 +109,12 @@ pub(crate) fn record_batch(
     let (input, output) = (buffer(size_of_val(requests)), buffer(size_of::<SampleRecord>() * requests.len()));
     queue.write_buffer(&input, 0, bytemuck::cast_slice(requests));
     let variant = variant - Effects::MOVING;
-    let pipeline = compiled_once(("batch_sample", Some(variant)), || lights.sampling.compile(variant));
+    let shader = lights.shader(0, variant);
+    let pipeline = || batch::pipeline(&device, &shader.join(batch::STAGE), &shader.layout);
+    let pipeline = compiled_once(("batch", Some(variant)), pipeline);
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     lights.build_top(&mut encoder);
-    lights.sample_with(&pipeline, &mut encoder, &input, &output, count);
+    batch::record(&device, &mut encoder, &pipeline, lights.bind_group(), [&input, &output], count);
     (encoder, output)
 }
 

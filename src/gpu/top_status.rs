@@ -1,7 +1,6 @@
 //! Keeps track of whether the top level must be built.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use super::fate::{Fate, Watch};
 
 /// Whether a build of the top level is due: the buffers have changed since the last one, or the
 /// commands of the last one were dropped before they were submitted.
@@ -9,35 +8,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub(super) struct TopStatus {
     /// The buffers have changed since the last build was recorded.
     is_stale: bool,
-    /// Set when the commands of the last build are dropped unsubmitted.
-    is_dropped: Arc<AtomicBool>,
-}
-
-/// Travels with the commands of a build. wgpu drops it with commands that are never submitted, and
-/// passes it to the callback for finished work otherwise.
-struct RecordedBuild {
-    is_dropped: Arc<AtomicBool>,
-    is_submitted: bool,
-}
-
-impl RecordedBuild {
-    fn submitted(mut self) {
-        self.is_submitted = true;
-    }
-}
-
-impl Drop for RecordedBuild {
-    fn drop(&mut self) {
-        if !self.is_submitted {
-            self.is_dropped.store(true, Ordering::Relaxed);
-        }
-    }
+    /// Over the commands of the last build.
+    watch: Watch,
 }
 
 impl TopStatus {
     /// Nothing is built yet.
     pub fn new() -> Self {
-        Self { is_stale: true, is_dropped: Arc::default() }
+        Self { is_stale: true, watch: Watch::default() }
     }
 
     /// To be called when the buffers that a build reads have changed.
@@ -47,7 +25,7 @@ impl TopStatus {
 
     /// Whether a build must be recorded.
     pub fn needs_build(&self) -> bool {
-        self.is_stale || self.is_dropped.load(Ordering::Relaxed)
+        self.is_stale || self.watch.fate() == Fate::Lost
     }
 
     /// To be called where a build is recorded into `encoder`.
@@ -55,11 +33,10 @@ impl TopStatus {
     /// The commands carry a callback for the end of their work, which costs less than the mapping
     /// of a buffer: two small allocations and no GPU object.
     pub fn record(&mut self, encoder: &wgpu::CommandEncoder) {
-        self.is_stale = false;
+        let (watch, traveller) = Watch::new();
         // What happens to earlier builds no longer matters.
-        self.is_dropped = Arc::default();
-        let build = RecordedBuild { is_dropped: Arc::clone(&self.is_dropped), is_submitted: false };
-        encoder.on_submitted_work_done(move || build.submitted());
+        *self = Self { is_stale: false, watch };
+        encoder.on_submitted_work_done(move || traveller.arrive(true));
     }
 }
 

@@ -13,7 +13,8 @@ use crate::policy::Policy;
 use crate::profile::Profile;
 use crate::profile::tests::of_degrees;
 use crate::tree::LightTree;
-use crate::world::OriginMode;
+use crate::world::{LightWorld, OriginMode};
+use testbed::common::batch::{SampleRecord, SampleRequest};
 
 const SHADING_POINTS: u32 = 2048;
 
@@ -228,7 +229,7 @@ fn the_variant_that_counts_nodes_counts_those_that_a_sample_reads() {
     // The root of the top level, then the root of the tree.
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     lights.build_top(&mut encoder);
-    let group = bindings::bind(&device, "counts", &own, &[output.as_entire_binding()]);
+    let group = bind(&device, "counts", &own, &[&output]);
     {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&pipeline);

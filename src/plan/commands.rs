@@ -84,27 +84,7 @@ enum StoredCommand {
     DispatchIndirect { kernel: Kernel, buffers: Range<usize>, uniform_offset: u32, workgroups: BufferId },
 }
 
-/// The lengths of the lists of commands.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct CommandSizes {
-    entries: usize,
-    bytes: usize,
-    buffers: usize,
-}
-
 impl Commands {
-    /// How much memory the commands take.
-    pub(super) fn sizes(&self) -> CommandSizes {
-        CommandSizes { entries: self.entries.len(), bytes: self.bytes.len(), buffers: self.buffers.len() }
-    }
-
-    /// Makes room for as many commands as other ones have taken.
-    pub(super) fn reserve_as(&mut self, CommandSizes { entries, bytes, buffers }: CommandSizes) {
-        self.entries.reserve(entries);
-        self.bytes.reserve(bytes);
-        self.buffers.reserve(buffers);
-    }
-
     /// The commands in order.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Command<'_>> {
         self.entries.iter().map(|entry| match entry {
@@ -170,13 +150,8 @@ impl Commands {
         self.write_with(buffer, offset, |all| all.extend_from_slice(bytes));
     }
 
-    /// Adds a copy to the start of a buffer; nothing if it has no bytes.
-    pub(crate) fn copy(&mut self, from: BufferId, to: BufferId, bytes: u64) {
-        self.copy_to(from, (to, 0), bytes);
-    }
-
-    /// Adds a copy to a place in a buffer; nothing if it has no bytes.
-    pub(crate) fn copy_to(&mut self, from: BufferId, (to, offset): (BufferId, u64), bytes: u64) {
+    /// Adds a copy of the first bytes of a buffer to a place in another; nothing if there are none.
+    pub(crate) fn copy(&mut self, from: BufferId, (to, offset): (BufferId, u64), bytes: u64) {
         if bytes > 0 {
             self.entries.push(StoredCommand::Copy { from, to, offset, bytes });
         }

@@ -13,8 +13,6 @@ pub(crate) enum Growth {
     Double,
     /// No more than needed. Short of memory, that may still fit.
     Exact,
-    /// None.
-    None,
 }
 
 /// A plan that is being made, and how its buffers grow. Every buffer that the plan makes comes from here.

@@ -23,6 +23,9 @@ use crate::keys::slot_of;
 use crate::sampling::view::NO_INSTANCE;
 use crate::world::{LightWorld, Revision};
 
+/// More commands than most builds of the top level take.
+const MOST_OF_TOP: usize = 16;
+
 /// What the device holds once all plans are played. A frame works on a copy, which replaces this if the engine takes
 /// the plan. So nothing has to be taken back. A copy takes O(1): it shares all lists until one of the two changes them.
 #[derive(Clone)]
@@ -112,9 +115,8 @@ impl Held {
 
     /// Adds the refit and the build of the top level, which is then no longer due.
     pub fn finish_top(&mut self, commands: &mut Commands) {
-        commands.reserve_as(self.top.sizes);
+        commands.reserve(MOST_OF_TOP, 0);
         self.build_top(commands);
-        self.top.sizes = commands.sizes();
         self.top.is_due = false;
     }
 

@@ -34,14 +34,8 @@ pub struct Kernel {
     entry: &'static str,
     bindings: &'static [Binding],
     stage: &'static str,
-    text: Text,
-}
-
-/// What makes the text of a kernel.
-#[derive(Clone, Copy)]
-enum Text {
-    Same(fn() -> String),
-    OfEffects(fn(Effects) -> String, Effects),
+    text: fn(Effects) -> String,
+    effects: Option<Effects>,
 }
 
 impl Kernel {
@@ -50,27 +44,19 @@ impl Kernel {
         entry: &'static str,
         stage: &'static str,
         bindings: &'static [Binding],
-        text: fn() -> String,
+        text: fn(Effects) -> String,
     ) -> Self {
-        Self { entry, bindings, stage, text: Text::Same(text) }
+        Self { entry, bindings, stage, text, effects: None }
     }
 
-    /// A kernel whose text depends on effects.
-    pub(crate) const fn with_effects(
-        entry: &'static str,
-        stage: &'static str,
-        bindings: &'static [Binding],
-        (text, effects): (fn(Effects) -> String, Effects),
-    ) -> Self {
-        Self { entry, bindings, stage, text: Text::OfEffects(text, effects) }
+    /// The same for some effects, on which its text depends.
+    pub(crate) fn for_effects(self, effects: Effects) -> Self {
+        Self { effects: Some(effects), ..self }
     }
 
     /// The effects of worlds for which the text is made; `None` if it serves all.
     pub fn effects(&self) -> Option<Effects> {
-        match self.text {
-            Text::Same(_) => None,
-            Text::OfEffects(_, effects) => Some(effects),
-        }
+        self.effects
     }
 
     /// The name of the entry point, and of the kernel.
@@ -92,10 +78,7 @@ impl Kernel {
 
     /// The WGSL text. Joins texts, so keep the result.
     pub fn wgsl(&self) -> String {
-        match self.text {
-            Text::Same(text) => text(),
-            Text::OfEffects(text, effects) => text(effects),
-        }
+        (self.text)(self.effects.unwrap_or(Effects::all()))
     }
 }
 

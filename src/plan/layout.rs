@@ -428,9 +428,9 @@ mod tests {
     use std::mem::offset_of;
 
     use naga::TypeInner;
+    use testbed::common::batch::{STAGE, SampleRecord, SampleRequest};
 
     use super::*;
-    use crate::gpu::{SampleRecord, SampleRequest};
     use crate::plan::node_record::NodeRecord;
     use crate::plan::text;
 
@@ -464,7 +464,7 @@ mod tests {
     #[test]
     fn records_have_the_same_layout_in_rust_and_wgsl() {
         let samples = text::wgsl(0, crate::effects::Effects::all());
-        let text = samples + include_str!("../../shaders/request.wgsl");
+        let text = samples + STAGE;
         let structs = structs(&text);
         record!(
             structs,

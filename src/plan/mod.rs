@@ -60,6 +60,13 @@
 //! the engine or at run time. Each kernel has its bindings in group 0: one uniform, whose offset
 //! changes, and storage buffers. Writes are never larger than [`PlanLimits`] allows.
 
+/// The text of a file of shaders.
+macro_rules! shader {
+    ($name:literal) => {
+        include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/", $name, ".wgsl"))
+    };
+}
+
 pub(crate) mod buffers;
 mod changes;
 pub(crate) mod commands;
@@ -120,15 +127,13 @@ pub use limits::PlanLimits;
 pub use memory::GpuMemory;
 pub use module::naga_oil_module;
 pub use reserve::Reservation;
-pub use sources::{LightReadback, MeasureReadback, PartReadback, wgsl_of_sources};
+pub use sources::{Readback, wgsl_of_sources};
 pub use text::{ShaderParts, wgsl, wgsl_with};
 
 use crate::effects::Effects;
 use crate::keys::TreeKey;
 use crate::world::Revision;
 use held::Held;
-use layout::LightRecord;
-use pool::Pool;
 
 /// All kernels that plans dispatch. A kernel need not use all of its bindings. [`cut_kernels`] has those that build
 /// shared cuts, and [`visibility_kernels`] those by which cells learn.
@@ -204,12 +209,6 @@ impl LightPlanner {
         self.held.effects
     }
 
-    /// Reports all effects until the next plan.
-    #[cfg(feature = "gpu")]
-    pub(crate) fn announce_all_effects(&mut self) {
-        self.held.effects = Effects::all() - Effects::MOVING;
-    }
-
     /// The parameters of shaders after the last plan.
     #[cfg(all(test, feature = "gpu"))]
     pub(crate) fn params(&self) -> layout::ParamsRecord {
@@ -256,9 +255,9 @@ impl LightPlanner {
         self.held.sources.table().map(|table| [table, self.held.trees.lights.buffer()])
     }
 
-    /// What an engine reads back after each refit, of at most `most` trees with a source: the numbers from `first`
-    /// on. `None` if there are none.
-    pub fn measures(&self, first: u32, most: u32) -> Option<MeasureReadback> {
+    /// What the last refit has found out about at most `most` trees with a source, 32 bytes each: the numbers from
+    /// `first` on. `None` if there are none.
+    pub fn measures(&self, first: u32, most: u32) -> Option<Readback> {
         self.held.sources.measures(first, most)
     }
 
@@ -267,26 +266,15 @@ impl LightPlanner {
         self.held.sources.count()
     }
 
-    /// Where the lights of a tree with a source are after the last plan, for an engine that reads them back; `None`
-    /// if the tree has no source, and if the GPU does not hold it whole.
-    pub fn source_lights(&self, tree: TreeKey) -> Option<LightReadback> {
-        let (version, range) = self.held.sources.lights(tree)?;
-        let stride = Pool::<LightRecord>::STRIDE;
-        let (offset, bytes) = (u64::from(range.start) * stride, range.len() as u64 * stride);
-        Some(LightReadback {
-            buffer: self.held.trees.lights.buffer(),
-            offset,
-            bytes,
-            tree: version.tree,
-            version,
-            stride,
-        })
+    /// The lights of a tree with a source after the last plan; `None` if the tree has no source, and if the GPU does not
+    /// hold it whole.
+    pub fn source_lights(&self, tree: TreeKey) -> Option<Readback> {
+        self.held.sources.lights(tree, &self.held.trees.lights)
     }
 
-    /// Where some parts of a tree with a source are after the last plan, at most `most`, for an engine that reads back
-    /// where its kernels have moved them: each time those that follow on the last ones. `None` if the GPU holds no such
-    /// tree.
-    pub fn source_parts(&mut self, most: u32) -> Option<PartReadback> {
+    /// Where kernels have moved some parts of a tree with a source, at most `most`, 80 bytes each: each time those that
+    /// follow on the last ones. `None` if the GPU holds no such tree.
+    pub fn source_parts(&mut self, most: u32) -> Option<Readback> {
         self.held.sources.next_parts(most, &self.held.trees.records)
     }
 }

@@ -8,12 +8,11 @@ use std::ops::Range;
 
 use super::buffers::BufferId;
 use super::commands::Commands;
-use super::draft::{Draft, Growth};
+use super::draft::Draft;
 use super::error::PlanError;
 use super::layout::PartRecord;
 use super::pool::Pool;
 use super::runs::runs;
-use super::scatter::Scattered;
 use super::shared_list::SharedList;
 
 /// The parts of all instances.
@@ -62,14 +61,14 @@ impl PartTable {
     /// Gives a slot room for so many parts, 0 without an instance.
     ///
     /// Fails with [`PlanError::Full`] if the buffer would outgrow its limit.
-    pub fn place(&mut self, slot: u32, count: u32, growth: Growth) -> Result<(), PlanError> {
+    pub fn place(&mut self, slot: u32, count: u32) -> Result<(), PlanError> {
         let former = self.range(slot);
         if count == former.len() as u32 {
             return Ok(());
         }
         self.changed.extend(former.clone().map(|part| (part, PartRecord::NONE)));
         self.former.push(former);
-        let range = self.pool.alloc(count, growth)?;
+        let range = self.pool.alloc(count)?;
         self.changed.extend(records_of(slot, &range));
         self.ranges.set(slot as usize, range);
         Ok(())
@@ -106,7 +105,7 @@ impl PartTable {
         // Ranges that were freed may lie beyond those in use.
         for run in runs(records.keys().copied(), 0) {
             let records = records.range(run.clone()).map(|(_, record)| *record);
-            self.pool.write(commands, &mut Scattered::default(), run, records);
+            self.pool.write(commands, None, run, records);
         }
     }
 }

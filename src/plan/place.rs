@@ -1,17 +1,16 @@
 //! Decides what of each tree a frame sends: the whole tree, what changed, a piece, or stand-ins.
 //!
 //! What changed in a tree that shaders see whole is sent at once, whatever its size. New trees and
-//! new versions of trees share the bytes of a frame, the most useful first. Until a tree has been
-//! sent, shaders see its stand-ins or its older version.
+//! new versions of trees then share the bytes of a frame, the most useful first. Until a tree has been
+//! sent, shaders see its older version, or else its stand-ins.
 
 use std::ops::Range;
 
-use super::changes::FrameChanges;
-use super::draft::Growth;
+use super::changes::{FrameChanges, sort};
 use super::error::PlanError;
 use super::layout::{LightRecord, TreeRecord};
 use super::node_record::{NodeRecord, stored_nodes};
-use super::pool::{Demand, Pool};
+use super::pool::Pool;
 use super::residency::{Form, Incoming, NOT_WEIGHED, TreeState, has_room, with_growth};
 use super::room::TreeFrame;
 use super::runs::runs;
@@ -57,7 +56,7 @@ const MOVED_BYTES: u64 = 256 * 1024;
 /// times. Then it is sent at once.
 const MAX_RESTARTS: u32 = 2;
 
-/// The most waiting trees that a frame looks at.
+/// The most waiting trees that a frame of limited bytes looks at.
 const MAX_BROUGHT: usize = 4096;
 
 /// The most trees for which a frame finds no room before it gives up. They are tried again only once
@@ -66,13 +65,6 @@ const MAX_REFUSALS: usize = 8;
 
 /// The most of them that a frame tries again.
 const MAX_RETRIES: usize = 4;
-
-/// Stand-ins of a tree, and room for them.
-struct StandIns {
-    tree: LightTree,
-    nodes: Range<u32>,
-    lights: Range<u32>,
-}
 
 /// A tree of the world, and the key under which shaders know it.
 #[derive(Clone, Copy)]
@@ -93,9 +85,9 @@ impl<'a> Subject<'a> {
         self.openings > 0
     }
 
-    /// A write of the tree as shaders are to see it, to these places in the pools.
-    fn write(&self, source: Source, bases: [u32; 2], has_new_records: bool) -> TreeWrite {
-        TreeWrite { slot: self.slot, source, is_opened: self.is_opened(), bases, has_new_records }
+    /// A write of runs of the tree as shaders are to see it, to these places in the pools.
+    fn write(&self, source: Source, bases: [u32; 2], has_new_records: bool, runs: [Vec<Range<u32>>; 2]) -> TreeWrite {
+        TreeWrite { slot: self.slot, source, is_opened: self.is_opened(), bases, has_new_records, runs }
     }
 
     fn counts(&self) -> [usize; 2] {
@@ -179,27 +171,30 @@ impl TreeStore {
         changes: &FrameChanges,
         frame: &mut TreeFrame,
     ) -> Result<(), PlanError> {
-        frame.left = if frame.is_anew { 0 } else { self.limits.frame_bytes.unwrap_or(u64::MAX) };
-        if frame.left > 0 && !frame.is_lost {
-            self.go_on(world, frame)?;
+        let changed = &changes.trees;
+        for slot in changed {
+            self.follow(world, *slot, frame)?;
         }
-        // A lost device gets what it had first.
-        if frame.left > 0 && !frame.is_lost && self.residency.waiting_count() > 0 {
-            self.stream(world, frame)?;
+        self.go_on(world, frame)?;
+        if frame.left > 0 && self.residency.waiting_count() > 0 {
+            self.stream(world, changed, frame)?;
         }
-        if !changes.trees.as_slice().is_empty() {
+        if !changed.is_empty() {
             // The next frames may find room that this one has not found.
             self.residency.retry();
         }
-        for slot in changes.trees.as_slice() {
-            // A tree that has just arrived is up to date.
-            if !frame.placed.contains_key(slot) {
-                self.follow(world, *slot, frame)?;
+        for slot in changed {
+            let state = self.residency.get(*slot);
+            if state.waits
+                && !state.is_readable()
+                && let Some(subject) = self.subject(world, *slot)
+            {
+                self.show_stand_ins(world, &subject, frame)?;
             }
         }
         if frame.left > 0 && self.may_join_gaps() {
             let bytes = self.limits.frame_bytes.map_or(0, |bytes| bytes.div_ceil(MOVED_SHARE));
-            let has_moved = self.join_gaps(world, bytes, frame)?;
+            let has_moved = self.join_gaps(world, bytes, changed, frame)?;
             self.residency.is_packed |= !has_moved;
         }
         Ok(())
@@ -219,72 +214,36 @@ impl TreeStore {
         (nodes * size_of::<NodeRecord>() + lights * size_of::<LightRecord>()) as u64
     }
 
-    /// Decides what to send of the tree of a slot that was added, changed or removed.
+    /// Sends what changed in the tree of a slot if shaders see it whole, and all of a small tree. Any other tree waits.
     fn follow(&mut self, world: &LightWorld, slot: u32, frame: &mut TreeFrame) -> Result<(), PlanError> {
-        let subject = self.subject(world, slot);
-        let key = subject.map(|subject| subject.key);
-        let incoming = self.residency.incoming.as_ref().filter(|incoming| incoming.slot == slot);
-        let is_coming = incoming.is_some_and(|incoming| Some(incoming.key) == key);
-        if incoming.is_some() && !is_coming {
-            self.drop_incoming();
-        }
-        let Some(subject) = subject else {
+        let Some(subject) = self.subject(world, slot) else {
             self.put(slot, TreeState::NONE, frame);
             return Ok(());
         };
         let is_small = !may_stand_in(subject.tree());
-        let present = self.residency.get(slot).clone();
-        let is_known = present.key == key;
-        let is_lost = present.form == Form::Whole && !present.is_readable();
-        if is_coming && (is_small || is_lost) {
-            // It does not wait any more.
-            self.drop_incoming();
-        } else if is_coming {
-            // What changes meanwhile is sent with the last piece.
-            return match present.form {
-                Form::Whole => Ok(()),
-                _ => self.show_stand_ins(world, &subject, present, frame),
-            };
-        }
-        if is_known && present.form == Form::Whole && has_room_for(&present, &subject) {
-            let (runs, is_all) = subject.changes_since(present.revision, present.openings);
-            let bytes = self.bytes([length(&runs[0]), length(&runs[1])]);
-            if !is_all || is_small || is_lost || bytes <= frame.left {
-                frame.left = frame.left.saturating_sub(bytes);
-                return self.write_in_place(world, &subject, runs, frame);
+        let state = Some(self.residency.get(slot)).filter(|state| state.key == Some(subject.key)).cloned();
+        let state = state.unwrap_or_else(|| TreeState::new(subject.key));
+        if state.form == Form::Whole && has_room_for(&state, &subject) {
+            let (runs, is_all) = subject.changes_since(state.revision, state.openings);
+            // A lost device gets what it had.
+            if !is_all || is_small || !state.is_readable() {
+                return self.write_in_place(world, &subject, state, runs, frame);
             }
         }
-        let state = if is_known { present } else { TreeState::new(subject.key) };
-        let bytes = self.bytes(subject.counts());
-        let is_in_place = state.form == Form::Whole && has_room_for(&state, &subject);
-        if !is_in_place && (is_small || bytes <= frame.left) {
-            let demand = if is_small { Demand::Must } else { Demand::May };
-            match self.alloc(state.room_for(subject.counts()), demand, frame.growth) {
-                Ok(ranges) => {
-                    frame.left = frame.left.saturating_sub(bytes);
-                    return self.show_whole(world, &subject, state, ranges, frame);
-                }
-                Err(error) if is_small => return Err(error),
-                Err(_) => {}
-            }
+        if is_small {
+            let ranges = self.alloc(state.room_for(subject.counts()))?;
+            let runs = subject.counts().map(all);
+            return self.show_whole(world, &subject, state, (ranges, runs), frame);
         }
-        if state.is_readable() {
-            let usefulness = subject.usefulness(world);
-            self.put(slot, TreeState { waits: true, bytes, usefulness, ..state }, frame);
-            return Ok(());
-        }
-        self.show_stand_ins(world, &subject, state, frame)
+        let (bytes, usefulness) = (self.bytes(subject.counts()), subject.usefulness(world));
+        self.put(slot, TreeState { waits: true, bytes, usefulness, ..state }, frame);
+        Ok(())
     }
 
     /// Ranges for nodes and lights, both or neither.
-    fn alloc(
-        &mut self,
-        [nodes, lights]: [u32; 2],
-        demand: Demand,
-        growth: Growth,
-    ) -> Result<[Range<u32>; 2], PlanError> {
-        let nodes = self.nodes.alloc_for(nodes, demand, growth)?;
-        match self.lights.alloc_for(lights, demand, growth) {
+    fn alloc(&mut self, [nodes, lights]: [u32; 2]) -> Result<[Range<u32>; 2], PlanError> {
+        let nodes = self.nodes.alloc(nodes)?;
+        match self.lights.alloc(lights) {
             Ok(lights) => Ok([nodes, lights]),
             Err(error) => {
                 self.nodes.free(nodes);
@@ -293,85 +252,74 @@ impl TreeStore {
         }
     }
 
+    /// The same, if that leaves enough for what cannot do without.
+    fn alloc_spare(&mut self, [nodes, lights]: [u32; 2]) -> Option<[Range<u32>; 2]> {
+        let has_room = self.nodes.missing(nodes.into()) == 0 && self.lights.missing(lights.into()) == 0;
+        if has_room { self.alloc([nodes, lights]).ok() } else { None }
+    }
+
     /// Writes runs of a tree to the ranges where shaders see it.
     fn write_in_place(
         &mut self,
         world: &LightWorld,
         subject: &Subject,
+        state: TreeState,
         runs: [Vec<Range<u32>>; 2],
         frame: &mut TreeFrame,
     ) -> Result<(), PlanError> {
-        let state = self.residency.get(subject.slot);
         let bases = [state.nodes.start, state.lights.start];
         let count = TreeRecord::count(subject.openings) as usize;
         let has_new_records = state.waits || state.openings != subject.openings || state.records.len() != count;
         if has_new_records || state.replaced != subject.entry.births.replaced {
-            let state = TreeState { waits: false, ..state.clone() };
-            self.set_state(world, subject, state, subject.openings, frame)?;
+            self.set_state(world, subject, TreeState { waits: false, ..state }, subject.openings, frame)?;
         }
-        frame.writes.add(subject.write(Source::Tree, bases, has_new_records), runs);
+        frame.writes.push(subject.write(Source::Tree, bases, has_new_records, runs));
         Ok(())
     }
 
-    /// Writes a tree to these ranges, and lets shaders see it.
+    /// Lets shaders see a tree in these ranges, of which these runs are still to be written.
     fn show_whole(
         &mut self,
         world: &LightWorld,
         subject: &Subject,
         state: TreeState,
-        [nodes, lights]: [Range<u32>; 2],
+        ([nodes, lights], runs): ([Range<u32>; 2], [Vec<Range<u32>>; 2]),
         frame: &mut TreeFrame,
     ) -> Result<(), PlanError> {
         let bases = [nodes.start, lights.start];
         let state = TreeState { form: Form::Whole, waits: false, nodes, lights, ..state };
         self.set_state(world, subject, state, subject.openings, frame)?;
-        frame.writes.add(subject.write(Source::Tree, bases, true), subject.counts().map(all));
+        frame.writes.push(subject.write(Source::Tree, bases, true, runs));
         Ok(())
     }
 
-    /// Lets shaders see stand-ins of the tree. Fails if there is no room for them.
+    /// Lets shaders see stand-ins of the tree. Fails, and changes nothing, if there is no room for them.
     fn show_stand_ins(
         &mut self,
         world: &LightWorld,
         subject: &Subject,
-        state: TreeState,
         frame: &mut TreeFrame,
     ) -> Result<(), PlanError> {
-        let few = self.room_for_stand_ins(subject, &state, frame.growth)?;
-        self.show_few(world, subject, state, few, frame)
-    }
-
-    /// Stand-ins of the tree, with room for them.
-    fn room_for_stand_ins(
-        &mut self,
-        subject: &Subject,
-        state: &TreeState,
-        growth: Growth,
-    ) -> Result<StandIns, PlanError> {
-        let tree = stand_ins(subject.tree());
-        let counts = [stored_nodes(&tree).len(), tree.lights().len()];
+        let state = self.residency.get(subject.slot).clone();
+        let few = stand_ins(subject.tree());
+        let counts = [stored_nodes(&few).len(), few.lights().len()];
         let is_same = state.form == Form::StandIns && [state.nodes.len(), state.lights.len()] == counts;
         let [nodes, lights] = match is_same {
             true => [state.nodes.clone(), state.lights.clone()],
-            false => self.alloc(counts.map(|count| count as u32), Demand::Must, growth)?,
+            false => self.alloc(counts.map(|count| count as u32))?,
         };
-        Ok(StandIns { tree, nodes, lights })
-    }
-
-    fn show_few(
-        &mut self,
-        world: &LightWorld,
-        subject: &Subject,
-        state: TreeState,
-        StandIns { tree, nodes, lights }: StandIns,
-        frame: &mut TreeFrame,
-    ) -> Result<(), PlanError> {
-        let runs = [nodes.len(), lights.len()].map(all);
-        let bases = [nodes.start, lights.start];
-        let bytes = self.bytes(subject.counts());
+        let (bases, bytes) = ([nodes.start, lights.start], self.bytes(subject.counts()));
+        let ranges = [nodes.clone(), lights.clone()];
         let state = TreeState { form: Form::StandIns, waits: true, bytes, nodes, lights, ..state };
-        self.set_state(world, subject, state, 0, frame)?;
-        frame.writes.add(subject.write(Source::StandIns(Box::new(tree)), bases, true), runs);
+        if let Err(error) = self.set_state(world, subject, state, 0, frame) {
+            let [nodes, lights] = ranges;
+            if !is_same {
+                self.nodes.free(nodes);
+                self.lights.free(lights);
+            }
+            return Err(error);
+        }
+        frame.writes.push(subject.write(Source::StandIns(Box::new(few)), bases, true, counts.map(all)));
         Ok(())
     }
 
@@ -401,7 +349,7 @@ impl TreeStore {
     ) -> Result<(), PlanError> {
         let count = TreeRecord::count(openings);
         if state.records.len() as u32 != count {
-            state.records = self.records.alloc(count, frame.growth)?;
+            state.records = self.records.alloc(count)?;
         }
         (state.openings, state.replaced) = (openings, subject.entry.births.replaced);
         let is_weighed = state.waits || self.residency.is_sorted();
@@ -410,105 +358,94 @@ impl TreeStore {
         Ok(())
     }
 
-    /// Sends waiting trees, as far as the frame's bytes and the pools allow.
-    fn stream(&mut self, world: &LightWorld, frame: &mut TreeFrame) -> Result<(), PlanError> {
+    /// Sends waiting trees, as far as the frame's bytes and the pools allow. `changed` are the slots of trees that this
+    /// frame writes otherwise.
+    fn stream(&mut self, world: &LightWorld, changed: &[u32], frame: &mut TreeFrame) -> Result<(), PlanError> {
         for slot in self.residency.next_slots(WEIGHED_PER_FRAME) {
-            self.weigh(world, slot);
+            if let Some(subject) = self.subject(world, slot) {
+                self.residency.set_usefulness(slot, subject.usefulness(world));
+            }
         }
         self.residency.unblock(MAX_RETRIES);
-        let waiting: Vec<u32> = self.residency.waiting().take(MAX_BROUGHT).collect();
-        let mut refusals = 0;
+        let most = self.limits.frame_bytes.map_or(usize::MAX, |_| MAX_BROUGHT);
+        let waiting: Vec<u32> = self.residency.waiting().take(most).collect();
+        let (mut brought, mut refusals) = (0, 0);
         for slot in waiting {
-            if frame.left == 0 || self.residency.incoming.is_some() || refusals == MAX_REFUSALS {
+            if refusals == MAX_REFUSALS {
                 break;
             }
-            if frame.placed.contains_key(&slot) {
-                continue;
-            }
-            let is_same = |subject: &Subject| self.residency.get(slot).key == Some(subject.key);
-            let Some(subject) = self.subject(world, slot).filter(is_same) else { continue };
-            if !may_stand_in(subject.tree()) {
-                // It has just become small, and does not wait any more.
-                continue;
-            }
+            let Some(subject) = self.subject(world, slot) else { continue };
             if self.bring(world, &subject, frame)? {
+                brought += 1;
                 continue;
             }
-            if self.make_way(world, &subject, frame)? {
-                break;
+            if self.may_not_bring(frame) || self.make_way(world, &subject, changed, frame)? {
+                return Ok(());
             }
             refusals += 1;
-            // What the frame has placed already may leave room behind.
-            if frame.placed.is_empty() {
-                self.give_up(world, &subject, frame)?;
+            // What the frame has brought may leave room behind.
+            if brought == 0 {
+                let is_older = self.residency.get(slot).form == Form::Whole;
+                // An older version makes room for the present one: it would stay for good.
+                if !is_older || self.show_stand_ins(world, &subject, frame).is_err() {
+                    self.residency.block(slot);
+                }
             }
         }
         Ok(())
     }
 
-    /// Leaves a tree for which there is no frame. An older version makes room for the present one: it
-    /// would stay for good.
-    fn give_up(&mut self, world: &LightWorld, subject: &Subject, frame: &mut TreeFrame) -> Result<(), PlanError> {
-        let state = self.residency.get(subject.slot).clone();
-        if state.form == Form::Whole
-            && let Ok(few) = self.room_for_stand_ins(subject, &state, frame.growth)
-        {
-            return self.show_few(world, subject, state, few, frame);
-        }
-        self.residency.block(subject.slot);
-        Ok(())
-    }
-
-    /// Computes the usefulness of the tree of a slot again.
-    fn weigh(&mut self, world: &LightWorld, slot: u32) {
-        if let Some(subject) = self.subject(world, slot)
-            && self.residency.get(slot).key == Some(subject.key)
-        {
-            self.residency.set_usefulness(slot, subject.usefulness(world));
-        }
+    /// Whether the frame has no bytes left for trees that have waited, or a tree is under way.
+    fn may_not_bring(&self, frame: &TreeFrame) -> bool {
+        frame.left == 0 || self.residency.incoming.is_some()
     }
 
     /// Sends a waiting tree, or its first piece. Returns whether there is room for it.
     fn bring(&mut self, world: &LightWorld, subject: &Subject, frame: &mut TreeFrame) -> Result<bool, PlanError> {
+        if self.may_not_bring(frame) {
+            return Ok(false);
+        }
         let state = self.residency.get(subject.slot).clone();
-        let bytes = self.bytes(subject.counts());
-        let fits = bytes <= frame.left;
-        if fits && state.form == Form::Whole && has_room_for(&state, subject) {
-            frame.left -= bytes;
-            self.write_in_place(world, subject, subject.counts().map(all), frame)?;
+        if state.bytes <= frame.left && state.form == Form::Whole && has_room_for(&state, subject) {
+            frame.left -= state.bytes;
+            self.write_in_place(world, subject, state, subject.counts().map(all), frame)?;
             return Ok(true);
         }
-        let Ok(ranges) = self.alloc(state.room_for(subject.counts()), Demand::May, frame.growth) else {
-            return Ok(false);
-        };
-        if fits {
-            frame.left -= bytes;
-            self.show_whole(world, subject, state, ranges, frame)?;
-        } else {
-            let [nodes, lights] = ranges;
-            let revision = subject.entry.log.revision();
-            let (slot, key) = (subject.slot, subject.key);
-            let is_opened = subject.is_opened();
-            let incoming = Incoming { slot, key, nodes, lights, is_opened, sent: [0; 2], revision, restarts: 0 };
-            self.residency.incoming = Some(incoming);
-            self.go_on(world, frame)?;
-        }
+        let Some([nodes, lights]) = self.alloc_spare(state.room_for(subject.counts())) else { return Ok(false) };
+        self.residency.incoming = Some(Incoming {
+            slot: subject.slot,
+            key: subject.key,
+            nodes,
+            lights,
+            is_opened: subject.is_opened(),
+            sent: [0; 2],
+            revision: subject.entry.log.revision(),
+            restarts: 0,
+        });
+        self.go_on(world, frame)?;
         Ok(true)
     }
 
-    /// Sends the next piece of the tree that is sent in pieces, if there is one. With the last piece, shaders see it.
+    /// Sends the next piece of the tree that is under way, if there is one. With the last piece, shaders see it.
     fn go_on(&mut self, world: &LightWorld, frame: &mut TreeFrame) -> Result<(), PlanError> {
-        let Some(mut incoming) = self.residency.incoming.clone() else { return Ok(()) };
-        let subject = self.subject(world, incoming.slot).filter(|subject| subject.key == incoming.key);
-        let Some(subject) = subject else {
-            self.drop_incoming();
+        let Some(mut incoming) = self.residency.incoming.take() else { return Ok(()) };
+        let state = self.residency.get(incoming.slot).clone();
+        let subject = self.subject(world, incoming.slot);
+        let Some(subject) = subject.filter(|subject| subject.key == incoming.key && state.waits) else {
+            self.nodes.free(incoming.nodes);
+            self.lights.free(incoming.lights);
             return Ok(());
         };
+        if frame.left == 0 {
+            self.residency.incoming = Some(incoming);
+            return Ok(());
+        }
         let counts = subject.counts();
         let has_room = has_room(&incoming.nodes, counts[0]) && has_room(&incoming.lights, counts[1]);
         if !has_room {
-            self.drop_incoming();
-            let Ok(ranges) = self.alloc(with_growth(counts), Demand::May, frame.growth) else { return Ok(()) };
+            self.nodes.free(incoming.nodes);
+            self.lights.free(incoming.lights);
+            let Some(ranges) = self.alloc_spare(with_growth(counts)) else { return Ok(()) };
             [incoming.nodes, incoming.lights] = ranges;
         }
         let is_reopened = incoming.is_opened != subject.is_opened();
@@ -533,36 +470,33 @@ impl TreeStore {
             frame.left = frame.left.saturating_sub(bytes);
         }
         let bases = [incoming.nodes.start, incoming.lights.start];
-        frame.writes.add(subject.write(Source::Piece, bases, false), pieces);
+        frame.writes.push(subject.write(Source::Piece, bases, false, pieces));
         if (0..2).any(|pool| (incoming.sent[pool] as usize) < counts[pool]) {
             self.residency.incoming = Some(incoming);
             return Ok(());
         }
-        self.residency.incoming = None;
         let (runs, _) = subject.changes_since(incoming.revision, subject.openings);
-        let Incoming { nodes, lights, .. } = incoming;
-        let state = self.residency.get(subject.slot).clone();
-        let state = TreeState { form: Form::Whole, waits: false, nodes, lights, ..state };
-        self.set_state(world, &subject, state, subject.openings, frame)?;
-        frame.writes.add(subject.write(Source::Tree, bases, true), runs);
-        Ok(())
+        self.show_whole(world, &subject, state, ([incoming.nodes, incoming.lights], runs), frame)
     }
 
     /// Makes room for a tree in the next frame: joins gaps, or evicts less useful trees, which fall
     /// back to stand-ins. Returns whether it did either.
-    fn make_way(&mut self, world: &LightWorld, subject: &Subject, frame: &mut TreeFrame) -> Result<bool, PlanError> {
+    fn make_way(
+        &mut self,
+        world: &LightWorld,
+        subject: &Subject,
+        changed: &[u32],
+        frame: &mut TreeFrame,
+    ) -> Result<bool, PlanError> {
         self.residency.sort();
-        let usefulness = self.residency.get(subject.slot).usefulness;
         let [nodes, lights] = subject.counts().map(|count| count as u64);
         let mut missing = [self.nodes.missing(nodes), self.lights.missing(lights)];
         if missing == [0; 2] {
-            return self.join_gaps(world, self.limits.frame_bytes.unwrap_or(MOVED_BYTES), frame);
+            return self.join_gaps(world, self.limits.frame_bytes.unwrap_or(MOVED_BYTES), changed, frame);
         }
-        let below = (f32::from_bits(usefulness) / MIN_GAIN).to_bits();
+        let below = (f32::from_bits(self.residency.get(subject.slot).usefulness) / MIN_GAIN).to_bits();
         let mut fallbacks = Vec::new();
-        for slot in
-            self.residency.less_useful(below).filter(|slot| !frame.placed.contains_key(slot)).take(MAX_LOOKED_AT)
-        {
+        for slot in self.residency.less_useful(below).filter(|slot| !frame.has(changed, *slot)).take(MAX_LOOKED_AT) {
             if missing == [0; 2] {
                 break;
             }
@@ -574,25 +508,22 @@ impl TreeStore {
         if missing != [0; 2] {
             return Ok(false);
         }
-        let mut has_fallen = false;
-        // The next frames evict the rest.
-        for slot in fallbacks.into_iter().take(MAX_FALLBACKS) {
-            // What has just become small is sent whole: nothing would bring it back.
-            let may_fall =
-                |subject: &Subject| self.residency.get(slot).key == Some(subject.key) && may_stand_in(subject.tree());
-            let Some(subject) = self.subject(world, slot).filter(may_fall) else { continue };
-            let state = self.residency.get(slot).clone();
-            // Without room for stand-ins the tree stays.
-            let Ok(few) = self.room_for_stand_ins(&subject, &state, frame.growth) else { break };
-            self.show_few(world, &subject, state, few, frame)?;
-            has_fallen = true;
-        }
-        Ok(has_fallen)
+        // The next frames evict the rest. Without room for stand-ins a tree stays.
+        fallbacks.truncate(MAX_FALLBACKS);
+        let subjects = fallbacks.into_iter().filter_map(|slot| self.subject(world, slot));
+        let subjects: Vec<Subject> = subjects.collect();
+        Ok(subjects.iter().take_while(|subject| self.show_stand_ins(world, subject, frame).is_ok()).count() > 0)
     }
 
     /// Defragments: moves trees of at most `bytes` bytes from the end of each pool to gaps. Returns
     /// whether it moved any.
-    fn join_gaps(&mut self, world: &LightWorld, bytes: u64, frame: &mut TreeFrame) -> Result<bool, PlanError> {
+    fn join_gaps(
+        &mut self,
+        world: &LightWorld,
+        bytes: u64,
+        changed: &[u32],
+        frame: &mut TreeFrame,
+    ) -> Result<bool, PlanError> {
         let mut left = frame.left.min(bytes);
         self.residency.sort();
         let mut has_moved = false;
@@ -601,19 +532,22 @@ impl TreeStore {
             for slot in last {
                 let state = self.residency.get(slot).clone();
                 let Some(subject) = self.subject(world, slot) else { continue };
-                let is_current = state.key == Some(subject.key)
-                    && state.form == Form::Whole
-                    && state.openings == subject.openings
-                    && subject.entry.log.since(state.revision) == Some(TreeChanges::default())
-                    && has_room_for(&state, &subject);
+                let is_current = state.form == Form::Whole
+                    && !frame.has(changed, slot)
+                    && subject.entry.log.since(state.revision) == Some(TreeChanges::default());
                 let mut runs = subject.counts().map(all);
                 runs[1 - pool].clear();
                 let bytes = self.bytes([length(&runs[0]), length(&runs[1])]);
-                if frame.placed.contains_key(&slot) || !is_current || bytes > left {
+                if !is_current || bytes > left {
                     continue;
                 }
                 let mut ranges = [state.nodes.clone(), state.lights.clone()];
-                let Some(lower) = self.take_lower(pool, &ranges[pool]) else { continue };
+                let (start, len) = (ranges[pool].start, ranges[pool].len() as u32);
+                let lower = match pool {
+                    0 => self.nodes.alloc_before(start, len),
+                    _ => self.lights.alloc_before(start, len),
+                };
+                let Some(lower) = lower else { continue };
                 ranges[pool] = lower;
                 left -= bytes;
                 frame.left = frame.left.saturating_sub(bytes);
@@ -621,28 +555,10 @@ impl TreeStore {
                 let bases = [ranges[0].start, ranges[1].start];
                 let [nodes, lights] = ranges;
                 self.set_state(world, &subject, TreeState { nodes, lights, ..state }, subject.openings, frame)?;
-                frame.writes.add(subject.write(Source::Piece, bases, false), runs);
+                frame.writes.push(subject.write(Source::Piece, bases, false, runs));
             }
         }
         Ok(has_moved)
-    }
-
-    /// Reserves a range of the same length before the given one, if there is a gap.
-    fn take_lower(&mut self, pool: usize, range: &Range<u32>) -> Option<Range<u32>> {
-        let length = range.len() as u32;
-        let alloc = match pool {
-            0 => self.nodes.alloc_for(length, Demand::Must, Growth::None),
-            _ => self.lights.alloc_for(length, Demand::Must, Growth::None),
-        };
-        let found = alloc.ok()?;
-        if found.start < range.start {
-            return Some(found);
-        }
-        match pool {
-            0 => self.nodes.free(found),
-            _ => self.lights.free(found),
-        }
-        None
     }
 
     /// Adds the slots of instances whose tree has another place or form after the frame.
@@ -662,7 +578,7 @@ impl TreeStore {
                 changes.parts.extend(entry.instances.iter().map(|key| slot_of(*key)));
             }
         }
-        changes.instances.sort();
-        changes.parts.sort();
+        sort(&mut changes.instances);
+        sort(&mut changes.parts);
     }
 }

@@ -15,16 +15,7 @@ use super::scatter::Scattered;
 #[cfg(feature = "parallel")]
 const RECORDS_PER_TASK: usize = 1024;
 
-/// What a range is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Demand {
-    /// The frame fails without it.
-    Must,
-    /// The frame does without it if little room is left for what it must have.
-    May,
-}
-
-/// One part in this many of the limit of a pool is kept for [`Demand::Must`].
+/// One part in this many of the limit of a pool is kept for what cannot do without room.
 pub(super) const SPARE: u64 = 8;
 
 /// A pool of limited memory grows by steps of this factor, up to its whole share. So it copies no
@@ -33,8 +24,8 @@ const STEP: u64 = 16;
 
 /// Records of type `T` in one storage buffer. Ranges are in records, never in bytes.
 ///
-/// Ranges are allocated first, which may make more room than the buffer has. [`Pool::settle`] then makes a larger
-/// buffer, if one is needed, and only then may records be written.
+/// Ranges are allocated first, whatever room the buffer has. [`Pool::settle`] then makes a larger buffer, if one is
+/// needed, and only then may records be written.
 #[derive(Clone)]
 pub(crate) struct Pool<T> {
     /// Names the records, in the plural.
@@ -48,8 +39,6 @@ pub(crate) struct Pool<T> {
     /// Records that the buffer has room for, or that the first one will have.
     capacity: u32,
     ranges: Ranges,
-    /// Records in use.
-    taken: u64,
     records: PhantomData<T>,
 }
 
@@ -68,8 +57,7 @@ impl<T: bytemuck::NoUninit> Pool<T> {
             share: None,
             buffer: None,
             capacity: capacity.max(1),
-            ranges: Ranges::new(u64::from(capacity.max(1))),
-            taken: 0,
+            ranges: Ranges::default(),
             records: PhantomData,
         }
     }
@@ -79,92 +67,52 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         self.share = share;
     }
 
-    /// Gives up room beyond the limit, if that has fallen.
-    ///
-    /// Fails with [`PlanError::Full`] and changes nothing if more than that is in use.
-    pub(crate) fn keep_limit(&mut self) -> Result<(), PlanError> {
-        let (limit, used) = (self.limit(), self.used());
-        if used > limit {
-            return Err(self.full(used));
-        }
-        if self.ranges.end() > limit {
-            self.ranges.cut_to(limit);
-        }
-        Ok(())
+    /// Fails with [`PlanError::Full`] if more is in use than the limit, which has fallen.
+    pub(crate) fn keep_limit(&self) -> Result<(), PlanError> {
+        let used = self.used();
+        if used > self.limit() { Err(self.full(used)) } else { Ok(()) }
     }
 
-    /// Reserves `len` contiguous records, and makes more room if no gap is long enough. Their
-    /// content is undefined until it is written. A range of no records is empty and need not be
-    /// freed.
+    /// Reserves `len` contiguous records. Their content is undefined until it is written. A range of no records is empty
+    /// and need not be freed.
     ///
     /// Fails with [`PlanError::Full`] and changes nothing if the buffer would outgrow its limit.
-    pub(crate) fn alloc(&mut self, len: u32, growth: Growth) -> Result<Range<u32>, PlanError> {
+    pub(crate) fn alloc(&mut self, len: u32) -> Result<Range<u32>, PlanError> {
         if len == 0 {
             return Ok(0..0);
         }
-        if let Some(range) = self.take(len) {
-            return Ok(range);
-        }
-        // No gap is long enough, so the range begins after the last one in use.
-        let needed = self.used() + u64::from(len);
-        let limit = self.limit();
-        if needed > limit || growth == Growth::None {
-            return Err(self.full(needed));
-        }
-        let doubled = (2 * self.ranges.end()).min(limit);
-        let room = match growth {
-            Growth::Exact | Growth::None => needed,
-            Growth::Double if self.share.is_none() => doubled.max(needed),
-            Growth::Double => {
-                let steps = [limit / (STEP * STEP), limit / STEP];
-                steps.into_iter().find(|step| *step >= needed.max(u64::from(self.capacity))).unwrap_or(limit)
-            }
-        };
-        self.ranges.grow_to(room);
-        Ok(self.take(len).expect("the pool has just grown by enough"))
+        let range = self.ranges.take(u64::from(len), self.limit());
+        // Within the limit, which is a u32.
+        range.map(|range| range.start as u32..range.end as u32).ok_or_else(|| self.full(self.used() + u64::from(len)))
     }
 
-    /// As [`Pool::alloc`]. A [`Demand::May`] is also refused if it leaves too little for others.
-    pub(crate) fn alloc_for(&mut self, len: u32, demand: Demand, growth: Growth) -> Result<Range<u32>, PlanError> {
-        if demand == Demand::May && self.missing(len.into()) > 0 {
-            return Err(self.full(self.taken + u64::from(len)));
-        }
-        self.alloc(len, growth)
+    /// As [`Pool::alloc`], for a range before a place; `None` unless there is a gap.
+    pub(crate) fn alloc_before(&mut self, place: u32, len: u32) -> Option<Range<u32>> {
+        self.ranges.gap_for(len.into()).filter(|start| *start < u64::from(place))?;
+        self.alloc(len).ok()
     }
 
-    /// How many more records have to be free before there is room for a [`Demand::May`] of `len`,
-    /// gaps aside.
+    /// How many more records have to be free, gaps aside, before there is room for `len` records that leaves enough for
+    /// what cannot do without.
     pub(crate) fn missing(&self, len: u64) -> u64 {
         let limit = self.limit();
-        (self.taken + len + limit / SPARE).saturating_sub(limit)
+        (self.taken() + len + limit / SPARE).saturating_sub(limit)
     }
 
-    /// Forgets all ranges, and makes the buffer as small as its limit if that has fallen.
+    /// Forgets all ranges.
     pub(crate) fn restart(&mut self) {
-        self.ranges = Ranges::new(self.limit().min(self.capacity.into()));
-        self.taken = 0;
-    }
-
-    /// Reserves from what is free.
-    fn take(&mut self, len: u32) -> Option<Range<u32>> {
-        let range = self.ranges.take(u64::from(len))?;
-        self.taken += u64::from(len);
-        // Within the limit, which is a u32.
-        Some(range.start as u32..range.end as u32)
+        self.ranges = Ranges::default();
     }
 
     /// Gives a range back. It must come from [`Pool::alloc`] of this pool and be freed once.
     pub(crate) fn free(&mut self, range: Range<u32>) {
-        if !range.is_empty() {
-            self.taken -= range.len() as u64;
-            self.ranges.free(u64::from(range.start)..u64::from(range.end));
-        }
+        self.ranges.free(u64::from(range.start)..u64::from(range.end));
     }
 
-    /// Makes a buffer with room for all ranges, if the present one has another size: adds the commands that bring the
-    /// records there and set the rest to zero.
+    /// Makes a buffer with room for all ranges and within the limit, if the present one is not: adds the commands that
+    /// bring the records there and set the rest to zero.
     pub(crate) fn settle(&mut self, draft: &mut Draft) {
-        let room = self.ranges.end() as u32;
+        let room = self.room(draft.growth);
         if self.buffer.is_some() && room == self.capacity {
             return;
         }
@@ -175,10 +123,23 @@ impl<T: bytemuck::NoUninit> Pool<T> {
             None => 0,
         };
         let FramePlan { upload, freed, .. } = &mut draft.plan;
-        former.filter(|_| kept > 0).into_iter().for_each(|former| upload.copy(former, new, kept));
+        former.into_iter().for_each(|former| upload.copy(former, (new, 0), kept));
         freed.extend(former);
         upload.zero(new, kept..u64::from(room) * Self::STRIDE);
         self.capacity = room;
+    }
+
+    /// The records that the buffer should have room for.
+    fn room(&self, growth: Growth) -> u32 {
+        let (used, limit, capacity) = (self.used(), self.limit(), u64::from(self.capacity));
+        let steps = [limit / (STEP * STEP), limit / STEP];
+        let room = match growth {
+            _ if used <= capacity => capacity,
+            Growth::Exact => used,
+            Growth::Double if self.share.is_none() => used.max(2 * capacity),
+            Growth::Double => steps.into_iter().find(|step| *step >= used).unwrap_or(limit),
+        };
+        room.min(limit) as u32
     }
 
     /// Overwrites the records of a run with the given ones, as many as it is long. Short runs may go
@@ -186,7 +147,7 @@ impl<T: bytemuck::NoUninit> Pool<T> {
     pub(crate) fn write(
         &self,
         commands: &mut Commands,
-        scattered: &mut Scattered,
+        scattered: Option<&mut Scattered>,
         run: Range<u32>,
         records: impl Iterator<Item = T>,
     ) {
@@ -195,7 +156,7 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         let append = |bytes: &mut Vec<u8>| {
             records.for_each(|record| bytes.extend_from_slice(bytemuck::bytes_of(&record)));
         };
-        match scattered.add(&run) {
+        match scattered.and_then(|scattered| scattered.add(&run)) {
             Some(bytes) => append(bytes),
             None => commands.write_with(self.buffer(), start, append),
         }
@@ -226,7 +187,7 @@ impl<T: bytemuck::NoUninit> Pool<T> {
             });
             return;
         }
-        self.write(commands, scattered, run.clone(), run.map(record));
+        self.write(commands, Some(scattered), run.clone(), run.map(record));
     }
 
     /// The buffer. Panics before the first plan.
@@ -241,7 +202,7 @@ impl<T: bytemuck::NoUninit> Pool<T> {
 
     /// Records in use.
     pub(crate) fn taken(&self) -> u64 {
-        self.taken
+        self.ranges.taken()
     }
 
     /// The size of the buffer.
@@ -251,7 +212,7 @@ impl<T: bytemuck::NoUninit> Pool<T> {
 
     /// The end of the last range in use.
     pub(crate) fn used(&self) -> u64 {
-        self.ranges.used()
+        self.ranges.end()
     }
 
     /// The most records that a buffer may have.
@@ -277,7 +238,7 @@ mod tests {
         let mut pool = Pool::<InstanceRecord>::new("instances", 20 * SHARED, u64::MAX);
         pool.buffer = Some(Ids::default().next());
         let record = |index: u32| bytemuck::cast(std::array::from_fn::<u32, 40, _>(|word| 100 * index + word as u32));
-        for length in [1, SHARED - 1, SHARED, SHARED + 1, 10 * SHARED + 7] {
+        for length in [100, SHARED - 1, SHARED, SHARED + 1, 10 * SHARED + 7] {
             let written = |threads| {
                 let mut commands = Commands::default();
                 let write = || pool.write_each(&mut commands, &mut Scattered::default(), 5..5 + length, record);

@@ -92,7 +92,7 @@ impl Previous {
                 && self.is_stale[i]
                 && !self.is_lost
             {
-                draft.plan.upload.copy_to(present[i].0, (kept.id, start), present[i].1);
+                draft.plan.upload.copy(present[i].0, (kept.id, start), present[i].1);
             }
         }
         self.is_lost = false;

@@ -4,17 +4,14 @@ use std::fmt;
 
 use super::LightPlanner;
 use super::buffers::NewBuffer;
-use super::changes::FrameChanges;
+use super::changes::{FrameChanges, sort};
 use super::draft::{Draft, Growth, Shortage};
 use super::error::PlanError;
 use super::frame::FramePlan;
 use super::held::Held;
 use super::layout::{PartRecord, TreeRecord};
-use super::room::{Frame, STRIDES, TreeFrame};
-use super::runs::add_runs;
-use super::scatter::{MAX_TARGETS, Scattered};
+use super::room::{Frame, TreeFrame};
 use super::top::MapQuads;
-use super::tree_writes::written_records;
 use crate::effects::Effects;
 use crate::instance::portal::PORTAL_QUADS;
 use crate::keys::slot_of;
@@ -181,15 +178,14 @@ impl Held {
             self.trees.opened = decided;
             let slots: Vec<u32> = self.trees.slots_to_reopen(world).collect();
             changes.trees.extend(slots);
-            changes.trees.sort();
+            sort(&mut changes.trees);
         }
     }
 
     /// Whether trees wait that this frame may send.
     fn has_work(&self) -> bool {
         let may_send = self.trees.limits.frame_bytes != Some(0);
-        let has_waiting = self.trees.residency.waiting_count() > 0 || self.trees.residency.incoming.is_some();
-        has_waiting && may_send || self.trees.is_resized || self.trees.may_join_gaps()
+        self.trees.residency.waiting_count() > 0 && may_send || self.trees.is_resized || self.trees.may_join_gaps()
     }
 
     /// Finds room for everything that grew, and what is written.
@@ -200,22 +196,14 @@ impl Held {
         is_anew: bool,
         draft: &mut Draft,
     ) -> Result<Frame<'a>, Shortage> {
-        let trees = TreeFrame::new(draft.growth, self.is_lost, is_anew);
-        let mut frame = Frame {
-            world,
-            changes,
-            trees,
-            instance_runs: Vec::new(),
-            counts: Default::default(),
-            is_scattered: Default::default(),
-            staged_bytes: 0,
-        };
+        // No bytes while all trees start anew as stand-ins, which leaves as much room as possible.
+        let left = if is_anew { 0 } else { self.trees.limits.frame_bytes.unwrap_or(u64::MAX) };
+        let mut frame = Frame { world, changes, trees: TreeFrame { left, ..TreeFrame::default() } };
         self.make_room_of_trees(&mut frame).map_err(Shortage::Trees)?;
         self.trees.add_placed_instances(world, &frame.trees, &mut frame.changes);
         self.make_room_of_parts(&frame, draft).map_err(Shortage::Parts)?;
         self.make_room_of_others(&mut frame, draft).map_err(Shortage::Others)?;
         self.settle(draft);
-        self.count_runs(&mut frame, draft);
         Ok(frame)
     }
 
@@ -226,17 +214,17 @@ impl Held {
         let directionals = frame.world.directionals().len() as u32;
         if frame.changes.directionals && directionals as usize != self.trees.directionals.len() {
             self.trees.lights.free(std::mem::take(&mut self.trees.directionals));
-            self.trees.directionals = self.trees.lights.alloc(directionals, frame.trees.growth)?;
+            self.trees.directionals = self.trees.lights.alloc(directionals)?;
         }
         Ok(())
     }
 
     fn make_room_of_parts(&mut self, frame: &Frame<'_>, draft: &mut Draft) -> Result<(), PlanError> {
-        for slot in frame.changes.parts.as_slice() {
+        for slot in &frame.changes.parts {
             // As many as the tree has records; none without an instance.
             let tree = frame.world.instance_at(*slot).and_then(|key| frame.world.instance(key).map(|i| i.tree));
             let count = tree.map_or(0, |tree| self.trees.residency.get(slot_of(tree)).records.len() as u32);
-            self.instances.parts.place(*slot, count, draft.growth)?;
+            self.instances.parts.place(*slot, count)?;
         }
         self.instances.parts.free_former();
         let (parts, maps) = (self.instances.parts.count(), MapQuads::of(frame.world));
@@ -247,9 +235,10 @@ impl Held {
     fn make_room_of_others(&mut self, frame: &mut Frame<'_>, draft: &mut Draft) -> Result<(), PlanError> {
         // Nothing of the table is ever given back, so every range continues the last one.
         let more_slots = self.slots_of(frame.world).saturating_sub(self.instances.count);
-        self.instances.count = self.instances.count.max(self.instances.pool.alloc(more_slots, draft.growth)?.end);
+        self.instances.count = self.instances.count.max(self.instances.pool.alloc(more_slots)?.end);
         // Shaders read no slots beyond the table.
-        frame.changes.instances.cut_to(self.instances.count);
+        let end = frame.changes.instances.partition_point(|slot| *slot < self.instances.count);
+        frame.changes.instances.truncate(end);
         self.sources.place(frame, &self.trees.residency, draft)
     }
 
@@ -269,52 +258,7 @@ impl Held {
         self.instances.pool.settle(draft);
         self.instances.parts.settle(draft);
     }
-
-    /// Counts the runs of records that will be written, and decides which pools take them from staged
-    /// records.
-    fn count_runs(&mut self, frame: &mut Frame<'_>, draft: &mut Draft) {
-        let [nodes, lights, trees, instances] = &mut frame.counts;
-        for (write, [node_runs, light_runs]) in &frame.trees.writes.writes {
-            let [node_runs, light_runs] = [node_runs, light_runs].map(|runs| &frame.trees.writes.runs[runs.clone()]);
-            node_runs.iter().for_each(|run| nodes.add(run));
-            light_runs.iter().for_each(|run| lights.add(run));
-            let key = frame.world.tree_at(write.slot);
-            let Some(entry) = key.and_then(|key| frame.world.tree_entry(key)) else { continue };
-            let state = self.trees.residency.get(write.slot);
-            let written = written_records(write, state.openings(entry), state.records.len(), node_runs);
-            written.for_each(|run| trees.add(&run));
-        }
-        add_runs(&mut frame.instance_runs, frame.changes.instances.as_slice().iter().copied(), 0);
-        frame.instance_runs.iter().for_each(|run| instances.add(run));
-        let staged = std::array::from_fn(|i| frame.counts[i].staged_bytes(STRIDES[i]));
-        let bytes: u64 = staged.iter().sum();
-        let most = self.trees.limits.largest_buffer;
-        if bytes > 0 && bytes <= most {
-            frame.is_scattered = staged.map(|bytes| bytes > 0);
-            frame.staged_bytes = bytes;
-            self.uniforms.stage(bytes, most, draft);
-        }
-    }
-
-    /// Empty lists for the short runs of each pool, and room for all commands and bytes, so that no list is copied
-    /// while it grows.
-    pub(super) fn lists(&self, frame: &Frame<'_>, draft: &mut Draft) -> [Scattered; MAX_TARGETS] {
-        let (mut writes, mut bytes) = (MORE_COMMANDS, frame.staged_bytes + MORE_BYTES);
-        let lists = std::array::from_fn(|i| {
-            let (count, stride, is_scattered) = (&frame.counts[i], STRIDES[i], frame.is_scattered[i]);
-            let (runs, bytes_of_runs) = count.written(stride, is_scattered);
-            writes += runs;
-            bytes += bytes_of_runs;
-            count.list(stride, is_scattered)
-        });
-        draft.plan.upload.reserve(writes, bytes);
-        lists
-    }
 }
-
-/// Commands and bytes of a plan besides the records of the large pools: parts and parameters.
-const MORE_COMMANDS: usize = 32;
-const MORE_BYTES: u64 = 4096;
 
 impl MapQuads {
     /// The maps beside the top level of a world.

@@ -4,19 +4,14 @@ use std::ops::Range;
 
 /// Joins ascending indices to runs. Two indices with at most `gap` others between them share a run.
 pub(super) fn runs(indices: impl IntoIterator<Item = u32>, gap: u32) -> Vec<Range<u32>> {
-    let mut runs = Vec::new();
-    add_runs(&mut runs, indices, gap);
-    runs
-}
-
-/// Adds these runs to an empty list.
-pub(super) fn add_runs(runs: &mut Vec<Range<u32>>, indices: impl IntoIterator<Item = u32>, gap: u32) {
+    let mut runs: Vec<Range<u32>> = Vec::new();
     for index in indices {
         match runs.last_mut() {
             Some(run) if index - run.end <= gap => run.end = index + 1,
             _ => runs.push(index..index + 1),
         }
     }
+    runs
 }
 
 #[cfg(test)]

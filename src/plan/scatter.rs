@@ -9,6 +9,8 @@ use std::ops::Range;
 use super::buffers::BufferId;
 use super::commands::Commands;
 use super::kernel::{Binding, Kernel, UNIFORM_ALIGNMENT};
+use super::text::wgsl_of_kernel;
+use crate::effects::Effects;
 
 /// Invocations in a workgroup. Each writes 16 bytes.
 const LANES: u32 = 64;
@@ -47,100 +49,77 @@ pub(crate) const SCATTER: Kernel = Kernel::new(
     text,
 );
 
-fn text() -> String {
-    format!("const SCATTER_LANES: u32 = {LANES}u;\n{}", include_str!("../../shaders/scatter.wgsl"))
+fn text(_: Effects) -> String {
+    wgsl_of_kernel(&[("SCATTER_LANES", LANES)], &[], &[shader!("scatter")])
 }
 
-/// The runs of records that a frame writes to one pool, counted before anything is written.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct RunCount {
-    short_runs: usize,
-    /// Records of the short runs.
-    records: u32,
-    long_runs: usize,
-    /// Records of the others.
-    long_records: u64,
-}
-
-impl RunCount {
-    pub fn add(&mut self, run: &Range<u32>) {
-        let length = run.end - run.start;
-        if length <= MAX_RUN {
-            self.short_runs += 1;
-            self.records += length;
-        } else {
-            self.long_runs += 1;
-            self.long_records += u64::from(length);
-        }
-    }
-
-    /// The runs that are written one by one, and the bytes of their records.
-    pub fn written(&self, stride: u64, is_scattered: bool) -> (usize, u64) {
-        let (runs, records) = if is_scattered { (0, 0) } else { (self.short_runs, u64::from(self.records)) };
-        (runs + self.long_runs, (records + self.long_records) * stride)
-    }
-
-    /// An empty list for the short runs, with room for all of them if they are to be scattered.
-    pub fn list(&self, stride: u64, is_scattered: bool) -> Scattered {
-        let records = if is_scattered { self.records as usize } else { 0 };
-        Scattered {
-            is_used: is_scattered,
-            places: Vec::with_capacity(records.next_multiple_of(4)),
-            records: Vec::with_capacity(records * stride as usize),
-        }
-    }
-
-    /// Bytes of staged data for records of `stride` bytes; 0 if the runs are written one by one.
-    pub fn staged_bytes(&self, stride: u64) -> u64 {
-        if self.short_runs < MIN_RUNS {
-            0
-        } else {
-            u64::from(self.records.div_ceil(4)) * 16 + u64::from(self.records) * stride
-        }
-    }
-}
-
-/// The short runs of one pool, collected for the pass.
+/// The short runs of records of one pool, which are written last: together, if there are many.
 #[derive(Debug, Default)]
 pub(crate) struct Scattered {
-    is_used: bool,
-    places: Vec<u32>,
+    runs: Vec<Range<u32>>,
     records: Vec<u8>,
 }
 
 impl Scattered {
+    /// With room for the short ones of some runs, of records of `stride` bytes.
+    pub fn with_room_for<'a>(runs: impl Iterator<Item = &'a Range<u32>>, stride: u64) -> Self {
+        let short = runs.map(Range::len).filter(|length| *length <= MAX_RUN as usize);
+        let (runs, records) = short.fold((0, 0), |(runs, records), length| (runs + 1, records + length));
+        Self { runs: Vec::with_capacity(runs), records: Vec::with_capacity(records * stride as usize) }
+    }
+
     /// Where the bytes of the records of a run go; `None` if the run is to be written by itself.
     pub fn add(&mut self, run: &Range<u32>) -> Option<&mut Vec<u8>> {
-        if !self.is_used || run.end - run.start > MAX_RUN {
+        if run.end - run.start > MAX_RUN {
             return None;
         }
-        self.places.extend(run.clone());
+        self.runs.push(run.clone());
         Some(&mut self.records)
+    }
+
+    /// Bytes of staged data for records of `stride` bytes; 0 if the runs are written one by one.
+    fn staged_bytes(&self, stride: u64) -> u64 {
+        if self.runs.len() < MIN_RUNS {
+            0
+        } else {
+            (self.records.len() as u64 / stride).div_ceil(4) * 16 + self.records.len() as u64
+        }
     }
 }
 
-/// Adds one write of everything that was collected, and a pass for each pool: its buffer, the bytes
-/// of one of its records, and its runs. `staging` has room for all.
-pub(crate) fn scatter(
-    commands: &mut Commands,
-    targets: [(BufferId, u64, Scattered); MAX_TARGETS],
-    (staging, uniform): (BufferId, BufferId),
-) {
+/// A buffer, the bytes of one of its records, and its short runs.
+pub(crate) type Target = (BufferId, u64, Scattered);
+
+/// The bytes that are staged for the pools of many short runs, if they are at most `most`.
+pub(crate) fn staged_bytes(targets: &[Target], most: u64) -> u64 {
+    let bytes: u64 = targets.iter().map(|(_, stride, scattered)| scattered.staged_bytes(*stride)).sum();
+    if bytes > most { 0 } else { bytes }
+}
+
+/// Adds the writes of all runs. Those of pools with many of them are one write to the first buffer of `staging`, if
+/// that is there, and a pass for each pool. The other buffer is the uniform of the passes.
+pub(crate) fn scatter(commands: &mut Commands, targets: &[Target], staging: Option<[BufferId; 2]>) {
+    let is_staged = |(_, stride, scattered): &&Target| staging.is_some() && scattered.staged_bytes(*stride) > 0;
+    for (buffer, stride, Scattered { runs, records }) in targets.iter().filter(|target| !is_staged(target)) {
+        let mut records = &records[..];
+        for run in runs {
+            let (own, rest) = records.split_at(run.len() * *stride as usize);
+            commands.write(*buffer, u64::from(run.start) * stride, own);
+            records = rest;
+        }
+    }
+    let Some([staging, uniform]) = staging else { return };
     let mut passes = Vec::new();
     commands.write_with(staging, 0, |bytes| {
         let start = bytes.len();
         let quads = |bytes: &Vec<u8>| ((bytes.len() - start) / 16) as u32;
-        for (buffer, stride, Scattered { mut places, records, .. }) in targets {
-            if places.is_empty() {
-                continue;
-            }
-            let (count, first_place) = (places.len() as u32, quads(bytes));
-            places.resize(places.len().next_multiple_of(4), 0);
-            bytes.extend_from_slice(bytemuck::cast_slice(&places));
-            let pass =
-                ScatterPass { records: count, quads: (stride / 16) as u32, places: first_place, first: quads(bytes) };
-            bytes.extend_from_slice(&records);
-            passes.push((buffer, pass));
+        for (buffer, stride, Scattered { runs, records }) in targets.iter().filter(is_staged) {
+            let places = quads(bytes);
+            bytes.extend(runs.iter().cloned().flatten().flat_map(u32::to_ne_bytes));
+            bytes.resize(start + (bytes.len() - start).next_multiple_of(16), 0);
+            let (count, record) = ((records.len() as u64 / stride) as u32, (stride / 16) as u32);
+            passes.push((*buffer, ScatterPass { records: count, quads: record, places, first: quads(bytes) }));
+            bytes.extend_from_slice(records);
         }
     });
     for ((buffer, pass), index) in passes.iter().zip(0..) {
@@ -157,17 +136,16 @@ mod tests {
     #[test]
     fn only_many_short_runs_are_scattered() {
         let count = |runs: usize, length: u32| {
-            let mut count = RunCount::default();
-            (0..runs).for_each(|i| count.add(&(i as u32 * 100..i as u32 * 100 + length)));
-            count.staged_bytes(80)
+            let mut scattered = Scattered::default();
+            for i in 0..runs as u32 {
+                let records = scattered.add(&(i * 100..i * 100 + length));
+                records.into_iter().for_each(|records| records.resize(records.len() + 80 * length as usize, 0));
+            }
+            scattered.staged_bytes(80)
         };
         assert_eq!(count(MIN_RUNS - 1, 1), 0);
         assert_eq!(count(MIN_RUNS, 1), MIN_RUNS as u64 * (4 + 80));
         assert_eq!(count(1000, MAX_RUN + 1), 0);
         assert_eq!(count(65, 1), 17 * 16 + 65 * 80, "places fill whole units of 16 bytes");
-        let list = |is_scattered| RunCount::default().list(80, is_scattered);
-        assert!(list(true).add(&(5..6)).is_some());
-        assert!(list(true).add(&(0..MAX_RUN + 1)).is_none());
-        assert!(list(false).add(&(5..6)).is_none());
     }
 }

@@ -22,6 +22,8 @@ use super::commands::Commands;
 use super::draft::Draft;
 use super::error::PlanError;
 use super::kernel::{Binding, Kernel, MAX_WORKGROUPS, UNIFORM_ALIGNMENT, pass_bytes};
+use super::text::wgsl_of_kernel;
+use crate::effects::Effects;
 
 /// Invocations in a workgroup, and values of a digit.
 const LANES: u32 = 256;
@@ -39,27 +41,19 @@ const MAX_ROUNDS: u32 = 16;
 /// lanes, and the shaders count these places in a `u32` too.
 const MAX_KEYS: u32 = 1 << 31;
 
-/// The text of a stage: constants, the shared file, and the files of the stage.
-fn text(parts: &[&str]) -> String {
-    constants() + include_str!("../../shaders/sort_types.wgsl") + HISTOGRAM + &parts.concat()
-}
+/// The constants that the files need.
+pub(crate) const CONSTANTS: [(&str, u32); 4] =
+    [("SORT_LANES", LANES), ("SORT_DIGIT_BITS", DIGIT_BITS), ("SORT_WORDS", LANES / u32::BITS), ("SORT_GROUP", GROUP)];
+
+/// The types and functions that all stages share.
+pub(crate) const TYPES: &str = shader!("sort_types");
 
 /// The function that counts keys.
-pub(super) const HISTOGRAM: &str = include_str!("../../shaders/sort_histogram.wgsl");
+pub(crate) const HISTOGRAM: &str = shader!("sort_histogram");
 
-/// The constants that the files need.
-pub(super) fn constants() -> String {
-    let values = [("LANES", LANES), ("DIGIT_BITS", DIGIT_BITS), ("WORDS", LANES / u32::BITS), ("GROUP", GROUP)];
-    values.map(|(name, value)| format!("const SORT_{name}: u32 = {value}u;\n")).concat()
-}
-
-#[cfg(test)]
-fn count_text() -> String {
-    text(&[include_str!("../../shaders/sort_count.wgsl")])
-}
-
-fn scatter_text() -> String {
-    text(&[include_str!("../../shaders/sort_prefix.wgsl"), include_str!("../../shaders/sort_scatter.wgsl")])
+fn text(_: Effects) -> String {
+    let files = [TYPES, HISTOGRAM, shader!("sort_prefix"), shader!("sort_scatter")];
+    wgsl_of_kernel(&CONSTANTS, &[], &files)
 }
 
 /// Twin of `SortPass` in `shaders/sort_types.wgsl`.
@@ -74,7 +68,7 @@ struct SortPass {
 }
 
 /// Keys and values in, keys and values out, histogram.
-const BINDINGS: &[Binding] = &[
+pub(crate) const BINDINGS: &[Binding] = &[
     Binding::Uniform { bytes: size_of::<SortPass>() as u32 },
     Binding::Read,
     Binding::Read,
@@ -83,10 +77,7 @@ const BINDINGS: &[Binding] = &[
     Binding::ReadWrite,
 ];
 
-/// No plan dispatches it: the stage that makes the keys counts them.
-#[cfg(test)]
-pub(super) const COUNT: Kernel = Kernel::new("sort_count", "sort", BINDINGS, count_text);
-pub(super) const SCATTER_KEYS: Kernel = Kernel::new("sort_scatter", "sort", BINDINGS, scatter_text);
+pub(super) const SCATTER_KEYS: Kernel = Kernel::new("sort_scatter", "sort", BINDINGS, text);
 
 /// Keys, values and scratch memory of one sort.
 #[derive(Clone, Debug)]
@@ -178,21 +169,9 @@ impl SortBuffers {
         commands.zero(self.histogram, 0..u64::from(PASSES) * 4 * counts(blocks));
     }
 
-    /// Adds the sort, in place, of the first keys and their values; [`SortBuffers::set_count`] sets
-    /// how many. Takes five dispatches for any count from 2 on, and none below.
-    #[cfg(test)]
-    pub(crate) fn sort(&self, commands: &mut Commands) {
-        if self.count < 2 {
-            return;
-        }
-        self.clear(commands);
-        let buffers = [self.passes, self.keys, self.values, self.scratch_keys, self.scratch_values, self.histogram];
-        commands.dispatch(COUNT, &buffers, 0, self.count.div_ceil(LANES));
-        self.sort_counted(commands);
-    }
-
-    /// The same after [`SortBuffers::clear`] and after another stage has counted the digits of the
-    /// first pass, by the function of [`HISTOGRAM`]. Takes four dispatches for any count from 2 on.
+    /// Adds the sort, in place, of the first keys and their values; [`SortBuffers::set_count`] sets how many. Comes after
+    /// [`SortBuffers::clear`] and after another stage has counted the digits of the first pass, by the function of
+    /// [`HISTOGRAM`]. Takes four dispatches for any count from 2 on, and none below.
     pub(crate) fn sort_counted(&self, commands: &mut Commands) {
         if self.count < 2 {
             return;
@@ -281,7 +260,8 @@ mod tests {
 
     #[test]
     fn the_stages_have_the_sizes_that_the_host_expects() {
-        for (entry, text) in [("sort_count", count_text()), ("sort_scatter", scatter_text())] {
+        for kernel in [SCATTER_KEYS] {
+            let (entry, text) = (kernel.entry(), kernel.wgsl());
             let module = naga::front::wgsl::parse_str(&text).expect(entry);
             assert_eq!(module.entry_points.len(), 1);
             assert_eq!(module.entry_points[0].name, entry);

@@ -49,17 +49,17 @@ use crate::visibility;
 /// parts that are not stored have the values of lights without that effect.
 #[must_use]
 pub fn wgsl(group: u32, effects: Effects) -> String {
-    wgsl_of_shader(group, effects, Extras::default())
+    wgsl_with(group, effects, &ShaderParts::default())
 }
 
 /// As [`wgsl`], with more parts.
 #[must_use]
 pub fn wgsl_with(group: u32, effects: Effects, parts: &ShaderParts) -> String {
-    wgsl_of_shader(group, effects, Extras::of(parts))
+    with_constants(&functions(group, effects, *parts))
 }
 
 /// What a text has besides the functions of [`wgsl`]. The default adds nothing.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct ShaderParts {
     /// Shaders record what shadow rays find, where cells learn. The text has
@@ -97,6 +97,10 @@ pub struct ShaderParts {
     /// world had then ([`LightWorld::origin`](crate::LightWorld::origin)). The maps of the sky and of profiles are the
     /// present ones.
     pub previous: bool,
+    /// Counts the nodes that an invocation reads.
+    pub(crate) counts: bool,
+    /// Builds the cuts of cells.
+    pub(crate) builds: bool,
 }
 
 impl ShaderParts {
@@ -117,27 +121,6 @@ impl ShaderParts {
     pub fn with_previous(self) -> Self {
         Self { previous: true, ..self }
     }
-}
-
-/// Code of a text that does not depend on effects.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Extras {
-    /// Counts the nodes that an invocation reads.
-    pub counts: bool,
-    /// Reads and records learnt visibility.
-    pub learns: bool,
-    /// Has a heat map.
-    pub heat_map: bool,
-    /// Reads the lights of the last frame.
-    pub previous: bool,
-    /// Builds the cuts of cells.
-    pub builds: bool,
-}
-
-impl Extras {
-    fn of(parts: &ShaderParts) -> Self {
-        Self { learns: parts.learns, heat_map: parts.heat_map, previous: parts.previous, ..Self::default() }
-    }
 
     /// Whether the lines between `// #if NAME` and `// #endif` are kept; `None` for another name.
     fn keep(self, name: &str) -> Option<bool> {
@@ -154,53 +137,22 @@ impl Extras {
 /// invocation reads.
 #[cfg(all(test, feature = "gpu"))]
 pub(crate) fn wgsl_counting(group: u32, effects: Effects) -> String {
-    wgsl_of_shader(group, effects, Extras { counts: true, ..Extras::default() })
+    wgsl_with(group, effects, &ShaderParts { counts: true, ..ShaderParts::default() })
 }
 
-/// The stages that list the cells to build.
-pub(crate) fn wgsl_of_cut_list() -> String {
-    let body = [include_str!("../../shaders/cut_grid.wgsl"), include_str!("../../shaders/cut_list.wgsl")].concat();
-    with_constants(&body)
+/// The text of a kernel that knows all effects, with constants that only some kernels have.
+pub(crate) fn wgsl_of_kernel(whole: &[(&str, u32)], real: &[(&str, f32)], files: &[&str]) -> String {
+    let mut text = String::new();
+    write_constants(&mut text, "", whole, real);
+    text += &files.concat();
+    with_constants(&variant(&text, Effects::all(), ShaderParts::default()))
 }
 
-/// The stage that builds the cuts of cells, behind the functions that it shares with shaders.
-pub(crate) fn wgsl_of_cut_build(effects: Effects) -> String {
-    cut_build(effects, false)
-}
-
-/// The same by learnt visibility.
-pub(crate) fn wgsl_of_cut_build_by_visibility(effects: Effects) -> String {
-    cut_build(effects, true).replace("fn cut_build(", "fn cut_build_by_visibility(")
-}
-
-fn cut_build(effects: Effects, learns: bool) -> String {
-    let own = [include_str!("../../shaders/row.wgsl"), include_str!("../../shaders/cut_build.wgsl")].concat();
-    cut_stage(effects, Extras { learns, builds: true, ..Extras::default() }, &own)
-}
-
-/// The stage that looks at rows. It reads any layout.
-pub(crate) fn wgsl_of_cut_keep() -> String {
-    let own = [include_str!("../../shaders/row.wgsl"), include_str!("../../shaders/cut_keep.wgsl")].concat();
-    cut_stage(Effects::MASKS | Effects::SKY, Extras::default(), &own)
-}
-
-/// A stage that writes cuts, behind the functions that it shares with shaders.
-fn cut_stage(effects: Effects, extras: Extras, own: &str) -> String {
+/// The text of a kernel that writes cuts, behind the functions that it shares with shaders.
+pub(crate) fn wgsl_of_cuts(effects: Effects, parts: ShaderParts, files: &[&str]) -> String {
     let functions =
-        functions(0, effects, extras).replace("var<storage, read> light_cuts", "var<storage, read_write> light_cuts");
-    with_constants(&(functions + &variant(own, effects, extras)))
-}
-
-/// The stages that fold what was recorded about visibility.
-pub(crate) fn wgsl_of_visibility_fold() -> String {
-    let body =
-        [include_str!("../../shaders/cut_grid.wgsl"), include_str!("../../shaders/visibility_fold.wgsl")].concat();
-    with_constants(&body)
-}
-
-/// The text of a shader.
-pub(crate) fn wgsl_of_shader(group: u32, effects: Effects, extras: Extras) -> String {
-    with_constants(&functions(group, effects, extras))
+        functions(0, effects, parts).replace("var<storage, read> light_cuts", "var<storage, read_write> light_cuts");
+    with_constants(&(functions + &variant(&files.concat(), effects, parts)))
 }
 
 fn with_constants(body: &str) -> String {
@@ -213,47 +165,47 @@ fn at_group(text: &str, group: u32) -> String {
 }
 
 /// All functions, without the constants.
-fn functions(group: u32, effects: Effects, extras: Extras) -> String {
+fn functions(group: u32, effects: Effects, parts: ShaderParts) -> String {
     let optional = |is_used: bool, text: &'static str| if is_used { text } else { "" };
-    let weighs = extras.builds || effects.contains(Effects::SEGMENTS);
+    let weighs = parts.builds || effects.contains(Effects::SEGMENTS);
     let body = [
-        include_str!("../../shaders/types.wgsl"),
-        include_str!("../../shaders/instance.wgsl"),
-        include_str!("../../shaders/node.wgsl"),
-        include_str!("../../shaders/gloss.wgsl"),
-        include_str!("../../shaders/shading_point.wgsl"),
-        include_str!("../../shaders/segment.wgsl"),
-        include_str!("../../shaders/child.wgsl"),
-        optional(weighs, include_str!("../../shaders/importance.wgsl")),
-        include_str!("../../shaders/dice.wgsl"),
-        include_str!("../../shaders/solid_angle.wgsl"),
-        include_str!("../../shaders/emit.wgsl"),
-        include_str!("../../shaders/sample.wgsl"),
-        include_str!("../../shaders/records.wgsl"),
-        include_str!("../../shaders/scaled.wgsl"),
-        include_str!("../../shaders/places.wgsl"),
-        include_str!("../../shaders/rough.wgsl"),
-        include_str!("../../shaders/row_walk.wgsl"),
-        include_str!("../../shaders/along.wgsl"),
-        include_str!("../../shaders/pdf.wgsl"),
-        include_str!("../../shaders/hit.wgsl"),
-        include_str!("../../shaders/sky.wgsl"),
-        include_str!("../../shaders/profile.wgsl"),
-        include_str!("../../shaders/resample.wgsl"),
-        optional(extras.learns, include_str!("../../shaders/visibility.wgsl")),
-        include_str!("../../shaders/cut_grid.wgsl"),
-        include_str!("../../shaders/cells.wgsl"),
-        include_str!("../../shaders/mark.wgsl"),
-        include_str!("../../shaders/shared.wgsl"),
-        optional(extras.heat_map, include_str!("../../shaders/heat.wgsl")),
+        shader!("types"),
+        shader!("instance"),
+        shader!("node"),
+        shader!("gloss"),
+        shader!("shading_point"),
+        shader!("segment"),
+        shader!("child"),
+        optional(weighs, shader!("importance")),
+        shader!("dice"),
+        shader!("solid_angle"),
+        shader!("emit"),
+        shader!("sample"),
+        shader!("records"),
+        shader!("scaled"),
+        shader!("places"),
+        shader!("rough"),
+        shader!("row_walk"),
+        shader!("along"),
+        shader!("pdf"),
+        shader!("hit"),
+        shader!("sky"),
+        shader!("profile"),
+        shader!("resample"),
+        optional(parts.learns, shader!("visibility")),
+        shader!("cut_grid"),
+        shader!("cells"),
+        shader!("mark"),
+        shader!("shared"),
+        optional(parts.heat_map, shader!("heat")),
     ]
     .concat();
-    let mut text = variant(&body, effects, extras);
-    if extras.previous {
+    let mut text = variant(&body, effects, parts);
+    if parts.previous {
         // A copy that reads the lights of the last frame.
         let given = ["light_params", "light_instance_quad", "light_record_quad", "light_record_quads"];
         text += &renamed(&text, "light_reservoir_sample", "_then", &given);
-        text += &variant(include_str!("../../shaders/previous.wgsl"), effects, extras);
+        text += &variant(shader!("previous"), effects, parts);
     }
     at_group(&text, group)
 }
@@ -275,9 +227,9 @@ fn constants_of(text: &str) -> String {
 }
 
 /// The constants of the Rust sources, as WGSL.
-pub(crate) fn constants() -> String {
+fn constants() -> String {
     let mut text = String::from("// Constants of the Rust sources; see src/plan/text.rs.\n");
-    for (name, value) in [
+    let whole = [
         ("WIDTH", tree::WIDTH as u32),
         ("LEAF", tree::LEAF),
         ("EMPTY_SLOT", tree::EMPTY_SLOT),
@@ -379,10 +331,8 @@ pub(crate) fn constants() -> String {
         ("MAX_NEW", visibility::MAX_NEW),
         ("FULL_SHARE", visibility::FULL_SHARE.into()),
         ("MIN_SHARE", visibility::MIN_SHARE.into()),
-    ] {
-        let _ = writeln!(text, "const LIGHT_{name}: u32 = {value}u;");
-    }
-    for (name, value) in [
+    ];
+    let real = [
         ("VARIANCE_SHARE", importance::VARIANCE_SHARE),
         ("PORTAL_SLACK", portal::PORTAL_SLACK),
         ("FILLED_WIDTH", portal::FILLED_WIDTH),
@@ -481,20 +431,29 @@ pub(crate) fn constants() -> String {
         ("BLOCK_MIDDLE", visibility::BLOCK_MIDDLE),
         ("SKY_DIST", sky::SKY_DIST),
         ("WHOLE_TURN", profile::WHOLE_TURN),
-    ] {
-        // As f64: the shortest digits of the greatest f32 are above it, which Tint refuses.
-        let _ = writeln!(text, "const LIGHT_{name}: f32 = {:e};", f64::from(value));
-    }
+    ];
+    write_constants(&mut text, "LIGHT_", &whole, &real);
     text
+}
+
+/// Adds constants, whose names get a prefix.
+fn write_constants(text: &mut String, prefix: &str, whole: &[(&str, u32)], real: &[(&str, f32)]) {
+    for (name, value) in whole {
+        let _ = writeln!(text, "const {prefix}{name}: u32 = {value}u;");
+    }
+    for (name, value) in real {
+        // As f64: the shortest digits of the greatest f32 are above it, which Tint refuses.
+        let _ = writeln!(text, "const {prefix}{name}: f32 = {:e};", f64::from(*value));
+    }
 }
 
 /// The lines of a text that a variant needs. `// #if NAME` and `// #endif` enclose lines that only
 /// worlds with the effect of that name need, and `// #if A | B` lines that worlds with any of these
-/// effects need. `// #if COUNTS` and `// #if LEARNS` enclose the code of [`Extras`]. The directives
+/// effects need. `// #if COUNTS` and `// #if LEARNS` enclose the code of [`ShaderParts`]. The directives
 /// nest, and the text is valid WGSL with and without the enclosed lines.
 ///
 /// Panics on an unknown name and on an unbalanced directive: the texts are part of this crate.
-pub(crate) fn variant(text: &str, effects: Effects, extras: Extras) -> String {
+fn variant(text: &str, effects: Effects, parts: ShaderParts) -> String {
     let mut kept = String::with_capacity(text.len());
     let mut conditions: Vec<bool> = Vec::new();
     for line in text.lines() {
@@ -504,7 +463,7 @@ pub(crate) fn variant(text: &str, effects: Effects, extras: Extras) -> String {
                 let names = directive.strip_prefix("if ").unwrap_or_else(|| panic!("an unknown directive: {line}"));
                 conditions.push(names.split(" | ").any(|name| {
                     let kept = Effects::from_name(name).map(|effect| effects.contains(effect));
-                    kept.or(extras.keep(name)).unwrap_or_else(|| panic!("an unknown effect: {name}"))
+                    kept.or(parts.keep(name)).unwrap_or_else(|| panic!("an unknown effect: {name}"))
                 }));
             }
             None if conditions.iter().all(|kept| *kept) => {
@@ -521,7 +480,7 @@ pub(crate) fn variant(text: &str, effects: Effects, extras: Extras) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::with_prefix;
+    use crate::plan::{cut_kernels, visibility_kernels, with_prefix};
 
     #[test]
     fn constants_are_written_as_numbers_of_32_bits() {
@@ -540,7 +499,9 @@ mod tests {
     fn a_variant_keeps_the_lines_that_its_effects_need() {
         let text =
             "a\n// #if CONES\nb\n    // #if RANGES\nc\n    // #endif\n// #endif\n// #if COUNTS\nd\n// #endif\ne\n";
-        let all = |effects, counts| variant(text, effects, Extras { counts, ..Extras::default() }).replace('\n', "");
+        let all = |effects, counts| {
+            variant(text, effects, ShaderParts { counts, ..ShaderParts::default() }).replace('\n', "")
+        };
         assert_eq!(all(Effects::empty(), false), "ae");
         assert_eq!(all(Effects::CONES, false), "abe");
         assert_eq!(all(Effects::RANGES, true), "ade");
@@ -645,7 +606,7 @@ mod tests {
         let all = Effects::all() - Effects::MOVING;
         let sets = all.iter().flat_map(|effect| [effect, all - effect]).chain([all, Effects::empty()]);
         for effects in sets {
-            let text = wgsl_of_shader(2, effects, Extras { learns: true, ..Extras::default() });
+            let text = wgsl_with(2, effects, &ShaderParts::default().with_learning());
             let (names, plain) = (module_names(&text), module_names(&wgsl(2, effects)));
             let added: HashSet<&str> = names.difference(&plain).map(String::as_str).collect();
             let sky = effects.contains(Effects::SKY).then_some("LIGHT_SKY_DIST");
@@ -654,7 +615,7 @@ mod tests {
             let bindings = module(&text).global_variables.iter().filter(|(_, v)| v.binding.is_some()).count();
             assert_eq!(bindings, 7, "{effects:?}");
         }
-        let fold = module(&wgsl_of_visibility_fold());
+        let [fold, ..] = visibility_kernels().map(|kernel| module(&kernel.wgsl()));
         for entry in &fold.entry_points {
             assert_eq!(entry.workgroup_size, [visibility::BINS as u32 / 4, 1, 1], "{}", entry.name);
         }
@@ -679,14 +640,14 @@ mod tests {
         let all = Effects::all() - Effects::MOVING;
         let sets = all.iter().flat_map(|effect| [effect, all - effect]).chain([all, Effects::empty()]);
         for effects in sets {
-            for text in [wgsl_of_cut_build(effects), wgsl_of_cut_build_by_visibility(effects)] {
-                assert_eq!(module(&text).entry_points[0].workgroup_size, [64, 1, 1]);
+            for kernel in &cut_kernels(effects)[4..] {
+                assert_eq!(module(&kernel.wgsl()).entry_points[0].workgroup_size, [64, 1, 1]);
             }
             // Shaders choose by rough estimates.
             assert!(!module_names(&wgsl(2, effects)).contains("light_importance"));
         }
-        assert_eq!(module(&wgsl_of_cut_list()).entry_points.len(), 3);
-        assert_eq!(module(&wgsl_of_cut_keep()).entry_points.len(), 1);
+        let points = cut_kernels(all).map(|kernel| module(&kernel.wgsl()).entry_points.len());
+        assert_eq!(points, [3, 3, 1, 3, 1, 1]);
     }
 
     #[test]

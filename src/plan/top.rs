@@ -25,16 +25,16 @@ use std::sync::Arc;
 pub(crate) use buffers::MapQuads;
 use buffers::{Capacity, TopBuffers, TopPass, most_nodes, most_parts};
 use partition::{PlanesRecord, SentPartition};
-use stage::LANES;
 pub(super) use stage::NODE_LANES;
+use stage::{LANES, PACKING};
 
 use super::buffers::BufferId;
-use super::commands::{CommandSizes, Commands};
+use super::commands::Commands;
 use super::draft::{Draft, Growth};
 use super::error::PlanError;
 use super::kernel::{Binding, Kernel, UNIFORM_ALIGNMENT};
 use super::layout::ParamsRecord;
-use super::sort::SortBuffers;
+use super::sort::{HISTOGRAM, SortBuffers};
 use crate::top::partition::Partition;
 use crate::tree::WIDTH;
 
@@ -65,10 +65,16 @@ const CELL_BINDINGS: &[Binding] = &[UNIFORM, ReadWrite, ReadWrite, Read, Read, R
 /// Clusters, nodes, partition and units.
 const BLOCK_BINDINGS: &[Binding] = &[UNIFORM, ReadWrite, ReadWrite, Read, ReadWrite];
 
-pub(super) const LEAVES: Kernel = Kernel::new(stage::LEAVES.entry, "leaves", LEAF_BINDINGS, || stage::LEAVES.text());
-pub(super) const KEYS: Kernel = Kernel::new(stage::KEYS.entry, "keys", KEY_BINDINGS, || stage::KEYS.text());
-pub(super) const CELLS: Kernel = Kernel::new(stage::CELLS.entry, "cells", CELL_BINDINGS, || stage::CELLS.text());
-pub(super) const BLOCKS: Kernel = Kernel::new(stage::BLOCKS.entry, "blocks", BLOCK_BINDINGS, || stage::BLOCKS.text());
+pub(super) const LEAVES: Kernel =
+    Kernel::new("top_leaves", "leaves", LEAF_BINDINGS, |_| stage::text(&[shader!("top_leaves")]));
+pub(super) const KEYS: Kernel =
+    Kernel::new("top_keys", "keys", KEY_BINDINGS, |_| stage::text(&[HISTOGRAM, shader!("top_keys")]));
+pub(super) const CELLS: Kernel = Kernel::new("top_cells", "cells", CELL_BINDINGS, |_| {
+    stage::text(&[&PACKING[..], &[shader!("top_cells")]].concat())
+});
+pub(super) const BLOCKS: Kernel = Kernel::new("top_blocks", "blocks", BLOCK_BINDINGS, |_| {
+    stage::text(&[&PACKING[..], &[shader!("top_blocks")]].concat())
+});
 
 /// The buffers of the top level, and what the next build makes of them.
 #[derive(Clone, Debug)]
@@ -84,8 +90,6 @@ pub(crate) struct TopBuild {
     partition: SentPartition,
     /// Something has changed since the last build.
     pub(super) is_due: bool,
-    /// What the last build took.
-    pub(super) sizes: CommandSizes,
 }
 
 impl TopBuild {
@@ -99,7 +103,6 @@ impl TopBuild {
             passes: Arc::default(),
             partition: SentPartition::default(),
             is_due: true,
-            sizes: CommandSizes::default(),
         }
     }
 
@@ -156,7 +159,7 @@ impl TopBuild {
         TopBuffers::fit(capacity, maps, self.limit)?;
         let partition = self.buffers.as_ref().filter(|present| present.capacity.nodes == capacity.nodes);
         let new = TopBuffers::new(capacity, partition.map(|present| present.partition), maps, draft);
-        draft.plan.upload.zero(new.nodes, 0..new.nodes_bytes);
+        draft.plan.upload.zero(new.nodes, 0..new.sizes.nodes);
         self.passes = Arc::default();
         let partition = new.partition;
         let former = self.buffers.replace(new);
@@ -192,7 +195,7 @@ impl TopBuild {
         let first = TopPass {
             count: parts,
             capacity: buffers.capacity.parts,
-            parts: buffers.places.parts,
+            parts: (buffers.sizes.parts / 16) as u32,
             nodes: *nodes,
             runs: buffers.capacity.nodes,
             is_divided: u32::from(*is_divided),
@@ -244,17 +247,18 @@ impl TopBuild {
 
     /// Where the parts begin in the buffer of the nodes, in units of 16 bytes.
     pub(crate) fn parts(&self) -> u32 {
-        self.buffers.as_ref().map_or(0, |buffers| buffers.places.parts)
+        self.buffers.as_ref().map_or(0, |buffers| (buffers.sizes.parts / 16) as u32)
     }
 
     /// Where masks can be stored in the same buffer, in units of 16 bytes; 0 if there is no room.
     pub(crate) fn masks(&self) -> u32 {
-        self.buffers.as_ref().map_or(0, |buffers| buffers.places.masks)
+        let stored = self.buffers.as_ref().filter(|buffers| buffers.map_quads.has_masks);
+        stored.map_or(0, |buffers| (buffers.sizes.masks / 16) as u32)
     }
 
     /// Where the map of the sky is stored in the same buffer, and the tables of profiles end, in units of 16 bytes.
     pub(crate) fn sky_map(&self) -> u32 {
-        self.buffers.as_ref().map_or(0, |buffers| buffers.places.sky_map)
+        self.buffers.as_ref().map_or(0, |buffers| (buffers.sizes.sky_map / 16) as u32)
     }
 
     /// How many quads of profiles and of the sky's map there is room for.

@@ -7,7 +7,7 @@ use super::layout::{LightRecord, TreeRecord};
 use super::node_record::NodeRecord;
 use super::opened::Opened;
 use super::pool::Pool;
-use super::residency::{Incoming, Residency};
+use super::residency::Residency;
 use crate::world::LightWorld;
 
 /// Records that the first buffer of each pool has room for.
@@ -95,13 +95,5 @@ impl TreeStore {
         self.directionals = 0..0;
         self.shares = None;
         self.divide_memory(world);
-    }
-
-    /// Stops sending a tree in pieces.
-    pub fn drop_incoming(&mut self) {
-        if let Some(Incoming { nodes, lights, .. }) = self.residency.incoming.take() {
-            self.nodes.free(nodes);
-            self.lights.free(lights);
-        }
     }
 }

@@ -4,15 +4,6 @@ use std::ops::Range;
 
 use crate::tree::{LightTree, Opening, WIDTH};
 
-/// What is written of trees.
-#[derive(Debug, Default)]
-pub(super) struct TreeRuns {
-    /// Runs of nodes and lights within their trees.
-    pub runs: Vec<Range<u32>>,
-    /// What is written, and the ranges of `runs` that are nodes and lights.
-    pub writes: Vec<(TreeWrite, [Range<usize>; 2])>,
-}
-
 /// What is written of one tree.
 #[derive(Debug)]
 pub(super) struct TreeWrite {
@@ -24,6 +15,8 @@ pub(super) struct TreeWrite {
     pub bases: [u32; 2],
     /// The records of all parts are written, and not only those that change with the nodes and lights.
     pub has_new_records: bool,
+    /// Runs of its nodes and lights.
+    pub runs: [Vec<Range<u32>>; 2],
 }
 
 #[derive(Debug)]
@@ -36,32 +29,20 @@ pub(super) enum Source {
     StandIns(Box<LightTree>),
 }
 
-impl TreeRuns {
-    pub fn add(&mut self, write: TreeWrite, runs: [Vec<Range<u32>>; 2]) {
-        let ranges = runs.map(|runs| {
-            let start = self.runs.len();
-            self.runs.extend(runs);
-            start..self.runs.len()
-        });
-        self.writes.push((write, ranges));
-    }
-}
-
-/// The runs of records that are written along with these runs of nodes. They are relative to the first
-/// of the tree's `count` records.
+/// The runs of records that are written along with runs of nodes. They are relative to the first of the tree's `count`
+/// records.
 ///
 /// What the record of an opening says is in the node above it. The record of a tree without openings
 /// says something of the whole tree.
-pub(super) fn written_records(
-    write: &TreeWrite,
-    openings: &[Opening],
+pub(super) fn written_records<'a>(
+    write: &'a TreeWrite,
+    openings: &'a [Opening],
     count: usize,
-    nodes: &[Range<u32>],
-) -> impl Iterator<Item = Range<u32>> {
+) -> impl Iterator<Item = Range<u32>> + 'a {
     let none: &[Range<u32>] = &[];
     let (all, below) = match openings {
         _ if matches!(write.source, Source::Piece) => (0, none),
-        [_, ..] if !write.has_new_records => (0, nodes),
+        [_, ..] if !write.has_new_records => (0, &write.runs[0][..]),
         _ => (count as u32, none),
     };
     let first_below = |node: u32| openings.partition_point(|opening| opening.place / (WIDTH as u32) < node) as u32;

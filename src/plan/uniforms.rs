@@ -18,14 +18,18 @@ pub(super) struct Uniforms {
 }
 
 impl Uniforms {
-    /// Makes room for `bytes` of staged records, in a buffer of at most `most`.
-    pub fn stage(&mut self, bytes: u64, most: u64, draft: &mut Draft) {
-        self.scatter.get_or_insert_with(|| draft.uniform("scatter", scatter::UNIFORM_BYTES));
-        let present = self.staging.map_or(0, |(_, bytes)| bytes);
-        if bytes > present {
-            let bytes = bytes.max(2 * present).min(most & !3);
-            let former = self.staging.replace((draft.storage("staged records", bytes), bytes));
-            draft.plan.freed.extend(former.map(|(id, _)| id));
+    /// Room for `bytes` of staged records, in a buffer of at most `most`, and the uniform of the pass.
+    pub fn stage(&mut self, bytes: u64, most: u64, draft: &mut Draft) -> [BufferId; 2] {
+        let uniform = *self.scatter.get_or_insert_with(|| draft.uniform("scatter", scatter::UNIFORM_BYTES));
+        match self.staging {
+            Some((staging, present)) if present >= bytes => [staging, uniform],
+            former => {
+                let bytes = bytes.max(former.map_or(0, |(_, present)| 2 * present)).min(most & !3);
+                let staging = draft.storage("staged records", bytes);
+                self.staging = Some((staging, bytes));
+                draft.plan.freed.extend(former.map(|(id, _)| id));
+                [staging, uniform]
+            }
         }
     }
 }

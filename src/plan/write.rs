@@ -10,9 +10,11 @@ use super::frame::FramePlan;
 use super::held::Held;
 use super::layout::{Bases, InstanceRecord, LightRecord, ParamsRecord, STAND_IN, TreeRecord, stored_place};
 use super::node_record::{NodeRecord, stored_nodes};
+use super::pool::Pool;
 use super::residency::Form;
-use super::room::{Frame, STRIDES};
-use super::scatter::{MAX_TARGETS, Scattered, scatter};
+use super::room::Frame;
+use super::runs::runs;
+use super::scatter::{MAX_TARGETS, Scattered, scatter, staged_bytes};
 use super::top::MapQuads;
 use super::tree_writes::{Source, TreeWrite, written_records};
 use crate::instance::portal::portal_quads;
@@ -22,31 +24,57 @@ use crate::profile::for_each_table;
 use crate::tree::{ChildRef, LEAF, Node};
 use crate::world::{LightWorld, birth_of_directional, birth_of_instance};
 
+/// The bytes of a record of each pool that takes short runs from staged records: of nodes, lights, trees and
+/// instances.
+const STRIDES: [u64; MAX_TARGETS] = [
+    Pool::<NodeRecord>::STRIDE,
+    Pool::<LightRecord>::STRIDE,
+    Pool::<TreeRecord>::STRIDE,
+    Pool::<InstanceRecord>::STRIDE,
+];
+
+/// Commands and bytes of a plan besides the records of the large pools: parts and parameters.
+const MORE_COMMANDS: usize = 16;
+const MORE_BYTES: u64 = 2048;
+
 impl Held {
     /// Writes what changed, for which there is room. `before` are the buffers that shaders bound.
     pub(super) fn write(&mut self, frame: Frame<'_>, before: Option<ShaderBuffers>, draft: &mut Draft) {
         let former = self.uniforms.params;
         let is_replaced = self.replace_params(before, draft);
-        let mut lists = self.lists(&frame, draft);
-        let FramePlan { upload, top, report, .. } = &mut draft.plan;
+        let instance_runs = runs(frame.changes.instances.iter().copied(), 0);
+        // Most of the room is made at once, so that the list is not copied while it grows.
+        let of_trees = |pool: usize| frame.trees.writes.iter().flat_map(move |write| &write.runs[pool]);
+        let bytes = |run: &Range<u32>, pool: usize| run.len() as u64 * (STRIDES[pool] + 4);
+        let nodes: u64 = of_trees(0).map(|run| bytes(run, 0)).sum();
+        let lights: u64 = of_trees(1).map(|run| bytes(run, 1)).sum();
+        let instances: u64 = instance_runs.iter().map(|run| bytes(run, 3)).sum();
+        let records = STRIDES[2] * frame.trees.writes.len() as u64;
+        let writes = MORE_COMMANDS + 3 * frame.trees.writes.len();
+        draft.plan.upload.reserve(writes, MORE_BYTES + nodes + lights + records + instances);
+        let mut lists: [Scattered; MAX_TARGETS] = Default::default();
+        lists[0] = Scattered::with_room_for(of_trees(0), STRIDES[0]);
+        lists[1] = Scattered::with_room_for(of_trees(1), STRIDES[1]);
+        lists[3] = Scattered::with_room_for(instance_runs.iter(), STRIDES[3]);
+        let FramePlan { upload, report, .. } = &mut draft.plan;
         *report = UploadReport {
-            trees: frame.changes.trees.as_slice().len(),
-            instances: frame.changes.instances.as_slice().len(),
+            trees: frame.changes.trees.len(),
+            instances: frame.changes.instances.len(),
             ..self.report_of(upload)
         };
         self.instances.parts.write(upload);
-        for (write, [nodes, lights]) in &frame.trees.writes.writes {
-            let runs = [nodes, lights].map(|runs| &frame.trees.writes.runs[runs.clone()]);
-            self.write_tree(upload, &mut lists, frame.world, write, runs, report);
+        for write in &frame.trees.writes {
+            self.write_tree(upload, &mut lists, frame.world, write, report);
         }
-        for run in &frame.instance_runs {
+        for run in &instance_runs {
             let record = |slot| self.instance_record(slot, frame.world);
             self.instances.pool.write_each(upload, &mut lists[3], run.clone(), record);
         }
         if frame.changes.directionals {
             self.write_directionals(upload, frame.world);
         }
-        self.scatter(upload, lists);
+        self.scatter(lists, draft);
+        let FramePlan { upload, top, report, .. } = &mut draft.plan;
         let is_new_top = is_replaced[1] || self.is_lost;
         self.write_maps(upload, frame.world, is_new_top);
         self.write_params(upload, frame.world);
@@ -90,14 +118,13 @@ impl Held {
         is_replaced
     }
 
-    /// Writes what has changed in a tree since it was written last: these runs of its nodes and lights.
+    /// Writes runs of the nodes and lights of a tree, and the records of its parts.
     fn write_tree(
         &mut self,
         commands: &mut Commands,
         lists: &mut [Scattered; MAX_TARGETS],
         world: &LightWorld,
         write: &TreeWrite,
-        [node_runs, light_runs]: [&[Range<u32>]; 2],
         report: &mut UploadReport,
     ) {
         let Some(entry) = world.tree_at(write.slot).and_then(|key| world.tree_entry(key)) else { return };
@@ -109,7 +136,7 @@ impl Held {
         };
         let sky = world.sky().filter(|(key, _)| world.instance(*key).is_some_and(|i| slot_of(i.tree) == write.slot));
         let sky = sky.map(|(_, sky)| sky);
-        let [node_base, light_base] = write.bases;
+        let ([node_base, light_base], [node_runs, light_runs]) = (write.bases, &write.runs);
         for run in node_runs {
             let range = run.start as usize..run.end as usize;
             report.nodes += range.len();
@@ -119,7 +146,7 @@ impl Held {
                 NodeRecord { lights: if index == 0 { [offset, tree.lights().len() as u32] } else { [0; 2] }, ..record }
             });
             let target = node_base + run.start..node_base + run.end;
-            self.trees.nodes.write(commands, &mut lists[0], target, nodes);
+            self.trees.nodes.write(commands, Some(&mut lists[0]), target, nodes);
         }
         for run in light_runs {
             let range = run.start as usize..run.end as usize;
@@ -139,7 +166,7 @@ impl Held {
                 record.with_birth(birth(index))
             });
             let target = light_base + run.start..light_base + run.end;
-            self.trees.lights.write(commands, &mut lists[1], target, fill);
+            self.trees.lights.write(commands, Some(&mut lists[1]), target, fill);
         }
         if matches!(write.source, Source::Tree) {
             self.trees.residency.was_written(write.slot, entry.log.revision());
@@ -148,14 +175,14 @@ impl Held {
         // when it takes their place.
         let state = self.trees.residency.get(write.slot);
         let (tree, openings) = (&entry.tree, state.openings(entry));
-        for run in written_records(write, openings, state.records.len(), node_runs) {
+        for run in written_records(write, openings, state.records.len()) {
             let target = state.records.start + run.start..state.records.start + run.end;
             // The sky is no part of the top level.
             let fill = run.map(|index| match sky {
                 Some(_) => TreeRecord::default(),
                 None => TreeRecord::of(tree, openings, index),
             });
-            self.trees.records.write(commands, &mut lists[2], target, fill);
+            self.trees.records.write(commands, Some(&mut lists[2]), target, fill);
         }
     }
 
@@ -164,7 +191,7 @@ impl Held {
             .directional_lights()
             .map(|(key, light)| LightRecord::directional(light).with_birth(birth_of_directional(key)));
         let run = self.trees.directionals.clone();
-        self.trees.lights.write(commands, &mut Scattered::default(), run, records);
+        self.trees.lights.write(commands, None, run, records);
     }
 
     /// Writes what has changed of the maps beside the top level, or all of them where their buffer is new: portals,
@@ -215,18 +242,20 @@ impl Held {
             .with_birth(birth_of_instance(instance.birth, state.replaced))
     }
 
-    /// Sends the staged records, if there are any.
-    fn scatter(&self, commands: &mut Commands, lists: [Scattered; MAX_TARGETS]) {
-        let (Some((staging, _)), Some(uniform)) = (self.uniforms.staging, self.uniforms.scatter) else { return };
+    /// Writes the short runs.
+    fn scatter(&mut self, lists: [Scattered; MAX_TARGETS], draft: &mut Draft) {
         let pools = [
             self.trees.nodes.buffer(),
             self.trees.lights.buffer(),
             self.trees.records.buffer(),
             self.instances.pool.buffer(),
         ];
-        let mut lists = lists.into_iter();
-        let targets = std::array::from_fn(|i| (pools[i], STRIDES[i], lists.next().unwrap_or_default()));
-        scatter(commands, targets, (staging, uniform));
+        let targets = pools.into_iter().zip(STRIDES).zip(lists);
+        let targets: Vec<_> = targets.map(|((pool, stride), list)| (pool, stride, list)).collect();
+        let most = self.trees.limits.largest_buffer;
+        let bytes = staged_bytes(&targets, most);
+        let staging = if bytes > 0 { Some(self.uniforms.stage(bytes, most, draft)) } else { None };
+        scatter(&mut draft.plan.upload, &targets, staging);
     }
 
     /// Sends the parameters, if they have changed.

@@ -5,8 +5,9 @@ use std::collections::HashMap;
 use std::sync::{Arc, LazyLock, Mutex, OnceLock};
 
 use girandole::glam::{DVec3, Mat3, Vec3};
-use girandole::gpu::{GpuError, GpuLights, SampleRecord, SampleRequest, wgsl};
+use girandole::gpu::{GpuError, GpuLights, wgsl};
 use girandole::{Effects, FrameBudget, Light, LightId, LightWorld, Placement, Policy, ShadingPoint};
+use testbed::common::batch::{self, SampleRecord, SampleRequest};
 
 use girandole::LightTree;
 use girandole::tree::WIDTH;
@@ -26,9 +27,6 @@ const TOLERANCE: f32 = 2.0e-3;
 /// the falloff changes its square by 2 t d, which is at most TOLERANCE t^2 + d^2 / TOLERANCE. d is
 /// 2e-7 times the slope of the falloff, which is below 70 for the spots of these tests.
 const RIM: f32 = 1.0e-7;
-
-/// The stage of `GpuLights::sample`, with the record that it reads.
-const BATCH: &str = concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch.wgsl"));
 
 /// The device that the tests share. A GPU test fails without an adapter: it never passes without
 /// running.
@@ -96,19 +94,31 @@ fn sample_again(
     lights: &mut GpuLights,
     requests: &[SampleRequest],
 ) -> Vec<SampleRecord> {
+    let shader = lights.shader(0, lights.effects());
+    let pipeline = batch::pipeline(device, &shader.join(batch::STAGE), &shader.layout);
+    sample_by_pipeline((device, queue), &pipeline, lights, requests)
+}
+
+fn sample_by_pipeline(
+    (device, queue): (&wgpu::Device, &wgpu::Queue),
+    pipeline: &wgpu::ComputePipeline,
+    lights: &mut GpuLights,
+    requests: &[SampleRequest],
+) -> Vec<SampleRecord> {
     let input = buffer(device, queue, bytemuck::cast_slice(requests));
     let output = buffer(device, queue, &vec![0; size_of_val(requests)]);
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     lights.build_top(&mut encoder);
-    lights.sample(&mut encoder, &input, &output, requests.len() as u32);
+    let count = requests.len() as u32;
+    batch::record(device, &mut encoder, pipeline, lights.bind_group(), [&input, &output], count);
     queue.submit([encoder.finish()]);
     read(device, queue, &output)
 }
 
-/// Samples the lights of the last upload with a pipeline for these effects. It has the text of
-/// `GpuLights::sample` and is compiled once for all tests, while each `GpuLights` compiles its own.
+/// Samples the lights of the last upload with a pipeline for these effects, which is compiled once for all
+/// tests.
 pub(crate) fn sample_by(effects: Effects, lights: &mut GpuLights, requests: &[SampleRequest]) -> Vec<SampleRecord> {
-    sample_with(BATCH, effects, lights, requests)
+    sample_with(batch::STAGE, effects, lights, requests)
 }
 
 /// [`sample_by`] with another text of the stage.
@@ -121,61 +131,10 @@ fn sample_with(
     type Pipelines = HashMap<(&'static str, Effects), Arc<OnceLock<wgpu::ComputePipeline>>>;
     static PIPELINES: LazyLock<Mutex<Pipelines>> = LazyLock::new(Mutex::default);
     let (device, queue) = gpu();
-    let entry = |binding, read_only| wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Storage { read_only },
-            has_dynamic_offset: false,
-            min_binding_size: None,
-        },
-        count: None,
-    };
-    let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: None,
-        entries: &[entry(0, true), entry(1, false)],
-    });
     let place = PIPELINES.lock().expect("no panic before").entry((stage, effects)).or_default().clone();
-    let pipeline = place.get_or_init(|| {
-        let shader = lights.shader(0, effects);
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: None,
-            source: wgpu::ShaderSource::Wgsl(shader.join(stage).into()),
-        });
-        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            bind_group_layouts: &[Some(&shader.layout), Some(&own)],
-            ..Default::default()
-        });
-        device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: None,
-            layout: Some(&layout),
-            module: &module,
-            entry_point: Some("batch"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        })
-    });
-    let input = buffer(&device, &queue, bytemuck::cast_slice(requests));
-    let output = buffer(&device, &queue, &vec![0; size_of_val(requests)]);
-    let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: None,
-        layout: &own,
-        entries: &[
-            wgpu::BindGroupEntry { binding: 0, resource: input.as_entire_binding() },
-            wgpu::BindGroupEntry { binding: 1, resource: output.as_entire_binding() },
-        ],
-    });
-    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    lights.build_top(&mut encoder);
-    {
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, lights.bind_group(), &[]);
-        pass.set_bind_group(1, &group, &[]);
-        pass.dispatch_workgroups((requests.len() as u32).div_ceil(64), 1, 1);
-    }
-    queue.submit([encoder.finish()]);
-    read(&device, &queue, &output)
+    let shader = lights.shader(0, effects);
+    let pipeline = place.get_or_init(|| batch::pipeline(&device, &shader.join(stage), &shader.layout));
+    sample_by_pipeline((&device, &queue), pipeline, lights, requests)
 }
 
 pub(crate) fn close(a: f32, b: f32) -> bool {
@@ -276,7 +235,7 @@ fn numbers_outside_the_unit_interval_choose_alike_on_both_sides() {
 #[test]
 fn a_shader_may_choose_lights_where_some_invocations_have_returned() {
     const EARLY: &str = concat!(
-        include_str!("../../shaders/request.wgsl"),
+        include_str!("../../examples/testbed/src/common/request.wgsl"),
         "
         @group(1) @binding(0) var<storage, read> requests: array<Request>;
         @group(1) @binding(1) var<storage, read_write> samples: array<LightSample>;

@@ -1,12 +1,13 @@
 //! Resampling is unbiased, lowers the noise, and is the same on the GPU.
 
 use girandole::glam::Vec3;
-use girandole::gpu::{GpuLights, SampleRecord, SampleRequest};
+use girandole::gpu::GpuLights;
 use girandole::light::luminance;
 use girandole::{
     Incident, Light, LightId, LightSample, LightSampler, LightTree, LightWorld, Placement, Policy, Reservoir,
     ShadingPoint, Shape,
 };
+use testbed::common::batch::{SampleRecord, SampleRequest};
 
 use crate::gpu::{OTHER_PICKS, ask, close, gpu, requests, shading_point};
 use testbed::testing::support::Rng;

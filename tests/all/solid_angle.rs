@@ -3,12 +3,13 @@
 
 use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Vec3};
-use girandole::gpu::{GpuLights, SampleRequest};
+use girandole::gpu::GpuLights;
 use girandole::light::luminance;
 use girandole::{
     Effects, FrameBudget, Incident, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy,
     ShadingPoint, Shape,
 };
+use testbed::common::batch::SampleRequest;
 
 use crate::gpu::{OTHER_PICKS, compare, gpu, sample, sample_by};
 use testbed::measuring::irradiance::irradiance;

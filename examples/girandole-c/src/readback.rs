@@ -1,7 +1,7 @@
 //! What an engine reads back of trees whose lights its kernels write.
 
 use girandole::TreeKey;
-use girandole::plan::{LightPlanner, LightReadback, MeasureReadback, PartReadback};
+use girandole::plan::{LightPlanner, Readback};
 
 use crate::memory::{array, destroy, list, object, object_mut, result};
 use crate::planner::GirandolePlanner;
@@ -12,16 +12,9 @@ use crate::world::GirandoleWorld;
 /// there, some frames later. It does not depend on the planner.
 #[derive(Debug)]
 pub struct GirandoleReadback {
-    what: What,
+    range: Readback,
     /// The world that the planner follows.
     world: Option<u64>,
-}
-
-#[derive(Debug)]
-enum What {
-    Measures(MeasureReadback, usize),
-    Parts(PartReadback),
-    Lights(LightReadback),
 }
 
 /// What a readback copies.
@@ -40,17 +33,13 @@ pub struct GirandoleReadbackView {
 
 impl GirandoleReadback {
     fn view(&self) -> GirandoleReadbackView {
-        let (buffer, offset, size, most_trees) = match &self.what {
-            What::Measures(of, most) => (of.buffer, of.offset, of.bytes, *most),
-            What::Parts(of) => (of.buffer, of.offset, of.bytes, 0),
-            What::Lights(of) => (of.buffer, of.offset, of.bytes, 0),
-        };
-        GirandoleReadbackView { buffer: buffer.get(), offset, size, most_trees }
+        let Readback { buffer, offset, bytes, .. } = self.range;
+        GirandoleReadbackView { buffer: buffer.get(), offset, size: bytes, most_trees: self.range.most_trees() }
     }
 }
 
-fn store(what: Option<What>, world: Option<u64>) -> *mut GirandoleReadback {
-    what.map_or(std::ptr::null_mut(), |what| Box::into_raw(Box::new(GirandoleReadback { what, world })))
+fn store(range: Option<Readback>, world: Option<u64>) -> *mut GirandoleReadback {
+    range.map_or(std::ptr::null_mut(), |range| Box::into_raw(Box::new(GirandoleReadback { range, world })))
 }
 
 /// Stores what a planner is to read back; NULL for nothing.
@@ -60,14 +49,14 @@ fn store(what: Option<What>, world: Option<u64>) -> *mut GirandoleReadback {
 unsafe fn make(
     planner: *mut GirandolePlanner,
     readback: *mut *mut GirandoleReadback,
-    what: impl FnOnce(&mut LightPlanner) -> Option<What>,
+    range: impl FnOnce(&mut LightPlanner) -> Option<Readback>,
 ) -> GirandoleStatus {
     call(|| {
         // SAFETY: see the crate's documentation.
         let out = unsafe { result(readback, "readback")? };
         let get = |planner: &mut GirandolePlanner| {
-            let what = what(planner.free()?);
-            Ok(store(what, planner.world()))
+            let range = range(planner.free()?);
+            Ok(store(range, planner.world()))
         };
         // SAFETY: see the crate's documentation.
         out.set(unsafe { object_mut(planner, "planner")? }.edit(get)?);
@@ -85,12 +74,8 @@ pub unsafe extern "C" fn girandole_planner_measures(
     most: u32,
     readback: *mut *mut GirandoleReadback,
 ) -> GirandoleStatus {
-    let get = |planner: &mut LightPlanner| {
-        let numbers = planner.source_count().saturating_sub(first).min(most) as usize;
-        planner.measures(first, most).map(|measures| What::Measures(measures, numbers))
-    };
     // SAFETY: see the crate's documentation.
-    unsafe { make(planner, readback, get) }
+    unsafe { make(planner, readback, |planner| planner.measures(first, most)) }
 }
 
 /// Makes a readback of where kernels have moved some parts of a tree with a source, at most most of them, 80 bytes each:
@@ -103,7 +88,7 @@ pub unsafe extern "C" fn girandole_planner_source_parts(
     readback: *mut *mut GirandoleReadback,
 ) -> GirandoleStatus {
     // SAFETY: see the crate's documentation.
-    unsafe { make(planner, readback, |planner| planner.source_parts(most).map(What::Parts)) }
+    unsafe { make(planner, readback, |planner| planner.source_parts(most)) }
 }
 
 /// Makes a readback of the lights of a tree with a source, for a rebuild: of the trees that
@@ -116,7 +101,7 @@ pub unsafe extern "C" fn girandole_planner_source_lights(
     readback: *mut *mut GirandoleReadback,
 ) -> GirandoleStatus {
     // SAFETY: see the crate's documentation.
-    unsafe { make(planner, readback, |planner| planner.source_lights(TreeKey::from(tree)).map(What::Lights)) }
+    unsafe { make(planner, readback, |planner| planner.source_lights(TreeKey::from(tree))) }
 }
 
 /// Stores the range that a readback copies.
@@ -175,19 +160,7 @@ pub unsafe extern "C" fn girandole_readback_apply(
         }
         // SAFETY: see the crate's documentation. Checks the pointers before the world is changed.
         unsafe { list(std::iter::empty::<u64>(), trees, capacity, count)? };
-        let wanted = world.edit(|world| {
-            Ok(match &readback.what {
-                What::Measures(measures, _) => measures.apply(world, bytes),
-                What::Parts(parts) => {
-                    parts.apply(world, bytes);
-                    Vec::new()
-                }
-                What::Lights(lights) => {
-                    lights.apply(world, bytes);
-                    Vec::new()
-                }
-            })
-        })?;
+        let wanted = world.edit(|world| Ok(readback.range.apply(world, bytes)))?;
         // SAFETY: see the crate's documentation.
         unsafe { list(wanted.into_iter().map(u64::from), trees, capacity, count) }
     })

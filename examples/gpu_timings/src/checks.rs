@@ -4,10 +4,11 @@ use super::machine::Machine;
 use super::timer::Timer;
 use super::top_level::world;
 use girandole::glam::Vec3;
-use girandole::gpu::{GpuLights, SampleRecord, SampleRequest};
+use girandole::gpu::GpuLights;
 use girandole::{LightId, LightWorld, ShadingPoint};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use testbed::common::batch::{self, SampleRecord, SampleRequest};
 use testbed::scene::SceneError;
 use testbed::scene::rng::Rng;
 
@@ -88,7 +89,10 @@ fn sample(
     let output = machine.storage("samples", size_of::<SampleRecord>() as u64 * requests.len() as u64);
     let mut encoder = machine.device.create_command_encoder(&Default::default());
     lights.build_top(&mut encoder);
-    lights.sample(&mut encoder, &input, &output, requests.len() as u32);
+    let shader = lights.shader(0, lights.effects());
+    let pipeline = batch::pipeline(&machine.device, &shader.join(batch::STAGE), &shader.layout);
+    let count = requests.len() as u32;
+    batch::record(&machine.device, &mut encoder, &pipeline, lights.bind_group(), [&input, &output], count);
     machine.queue.submit([encoder.finish()]);
     timer.read(&output)
 }

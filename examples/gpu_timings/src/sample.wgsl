@@ -1,5 +1,5 @@
 // One light sample per pixel, as in an engine but without shadow rays and materials. The host puts
-// the constant CANDIDATES and shaders/request.wgsl before this text.
+// the constant CANDIDATES and request.wgsl of the testbed before this text.
 
 @group(0) @binding(0) var<storage, read> requests: array<Request>;
 @group(0) @binding(1) var<storage, read_write> pixels: array<vec4<f32>>;

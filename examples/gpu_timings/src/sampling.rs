@@ -4,9 +4,10 @@ use super::machine::Machine;
 use super::shading_points::requests;
 use super::spread::Spread;
 use super::timer::Timer;
-use girandole::gpu::{GpuLights, SampleRecord, SampleRequest};
+use girandole::gpu::GpuLights;
 use girandole::{FrameBudget, wgpu};
 use serde_json::{Value, json};
+use testbed::common::batch::{self, SampleRecord, SampleRequest};
 use testbed::scene::procedural::{self, CityOptions, Size};
 use testbed::scene::{SceneError, Stage};
 
@@ -74,7 +75,9 @@ pub fn measure(machine: &Machine, timer: &Timer, size: Size, picture: (u32, u32)
     // Samples mark the cells of their points, and these get cuts.
     lights.set_cut_view(eye, pixel);
     let samples = machine.storage("samples", u64::from(count) * size_of::<SampleRecord>() as u64);
-    lights.sample(&mut encoder, &input, &samples, count);
+    let shader = lights.shader(0, lights.effects());
+    let pipeline = batch::pipeline(&machine.device, &shader.join(batch::STAGE), &shader.layout);
+    batch::record(&machine.device, &mut encoder, &pipeline, lights.bind_group(), [&input, &samples], count);
     lights.build_cuts(&mut encoder);
     machine.queue.submit([encoder.finish()]);
     drop(samples);
@@ -111,7 +114,7 @@ impl Kernel {
     ) -> Self {
         let device = &machine.device;
         let shader = lights.shader(LIGHT_GROUP, world.effects());
-        let stage = concat!(include_str!("../../../shaders/request.wgsl"), include_str!("sample.wgsl"));
+        let stage = concat!(include_str!("../../testbed/src/common/request.wgsl"), include_str!("sample.wgsl"));
         let text = shader.join(&format!("const CANDIDATES = {candidates}u;\n{stage}"));
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("sample"),

@@ -1,8 +1,8 @@
 //! What a camera sees: one shading point per pixel.
 
 use girandole::glam::Vec2;
-use girandole::gpu::SampleRequest;
 use rayon::prelude::*;
+use testbed::common::batch::SampleRequest;
 use testbed::common::lattice::{Dimension, random};
 use testbed::render::geometry::Geometry;
 use testbed::render::shading::{View, shadow_offset};

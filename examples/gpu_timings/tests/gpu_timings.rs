@@ -1,8 +1,8 @@
 //! The tool that times a GPU writes all rows, and counts bytes, dispatches and nodes. Times are not
 //! tested.
 
-use girandole::gpu::SampleRequest;
 use serde_json::Value;
+use testbed::common::batch::SampleRequest;
 
 use gpu_timings::goals::{self, Outcome, Verdict};
 use gpu_timings::run::{Options, run};
@@ -94,7 +94,7 @@ fn an_adapter_that_does_not_exist_is_refused_by_name() {
 fn the_shader_and_the_host_agree_on_sizes() {
     let text = girandole::gpu::wgsl(1, girandole::Effects::all())
         + "const CANDIDATES = 8u;\n"
-        + include_str!("../../../shaders/request.wgsl")
+        + include_str!("../../testbed/src/common/request.wgsl")
         + include_str!("../src/sample.wgsl");
     let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("the shader parses");
     assert_eq!(module.entry_points[0].workgroup_size, [gpu_timings::sampling::LANES, 1, 1]);

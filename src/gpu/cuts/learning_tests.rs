@@ -92,7 +92,7 @@ fn run(lights: &mut GpuLights, pipeline: &(wgpu::BindGroupLayout, wgpu::ComputeP
         contents: bytemuck::cast_slice(inputs),
         usage: wgpu::BufferUsages::STORAGE,
     });
-    let group = super::super::bindings::bind(&device, "test", &pipeline.0, &[input.as_entire_binding()]);
+    let group = super::super::bindings::bind(&device, "test", &pipeline.0, &[&input]);
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     lights.build_top(&mut encoder);
     let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());

@@ -157,7 +157,7 @@ impl Rig {
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         });
-        let group = bind(&device, "test", &self.own, &[input.as_entire_binding(), output.as_entire_binding()]);
+        let group = bind(&device, "test", &self.own, &[&input, &output]);
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &group, &[]);

@@ -4,9 +4,18 @@
 //! project, and may change with any version.
 
 use super::GpuLights;
-use super::recorder::Recorder;
-pub use super::recorder::TopStage;
-use crate::plan::{layout, top};
+use super::bindings::label_of;
+use crate::plan::{Command, layout, top};
+
+/// One stage of a build of the top level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct TopStage {
+    /// The name of what the stage does. Several stages of one build may share a name.
+    pub name: &'static str,
+    /// The number of its dispatches.
+    pub dispatches: u32,
+}
 
 /// The largest number of stages of a top-level build. A query set of twice as many timestamps has
 /// room for any build.
@@ -33,9 +42,25 @@ pub fn build_top_timed(
     queries: Option<&wgpu::QuerySet>,
 ) -> Vec<TopStage> {
     lights.top_status.record(encoder);
-    let mut recorder = Recorder::apart(encoder, "girandole top level", queries);
-    lights.player.record(&mut recorder, &lights.top);
-    recorder.finish()
+    let stage = |command: &Command<'_>| match command {
+        Command::Dispatch { kernel, .. } => Some(kernel.stage()),
+        _ => None,
+    };
+    let commands: Vec<Command<'_>> = lights.top.iter().collect();
+    let mut stages = Vec::new();
+    for some in commands.chunk_by(|a, b| stage(a) == stage(b)) {
+        let first = 2 * stages.len() as u32;
+        stages.extend(stage(&some[0]).map(|name| TopStage { name, dispatches: some.len() as u32 }));
+        let label = label_of(stage(&some[0]).unwrap_or_default());
+        let timestamp_writes = queries.map(|query_set| wgpu::ComputePassTimestampWrites {
+            query_set,
+            beginning_of_pass_write_index: Some(first),
+            end_of_pass_write_index: Some(first + 1),
+        });
+        let descriptor = wgpu::ComputePassDescriptor { label: Some(&label), timestamp_writes };
+        lights.player.record(encoder, &descriptor, some.iter().copied());
+    }
+    stages
 }
 
 #[cfg(test)]

@@ -41,7 +41,7 @@ fn colors(lamps: Vec<Light>) -> [[Vec<Vec3>; 4]; 2] {
         usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
         mapped_at_creation: false,
     });
-    let group = bind(&device, "test", &own, &[output.as_entire_binding()]);
+    let group = bind(&device, "test", &own, &[&output]);
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     lights.build_top(&mut encoder);
     let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());

@@ -12,6 +12,7 @@ use crate::light::Light;
 use crate::policy::Policy;
 use crate::scheduler::FrameBudget;
 use crate::tree::LightTree;
+use crate::world::LightWorld;
 
 #[test]
 fn every_public_type_has_a_debug_form_and_may_be_shared_by_threads() {
@@ -19,8 +20,6 @@ fn every_public_type_has_a_debug_form_and_may_be_shared_by_threads() {
     check::<GpuLights>();
     check::<GpuError>();
     check::<LightShader>();
-    check::<SampleRecord>();
-    check::<SampleRequest>();
     check::<ShaderNameError>();
     check::<UploadReport>();
     let lights = gpu_lights();

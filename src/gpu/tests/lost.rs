@@ -10,6 +10,7 @@ use crate::gpu::testing::{limited_gpu, mixed_world};
 use crate::gpu::*;
 use crate::scheduler::FrameBudget;
 use crate::tree::LightTree;
+use crate::world::LightWorld;
 use crate::{Light, Placement, Policy, TreeKey, TreeSource};
 
 /// What a call gets.
@@ -20,8 +21,6 @@ struct Scene {
     world: LightWorld,
     tree: TreeKey,
     encoder: wgpu::CommandEncoder,
-    /// Requests, and room for what is written.
-    buffers: [wgpu::Buffer; 2],
 }
 
 impl Scene {
@@ -32,9 +31,6 @@ impl Scene {
         let tree = world.add_tree(LightTree::new(lamps).expect("valid"));
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
         world.set_light_source(tree, TreeSource::GpuMesh).expect("no profiles");
-        let buffer = |usage| {
-            device.create_buffer(&wgpu::BufferDescriptor { label: None, size: 4096, usage, mapped_at_creation: false })
-        };
         let lights = GpuLights::new(device, queue).expect("default limits are enough");
         let mut scene = Self {
             device: device.clone(),
@@ -43,7 +39,6 @@ impl Scene {
             world,
             tree,
             encoder: device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default()),
-            buffers: [buffer(wgpu::BufferUsages::STORAGE), buffer(wgpu::BufferUsages::STORAGE)],
         };
         if is_used {
             scene.lights.upload(&scene.world).expect("room enough");
@@ -101,7 +96,6 @@ const CALLS: &[(&str, Call)] = &[
     }),
     ("build_top_timed", |s| nothing(build_top_timed(&mut s.lights, &mut s.encoder, None))),
     ("build_cuts", |s| nothing(s.lights.build_cuts(&mut s.encoder))),
-    ("sample", |s| nothing(s.lights.sample(&mut s.encoder, &s.buffers[0], &s.buffers[1], 64))),
     ("shader", |s| nothing(s.lights.shader(1, Effects::all()))),
     ("bind_group", |s| nothing(s.lights.bind_group())),
     ("bind_group_layout", |s| nothing(s.lights.bind_group_layout())),

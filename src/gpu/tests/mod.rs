@@ -1,6 +1,5 @@
 //! Tests that need a device: of the plans' commands, one by one, and of [`GpuLights`] as a whole.
 
-mod batch;
 mod heat_map;
 mod lights;
 mod lost;

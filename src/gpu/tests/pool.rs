@@ -5,7 +5,6 @@ use std::ops::Range;
 use super::Rig;
 use crate::plan::draft::{Draft, Growth};
 use crate::plan::pool::Pool;
-use crate::plan::scatter::Scattered;
 use crate::plan::{BufferId, PlanError};
 
 /// A pool whose every call is a frame of its own.
@@ -38,7 +37,7 @@ impl<T: bytemuck::NoUninit> TestPool<T> {
     }
 
     pub fn alloc(&mut self, rig: &mut Rig, len: u32) -> Result<Range<u32>, PlanError> {
-        self.frame(rig, |pool| pool.alloc(len, Growth::Double))
+        self.frame(rig, |pool| pool.alloc(len))
     }
 
     /// Returns the bytes sent.
@@ -46,7 +45,7 @@ impl<T: bytemuck::NoUninit> TestPool<T> {
         let mut sent = 0;
         rig.play(&[], |commands| {
             let run = first..first + records.len() as u32;
-            self.pool.write(commands, &mut Scattered::default(), run, records.iter().copied());
+            self.pool.write(commands, None, run, records.iter().copied());
             sent = commands.bytes_written();
         });
         sent
@@ -101,10 +100,10 @@ fn writes_before_and_after_a_growth_in_one_list_arrive_in_order() {
     pool.alloc(&mut rig, 2).unwrap();
     let mut draft = Draft::new(rig.ids, Growth::Exact);
     let write = |pool: &Pool<Record>, commands: &mut _, record: Record| {
-        pool.write(commands, &mut Scattered::default(), 1..2, std::iter::once(record));
+        pool.write(commands, None, 1..2, std::iter::once(record));
     };
     write(&pool.pool, &mut draft.plan.upload, [1; 4]);
-    pool.pool.alloc(1, Growth::Exact).unwrap();
+    pool.pool.alloc(1).unwrap();
     pool.pool.settle(&mut draft);
     write(&pool.pool, &mut draft.plan.upload, [2; 4]);
     rig.player.create(&draft.plan.new_buffers).expect("room enough");

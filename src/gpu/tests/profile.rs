@@ -3,8 +3,8 @@
 use glam::{DVec3, Mat3, Quat, Vec3};
 
 use crate::effects::Effects;
+use crate::gpu::GpuLights;
 use crate::gpu::testing::{gpu, gpu_lights, random, random_vec, read, record_batch, small_sky};
-use crate::gpu::{GpuLights, SampleRecord, SampleRequest};
 use crate::instance::placement::Placement;
 use crate::keys::LightId;
 use crate::light::Light;
@@ -14,6 +14,7 @@ use crate::profile::tests::{of_degrees, street_lamp};
 use crate::shading::shading_point::ShadingPoint;
 use crate::tree::LightTree;
 use crate::world::LightWorld;
+use testbed::common::batch::{SampleRecord, SampleRequest};
 
 const COUNT: u32 = 4096;
 

@@ -4,7 +4,7 @@ use super::Rig;
 use super::pool::TestPool;
 use crate::math::dice::hash;
 use crate::plan::draft::Growth;
-use crate::plan::scatter::{MAX_TARGETS, RunCount, UNIFORM_BYTES, scatter};
+use crate::plan::scatter::{Scattered, UNIFORM_BYTES, scatter, staged_bytes};
 
 /// Two pools of records of different sizes, and two targets without any records.
 #[test]
@@ -21,7 +21,7 @@ fn scattered_records_arrive_in_their_places_and_no_others_change() {
         [draft.storage("staged records", 1 << 20), draft.uniform("scatter", UNIFORM_BYTES)]
     });
     rig.play(&[], |commands| {
-        let mut targets = [(); MAX_TARGETS].map(|()| RunCount::default().list(0, true));
+        let [mut some, mut others] = [Scattered::default(), Scattered::default()];
         // Odd counts, so that places do not fill whole units of 16 bytes; each run apart from the
         // others.
         for i in 0..333 {
@@ -31,18 +31,20 @@ fn scattered_records_arrive_in_their_places_and_no_others_change() {
                 expected_small[place as usize] = [i, place, !i, 1];
             }
             let records = run.clone().map(|place| [i, place, !i, 1]);
-            small.pool.write(commands, &mut targets[0], run, records);
+            small.pool.write(commands, Some(&mut some), run, records);
         }
         for i in 0..77 {
             let place = (i * 61) as usize;
             expected_large[place] = std::array::from_fn(|word| hash(i) ^ word as u32);
             let run = place as u32..place as u32 + 1;
-            large.pool.write(commands, &mut targets[2], run, std::iter::once(expected_large[place]));
+            large.pool.write(commands, Some(&mut others), run, std::iter::once(expected_large[place]));
         }
         assert_eq!(commands.len(), 0, "short runs are collected");
-        let [a, b, c, d] = targets;
         let ids = [small.pool.buffer(), large.pool.buffer()];
-        scatter(commands, [(ids[0], 16, a), (ids[0], 16, b), (ids[1], 80, c), (ids[1], 80, d)], (new[0], new[1]));
+        let none = Scattered::default;
+        let targets = [(ids[0], 16, some), (ids[0], 16, none()), (ids[1], 80, others), (ids[1], 80, none())];
+        assert!((1..1 << 20).contains(&staged_bytes(&targets, 1 << 20)));
+        scatter(commands, &targets, Some(new));
         assert_eq!(commands.len(), 5, "one write of records, and a uniform and a dispatch for each pool");
     });
     assert_eq!(rig.read::<[u32; 4]>(small.pool.buffer()), expected_small);

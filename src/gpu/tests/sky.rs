@@ -5,9 +5,9 @@ use glam::{DVec3, Mat3, Vec3};
 use wgpu::util::DeviceExt;
 
 use crate::effects::Effects;
+use crate::gpu::GpuLights;
 use crate::gpu::bindings::{bind, storage_entry};
 use crate::gpu::testing::{compute_pipeline, gpu, gpu_lights, mixed_world, read, unit};
-use crate::gpu::{GpuLights, SampleRecord};
 use crate::instance::placement::Placement;
 use crate::instance::portal::Portal;
 use crate::keys::LightId;
@@ -18,6 +18,7 @@ use crate::shading::shading_point::ShadingPoint;
 use crate::sky::Sky;
 use crate::sky::tests::cloudy;
 use crate::world::LightWorld;
+use testbed::common::batch::SampleRecord;
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -88,7 +89,7 @@ fn run(lights: &mut GpuLights, pipeline: &wgpu::ComputePipeline, own: &wgpu::Bin
         usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
         mapped_at_creation: false,
     });
-    let group = bind(&device, "test", own, &[input.as_entire_binding(), output.as_entire_binding()]);
+    let group = bind(&device, "test", own, &[&input, &output]);
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     lights.build_top(&mut encoder);
     let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());

@@ -1,10 +1,35 @@
 //! The sort of keys.
 
 use super::Rig;
+use crate::effects::Effects;
 use crate::gpu::testing::gpu;
 use crate::math::dice::hash;
+use crate::plan::Kernel;
 use crate::plan::draft::Growth;
-use crate::plan::sort::SortBuffers;
+use crate::plan::sort::{BINDINGS, CONSTANTS, HISTOGRAM, SortBuffers, TYPES};
+use crate::plan::text::wgsl_of_kernel;
+
+/// Counts the digits of the first pass, as the stage that makes the keys does in plans.
+const COUNT: Kernel = Kernel::new("sort_count", "sort", BINDINGS, count_text);
+
+fn count_text(_: Effects) -> String {
+    let own = "
+        @group(0) @binding(0) var<uniform> pass_: SortPass;
+        @group(0) @binding(1) var<storage, read> keys_in: array<u32>;
+        @group(0) @binding(5) var<storage, read_write> histogram: array<atomic<u32>>;
+        @compute @workgroup_size(SORT_LANES)
+        fn sort_count(
+            @builtin(workgroup_id) group: vec3<u32>,
+            @builtin(num_workgroups) groups: vec3<u32>,
+            @builtin(local_invocation_index) lane: u32,
+        ) {
+            let i = (group.x + group.y * groups.x) * SORT_LANES + lane;
+            if i < pass_.count {
+                sort_count_key(pass_.counts, pass_.count, pass_.block_keys, i, sort_digit(keys_in[i], pass_.shift));
+            }
+        }";
+    wgsl_of_kernel(&CONSTANTS, &[], &[TYPES, HISTOGRAM, own])
+}
 
 /// The same keys every time, with only the bits of `mask`.
 fn random_keys(count: u32, mask: u32) -> Vec<u32> {
@@ -25,7 +50,11 @@ fn check(rig: &mut Rig, buffers: &mut SortBuffers, keys: &[u32]) {
     queue.write_buffer(rig.player.buffer(buffers.values), 0, bytemuck::cast_slice(&values));
     rig.play(&[], |commands| {
         buffers.set_count(commands, count);
-        buffers.sort(commands);
+        buffers.clear(commands);
+        let [keys, values, more_keys, more_values, histogram, passes] = buffers.ids();
+        let bound = [passes, keys, values, more_keys, more_values, histogram];
+        commands.dispatch(COUNT, &bound, 0, count.div_ceil(256));
+        buffers.sort_counted(commands);
     });
     let mut expected: Vec<(u32, u32)> = keys.iter().copied().zip(values).collect();
     expected.sort_by_key(|pair| pair.0);

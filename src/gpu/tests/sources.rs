@@ -7,19 +7,20 @@ use glam::{DVec3, Mat3, Vec3};
 use wgpu::util::DeviceExt;
 
 use crate::cluster::cone::angle;
+use crate::gpu::GpuLights;
 use crate::gpu::bindings::{bind, storage_entry};
 use crate::gpu::testing::{gpu, gpu_lights, random, random_vec, read, record_batch};
-use crate::gpu::{GpuLights, SampleRecord, SampleRequest};
 use crate::keys::slot_of;
 use crate::light::UNLIMITED_RANGE;
 use crate::plan::layout::{LightRecord, NODE_QUADS, TreeRecord};
 use crate::plan::node_record::NodeRecord;
 use crate::plan::sources::MeasureRecord;
-use crate::plan::{BufferId, Command, LightPlanner, MeasureReadback, PlanLimits, ShaderBuffers};
+use crate::plan::{BufferId, Command, LightPlanner, PlanLimits, Readback, ShaderBuffers};
 use crate::scheduler::VirtualClock;
 use crate::top::partition::MOST_PARTS;
 use crate::tree::{LightTree, NO_LEAF, Node, WIDTH};
 use crate::{Effects, FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint, TreeKey, TreeSource};
+use testbed::common::batch::{SampleRecord, SampleRequest};
 
 /// What the kernel of the tests writes to a light. A kind of 99 makes it dark.
 #[repr(C)]
@@ -106,7 +107,7 @@ fn put(lights: &mut GpuLights, puts: &[Put]) {
     let own = device
         .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &[storage_entry(0, true)] });
     let pipeline = source_pipeline(lights, &own, ENGINE);
-    let group = bind(&device, "test", &own, &[buffer.as_entire_binding()]);
+    let group = bind(&device, "test", &own, &[&buffer]);
     run_and_build(lights, &pipeline, &group, puts.len() as u32);
 }
 
@@ -216,7 +217,7 @@ fn assert_bounds_hold(nodes: &[Node], tree: &LightTree, lights: &[Light]) {
 /// The measures of the first sources.
 fn read_measures(lights: &GpuLights, count: u32) -> Vec<MeasureRecord> {
     let (device, queue) = gpu();
-    let MeasureReadback { buffer, offset, bytes, .. } = lights.planner.measures(0, count).expect("sources");
+    let Readback { buffer, offset, bytes, .. } = lights.planner.measures(0, count).expect("sources");
     assert_eq!((offset, bytes), (0, 32 * u64::from(count)));
     read(&device, &queue, lights.player.buffer(buffer))
 }
@@ -588,7 +589,14 @@ fn a_film_that_only_the_gpu_has_lights_the_parts_of_a_screen_as_on_the_cpu() {
         ],
     });
     let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-    let group = bind(&device, "film", &own, &[wgpu::BindingResource::TextureView(&view), buffer.as_entire_binding()]);
+    let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: None,
+        layout: &own,
+        entries: &[
+            wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) },
+            wgpu::BindGroupEntry { binding: 1, resource: buffer.as_entire_binding() },
+        ],
+    });
     let pipeline = source_pipeline(&lights, &own, &(kernel.to_owned() + entry));
     run_and_build(&mut lights, &pipeline, &group, expected.len() as u32);
     let (_, _, records) = read_tree(&lights, tree);

@@ -6,8 +6,9 @@ use super::super::buffers::BufferId;
 use super::super::commands::Commands;
 use super::super::kernel::{Binding, Kernel};
 use super::super::layout::ParamsRecord;
-use super::super::text;
+use super::super::text::wgsl_of_kernel;
 use super::layout::CutPlaces;
+use crate::effects::Effects;
 use crate::visibility::{BINS, CellGrid, TABLE_HEAD, VisibilityOptions};
 
 /// The parameters ahead of what is learnt; `shaders/visibility.wgsl` reads them.
@@ -17,16 +18,18 @@ const FOLD_BINDINGS: &[Binding] = &[PARAMS, Binding::ReadWrite, Binding::ReadWri
 
 const PARAMS: Binding = Binding::Uniform { bytes: size_of::<ParamsRecord>() as u32 };
 
+fn text(_: Effects) -> String {
+    wgsl_of_kernel(&[], &[], &[shader!("cut_grid"), shader!("visibility_fold")])
+}
+
 /// Adds what was recorded in cells to their blocks: a workgroup for each row of a cell.
-const GATHER: Kernel = Kernel::new("visibility_gather", "visibility", FOLD_BINDINGS, text::wgsl_of_visibility_fold);
+const GATHER: Kernel = Kernel::new("visibility_gather", "visibility", FOLD_BINDINGS, text);
 
 /// Folds the records of blocks: a workgroup for each row of a block.
-const FOLD_BLOCKS: Kernel =
-    Kernel::new("visibility_fold_blocks", "visibility", FOLD_BINDINGS, text::wgsl_of_visibility_fold);
+const FOLD_BLOCKS: Kernel = Kernel::new("visibility_fold_blocks", "visibility", FOLD_BINDINGS, text);
 
 /// Folds the records of cells: a workgroup for each row of a cell.
-const FOLD_CELLS: Kernel =
-    Kernel::new("visibility_fold_cells", "visibility", FOLD_BINDINGS, text::wgsl_of_visibility_fold);
+const FOLD_CELLS: Kernel = Kernel::new("visibility_fold_cells", "visibility", FOLD_BINDINGS, text);
 
 /// The kernels that [`LightPlanner::build_cuts`](super::super::LightPlanner::build_cuts) begins with where cells learn.
 pub fn visibility_kernels() -> [Kernel; 3] {

@@ -1,15 +1,12 @@
 //! The WGSL texts of refits on the GPU.
 
-use std::fmt::Write;
-
 use super::super::kernel::{Binding, Kernel};
-use super::super::text::{Extras, constants, variant};
+use super::super::text::wgsl_of_kernel;
 use super::super::top::NODE_LANES;
 use super::pieces::{ENTRIES, ROUND, STORED};
 use super::records::RefitPass;
 use crate::cluster;
 use crate::cluster::cone;
-use crate::effects::Effects;
 use crate::light;
 use crate::tree::{WIDTH, cost};
 
@@ -49,14 +46,8 @@ const PART_BINDINGS: &[Binding] = &[
     Binding::ReadWrite,
 ];
 
-pub(in crate::plan) const REFIT: Kernel = Kernel::new("refit", "refit", REFIT_BINDINGS, || text(REFIT_SOURCES));
-pub(in crate::plan) const PARTS: Kernel = Kernel::new("refit_parts", "refit", PART_BINDINGS, || text(PART_SOURCES));
-
-macro_rules! shader {
-    ($name:literal) => {
-        include_str!(concat!("../../../shaders/", $name, ".wgsl"))
-    };
-}
+pub(in crate::plan) const REFIT: Kernel = Kernel::new("refit", "refit", REFIT_BINDINGS, |_| text(REFIT_SOURCES));
+pub(in crate::plan) const PARTS: Kernel = Kernel::new("refit_parts", "refit", PART_BINDINGS, |_| text(PART_SOURCES));
 
 const SHARED: &[&str] = &[
     shader!("types"),
@@ -71,10 +62,8 @@ const SHARED: &[&str] = &[
 const REFIT_SOURCES: &[&str] = &[shader!("pack_merge"), shader!("refit")];
 const PART_SOURCES: &[&str] = &[shader!("refit_parts")];
 
-/// The names that shaders of the engine and refits share.
-fn source_constants() -> String {
-    format!("const LIGHT_SOURCE_PI: f32 = {:e};\n", f64::from(std::f32::consts::PI))
-}
+/// What shaders of the engine and refits share.
+const SOURCE_PI: (&str, f32) = ("LIGHT_SOURCE_PI", std::f32::consts::PI);
 
 /// Returns the text for a kernel of the engine that writes the lights of trees with a
 /// [source](crate::TreeSource). It has these functions:
@@ -103,29 +92,25 @@ fn source_constants() -> String {
 /// [`LightPlanner::source_bindings`](super::super::LightPlanner::source_bindings).
 #[must_use]
 pub fn wgsl_of_sources(group: u32) -> String {
-    let mut text = constants() + &source_constants();
-    for (name, value) in
-        [("MAX_COORDINATE_BITS", light::MAX_COORDINATE.to_bits()), ("MAX_EMISSION_BITS", light::MAX_EMISSION.to_bits())]
-    {
-        let _ = writeln!(text, "const LIGHT_{name}: u32 = {value}u;");
-    }
-    let _ = writeln!(text, "const LIGHT_UNIT_TOLERANCE: f32 = {:e};", f64::from(light::UNIT_TOLERANCE));
-    text += shader!("source_types");
-    text += &shader!("source").replace("LIGHT_GROUP", &group.to_string());
-    variant(&text, Effects::all(), Extras::default())
+    let whole = [
+        ("LIGHT_MAX_COORDINATE_BITS", light::MAX_COORDINATE.to_bits()),
+        ("LIGHT_MAX_EMISSION_BITS", light::MAX_EMISSION.to_bits()),
+    ];
+    let real = [SOURCE_PI, ("LIGHT_UNIT_TOLERANCE", light::UNIT_TOLERANCE)];
+    let functions = shader!("source").replace("LIGHT_GROUP", &group.to_string());
+    wgsl_of_kernel(&whole, &real, &[shader!("source_types"), &functions])
 }
 
-fn text(sources: &[&str]) -> String {
-    let mut text = constants() + &source_constants();
-    for (name, value) in [
+fn text(own: &[&str]) -> String {
+    let whole = [
         ("TOP_NODE_LANES", NODE_LANES),
         ("REFIT_ENTRIES", ENTRIES),
         ("REFIT_STORED", STORED),
         ("REFIT_PART_LANES", PART_LANES),
-    ] {
-        let _ = writeln!(text, "const {name}: u32 = {value}u;");
-    }
-    for (name, value) in [
+    ];
+    let (sin_rim, cos_rim) = light::SPOT_RIM.sin_cos();
+    let real = [
+        SOURCE_PI,
         ("CAP_PADDING", cone::CAP_PADDING),
         ("MIN_AXIS", cluster::MIN_AXIS),
         ("TRANSFORM_PADDING", cluster::bounds::TRANSFORM_PADDING),
@@ -139,15 +124,10 @@ fn text(sources: &[&str]) -> String {
         ("REFIT_FALL_TO_FLAT", cost::FALL_TO_FLAT),
         ("REFIT_FALL_TO_BEAM", cost::FALL_TO_BEAM),
         ("REFIT_FAR", FAR),
-    ] {
-        let _ = writeln!(text, "const {name}: f32 = {:e};", f64::from(value));
-    }
-    let (sin, cos) = light::SPOT_RIM.sin_cos();
-    let _ = writeln!(text, "const REFIT_RIM = vec2<f32>({:e}, {:e});", f64::from(cos), f64::from(sin));
-    for part in SHARED.iter().chain(sources) {
-        text += part;
-    }
-    variant(&text, Effects::all(), Extras::default())
+        ("REFIT_SIN_RIM", sin_rim),
+        ("REFIT_COS_RIM", cos_rim),
+    ];
+    wgsl_of_kernel(&whole, &real, &[SHARED, own].concat())
 }
 
 const _: () = assert!(ROUND * WIDTH == NODE_LANES as usize);

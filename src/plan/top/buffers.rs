@@ -40,15 +40,6 @@ pub(super) struct TopPass {
     pub padding_after: u32,
 }
 
-/// Where the parts, the masks and the map of the sky, before which profiles lie, begin in the buffer of the nodes, in
-/// units of 16 bytes. `masks` is 0 if they are not stored.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Places {
-    pub parts: u32,
-    pub masks: u32,
-    pub sky_map: u32,
-}
-
 /// The numbers of parts and of nodes of the partition that there is room for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Capacity {
@@ -94,10 +85,9 @@ impl MapQuads {
 #[derive(Clone, Debug)]
 pub(super) struct TopBuffers {
     pub capacity: Capacity,
-    pub places: Places,
+    pub sizes: Sizes,
     /// The nodes, portals, the parts, the masks of the nodes if they are stored, profiles, and the map of the sky.
     pub nodes: BufferId,
-    pub nodes_bytes: u64,
     /// How many quads of portals, of profiles and of the sky's map there is room for.
     pub map_quads: MapQuads,
     /// The clusters of all parts, then of all nodes.
@@ -121,16 +111,10 @@ impl TopBuffers {
         let sizes = Sizes::of(capacity, maps);
         Self {
             capacity,
-            // Within the limit of the buffer.
-            places: Places {
-                parts: (sizes.parts / 16) as u32,
-                masks: if maps.has_masks { (sizes.masks / 16) as u32 } else { 0 },
-                sky_map: (sizes.sky_map / 16) as u32,
-            },
+            sizes,
             map_quads: maps,
             sort: SortBuffers::new(capacity.parts, draft),
             nodes: draft.storage("top level nodes", sizes.nodes),
-            nodes_bytes: sizes.nodes,
             clusters: draft.storage("top level clusters", sizes.clusters),
             partition: partition
                 .unwrap_or_else(|| draft.storage("top level partition", u64::from(capacity.nodes) * PARTITION_BYTES)),
@@ -144,12 +128,14 @@ impl TopBuffers {
     }
 }
 
-/// The bytes of the buffers for a number of parts, and where the ranges of the buffer of the nodes begin.
-struct Sizes {
-    parts: u64,
-    masks: u64,
-    sky_map: u64,
-    nodes: u64,
+/// The bytes of the buffers for a number of parts, and where the parts, the masks and the map of the sky, before which
+/// profiles lie, begin in the buffer of the nodes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sizes {
+    pub parts: u64,
+    pub masks: u64,
+    pub sky_map: u64,
+    pub nodes: u64,
     clusters: u64,
 }
 
@@ -184,19 +170,17 @@ impl Sizes {
 /// The greatest number of nodes of a partition for which all buffers stay within `limit` beside `parts` parts, at
 /// least 1.
 pub(super) fn most_nodes(parts: u32, maps: MapQuads, limit: u64) -> u32 {
-    let fits = |nodes| Sizes::of(Capacity { parts, nodes }, maps).check(limit).is_ok();
-    let (mut most, mut too_many) = (1, u32::MAX);
-    while too_many - most > 1 {
-        let middle = most.midpoint(too_many);
-        if fits(middle) { most = middle } else { too_many = middle }
-    }
-    most
+    most(1, |nodes| Sizes::of(Capacity { parts, nodes }, maps).check(limit).is_ok())
 }
 
 /// The greatest number of parts for which all buffers of most worlds stay within `limit`; 0 if none do.
 pub(super) fn most_parts(maps: MapQuads, limit: u64) -> u32 {
-    let fits = |parts| TopBuffers::fit(Capacity::of_parts(parts), maps, limit).is_ok();
-    let (mut most, mut too_many) = (0, u32::MAX);
+    most(0, |parts| TopBuffers::fit(Capacity::of_parts(parts), maps, limit).is_ok())
+}
+
+/// The greatest number that fits, at least `most`.
+fn most(mut most: u32, fits: impl Fn(u32) -> bool) -> u32 {
+    let mut too_many = u32::MAX;
     while too_many - most > 1 {
         let middle = most.midpoint(too_many);
         if fits(middle) { most = middle } else { too_many = middle }

@@ -5,7 +5,7 @@ use std::mem::offset_of;
 use glam::Vec3;
 use naga::TypeInner;
 
-use super::stage::{BLOCKS, CELLS, KEYS, LANES, LEAVES, NODE_LANES};
+use super::stage::{LANES, NODE_LANES};
 use super::*;
 use crate::plan::kernel::MAX_WORKGROUPS;
 use crate::plan::layout::{ClusterRecord, LeafRecord};
@@ -156,22 +156,22 @@ fn buffers_double_or_grow_to_what_is_needed_and_make_room_for_masks_once() {
 
 #[test]
 fn the_stages_are_valid_and_have_the_sizes_that_the_host_expects() {
-    for (stage, lanes) in [(&LEAVES, LANES), (&KEYS, LANES), (&CELLS, NODE_LANES), (&BLOCKS, NODE_LANES)] {
-        let text = stage.text();
-        let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect(stage.entry);
+    for (kernel, lanes) in [(LEAVES, LANES), (KEYS, LANES), (CELLS, NODE_LANES), (BLOCKS, NODE_LANES)] {
+        let (entry, text) = (kernel.entry(), kernel.wgsl());
+        let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect(entry);
         naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())
             .validate(&module)
             .map_err(|e| e.emit_to_string(&text))
-            .expect(stage.entry);
+            .expect(entry);
         assert_eq!(module.entry_points.len(), 1);
-        assert_eq!(module.entry_points[0].name, stage.entry);
+        assert_eq!(module.entry_points[0].name, entry);
         assert_eq!(module.entry_points[0].workgroup_size, [lanes, 1, 1]);
         let mut layouter = naga::proc::Layouter::default();
         layouter.update(module.to_ctx()).unwrap();
         let shared = module.global_variables.iter().filter(|(_, v)| v.space == naga::AddressSpace::WorkGroup);
         // WebGPU counts multiples of 16 bytes for each variable, and allows 16 KiB by default.
         let bytes: u32 = shared.map(|(_, variable)| layouter[variable.ty].size.next_multiple_of(16)).sum();
-        assert!(bytes <= 16_384, "{}: {bytes} bytes of workgroup memory", stage.entry);
+        assert!(bytes <= 16_384, "{}: {bytes} bytes of workgroup memory", entry);
         let (_, pass) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some("TopPass")).unwrap();
         let TypeInner::Struct { members, span } = &pass.inner else { panic!("TopPass is a struct") };
         assert_eq!(*span as usize, size_of::<TopPass>());

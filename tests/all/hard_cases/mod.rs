@@ -15,12 +15,13 @@ mod stretched;
 use std::f32::consts::PI;
 
 use girandole::glam::{DVec3, Mat3, Quat, Vec3};
-use girandole::gpu::{GpuLights, SampleRequest};
+use girandole::gpu::GpuLights;
 use girandole::light::{MAX_COORDINATE, MAX_EMISSION};
 use girandole::{
     DirectionalLight, Effects, FrameBudget, Gloss, Light, LightId, LightSampler, LightTree, LightWorld, MAX_SCALE,
     Placement, Policy, ShadingPoint,
 };
+use testbed::common::batch::SampleRequest;
 
 use crate::gpu::{OTHER_PICKS, compare, gpu, sample_by};
 use testbed::testing::support::{Rng, SPLITS, all_pmfs, rounds};

@@ -231,7 +231,7 @@ fn run(seed: u64, edits: u64) {
     let mut edited = Edited::new(seed, mode);
     edited.world.set_background_builds(seed % 4 < 2);
     // One planner has all it wants, another one little memory and few bytes in each frame.
-    let limited = PlanLimits::default().with_tree_memory(400_000).with_frame_bytes(40_000);
+    let limited = PlanLimits::default().with_tree_memory(400_000).with_frame_bytes(20_000);
     let mut players = [PlanLimits::default(), limited]
         .map(|limits| Played { planner: LightPlanner::new(limits), device: Device::default() });
     let (mut accepted, mut built, mut stand_ins, mut made) = ([0; KINDS as usize], 0, 0, 0);

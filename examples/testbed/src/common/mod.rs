@@ -2,6 +2,7 @@
 
 #[cfg(feature = "native")]
 pub mod alias;
+pub mod batch;
 #[cfg(feature = "native")]
 pub mod exit;
 #[cfg(feature = "native")]

@@ -179,6 +179,10 @@ pub fn check_as_new_within(limits: PlanLimits, played: &Played, world: &LightWor
         let stands_in = instances.word(slot, FLAGS) & STANDS_IN != 0;
         let is_older = !stands_in && played.planner.is_waiting(tree_key);
         let new = few.as_ref().filter(|_| stands_in).unwrap_or(&whole);
+        // Where not all trees fit, it depends on what happened before which of them stand in.
+        if new.planner.stands_in(tree_key) != stands_in {
+            continue;
+        }
         let read = [played, new].map(|played| {
             let [_, nodes, instances, lights] = records(played);
             let mut words = instances.words(slot);

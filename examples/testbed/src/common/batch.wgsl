@@ -1,5 +1,4 @@
-// Samples one light for each shading point of a buffer. `Kernel` in src/gpu/kernel.rs records it,
-// behind request.wgsl.
+// Samples one light for each shading point of a buffer. Behind request.wgsl.
 
 @group(1) @binding(0) var<storage, read> requests: array<Request>;
 @group(1) @binding(1) var<storage, read_write> samples: array<LightSample>;

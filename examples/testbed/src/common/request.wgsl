@@ -1,5 +1,5 @@
-// A shading point and its random numbers. Twin of `SampleRequest` in src/gpu/records.rs. Joined
-// before the stages that read it.
+// A shading point and its random numbers. Twin of `SampleRequest` in batch.rs. Joined before the
+// stages that read it.
 struct Request {
     // Metres, relative to the world's origin.
     position: vec3<f32>,
