@@ -107,8 +107,7 @@ mod tests {
 
     #[test]
     fn the_ends_of_the_range_of_factors_stay_within_f32() {
-        let mut appearance = Appearance::default();
-        appearance.factor = Vec3::splat(MAX_FACTOR);
+        let mut appearance = Appearance { factor: Vec3::splat(MAX_FACTOR), ..Appearance::default() };
         assert!((appearance.brightness() / MAX_FACTOR - 1.0).abs() < 1.0e-6);
         assert_eq!(appearance.arriving(Vec3::splat(1.0e33)), Some(Vec3::splat(MAX_FACTOR) * 1.0e33));
         assert_eq!(appearance.arriving(Vec3::splat(1.0e35)), None, "beyond f32");

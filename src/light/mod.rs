@@ -356,7 +356,7 @@ impl Light {
                 (luminance(self.emission) * lobe.solid_angle, lobe.mean_cosine)
             }
             Shape::Profile { profile, .. } => (self.flux(), profile.mean().length()),
-            // The mean direction of two sides is zero, and so is that of a sphere.
+            // Points, spheres and surfaces with two sides have no mean direction.
             _ => (self.flux(), if cone.is_full() { 0.0 } else { LAMBERTIAN }),
         };
         let (mean, variance) = match self.shape {

@@ -144,7 +144,7 @@ impl<'a, 's> WorldView<'a, 's> {
     }
 
     /// The linear part of the map to the world from the space in which a tree is seen.
-    pub fn to_world(&self, tree: &TreeView<'_>) -> Mat3 {
+    pub fn to_world(self, tree: &TreeView<'_>) -> Mat3 {
         let instance = || {
             let (world, _) = self.world?;
             world.instance(world.instance_at(tree.instance)?)

@@ -16,23 +16,23 @@ impl LightWorld {
     /// budget. Call it once a frame.
     ///
     /// 1. Edited trees are refitted, in parallel.
-    /// 2. A tree becomes *loose* once it has an eighth as many lights of other instances between its own as of its
+    /// 2. Trees whose policies request a rebuild are rebuilt, those whose rebuild removes the most
+    ///    noise per millisecond first. The noise is estimated from the tree's attributes, and
+    ///    weighted by the tree's share of the illuminance at the viewpoint
+    ///    ([`LightWorld::set_viewpoint`]). A rebuild starts only if it will probably end within the
+    ///    budget.
+    /// 3. A tree that does not fit into the budget of a frame is built in slices over several
+    ///    frames, or on another thread ([`LightWorld::set_background_builds`]).
+    /// 4. The longer a tree waits, the higher its priority. A *round* is the time granted in which
+    ///    all trees that wait could be rebuilt once. Once a tree that gains something has waited
+    ///    for nine rounds, only trees that already wait are rebuilt before it. This holds for any
+    ///    sequence of budgets; `docs/math.md` has the exact statement.
+    /// 5. A tree becomes *loose* once it has an eighth as many lights of other instances between its own as of its
     ///    own, in the mean over its instances: each of its lights is a leaf of the top level, which sorts the lights of
     ///    all by position. It remains so down to a sixteenth. An instance counts the lights of others within its box,
     ///    unless they are in parts more than twice as large. Trees that changed or got an instance are looked at in the
     ///    same call, and 64 others in each call while anything changes. The leaves are bounded:
     ///    [`FrameReport::held_back_instances`].
-    /// 3. Trees whose policies request a rebuild are rebuilt, those whose rebuild removes the most
-    ///    noise per millisecond first. The noise is estimated from the tree's attributes, and
-    ///    weighted by the tree's share of the illuminance at the viewpoint
-    ///    ([`LightWorld::set_viewpoint`]). A rebuild starts only if it will probably end within the
-    ///    budget.
-    /// 4. A tree that does not fit into the budget of a frame is built in slices over several
-    ///    frames, or on another thread ([`LightWorld::set_background_builds`]).
-    /// 5. The longer a tree waits, the higher its priority. A *round* is the time granted in which
-    ///    all trees that wait could be rebuilt once. Once a tree that gains something has waited
-    ///    for nine rounds, only trees that already wait are rebuilt before it. This holds for any
-    ///    sequence of budgets; `docs/math.md` has the exact statement.
     /// 6. Effects that nothing in the world had for
     ///    [`EFFECT_HOLD_UPDATES`](crate::effects::EFFECT_HOLD_UPDATES) calls leave
     ///    [`LightWorld::effects`], and trees at rest are frozen

@@ -74,7 +74,7 @@ impl SharedCut {
     /// if it is its turn, it is to be built again. `middle` is the world as the middle of the cell sees it.
     pub fn is_kept(&mut self, world: &LightWorld, middle: &WorldView<'_, '_>, now: &CellNow) -> bool {
         self.age += 1;
-        let is_due = self.age.wrapping_add(now.tag) % TURNS == 0 || now.taught && is_young(self.age);
+        let is_due = self.age.wrapping_add(now.tag).is_multiple_of(TURNS) || now.taught && is_young(self.age);
         let has_same_view = now.toward == Vec3::ZERO || self.toward.dot(now.toward) >= KEPT_VIEW_COSINE;
         !is_due && has_same_view && self.follow(world, middle).is_some()
     }

@@ -1,7 +1,6 @@
 //! A loaded tree is the baked one, now and after later edits.
 
 use super::*;
-use crate::tree::Node;
 
 fn loaded(tree: &LightTree) -> LightTree {
     LightTree::from_baked(&tree.bake()).expect("bytes that were just written")
@@ -16,7 +15,7 @@ fn a_loaded_tree_is_the_frozen_tree_bit_for_bit_and_bakes_to_the_same_bytes() {
         assert!(whole_state(&loaded) == whole_state(&frozen(&tree)), "{tree:?}");
         assert_eq!(loaded.bake(), bytes);
         assert_eq!(loaded.memory_bytes(), frozen(&tree).memory_bytes());
-        let records = size_of::<Record>() * tree.lights().len() + size_of::<Node>() * tree.nodes().len();
+        let records = size_of::<Record>() * tree.lights().len() + size_of_val(tree.nodes());
         let numbers = 4 * tree.lights().len() + 4 * tree.nodes().len();
         assert_eq!(bytes.len(), HEADER_BYTES + 72 * tree.sides().len() + records + numbers + 4);
     }
