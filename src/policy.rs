@@ -25,7 +25,7 @@ pub const DEFAULT_FLOOR: f32 = 0.005;
 #[non_exhaustive]
 pub enum Policy {
     /// The lights never change: while all instances of a tree are static, edits of its lights are
-    /// refused with [`WorldError::StaticTree`].
+    /// refused with [`WorldError::StaticTree`](crate::WorldError::StaticTree).
     Static,
     /// The tree is refitted and never rebuilt, for cheap lights or lights that move as one. Its
     /// attributes are not measured.
