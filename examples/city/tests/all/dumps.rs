@@ -99,7 +99,7 @@ fn the_program_writes_a_dump_after_the_last_frame_and_refuses_other_files() {
         .expect("a scene that renders");
     open(&file, &folder, 0).expect("a dump");
     let bytes = fs::read(&file).expect("a dump");
-    for (content, fault) in [(&bytes[..bytes.len() - 1], "damaged or incomplete"), (b"glTF", "not a dump")] {
+    for (content, fault) in [(&bytes[..bytes.len() - 1], "damaged or incomplete"), (b"glTF", "not those of a dump")] {
         fs::write(&file, content).expect("a writable folder");
         let error = open(&file, &folder, 0).expect_err("it is damaged").to_string();
         assert!(error.contains(path) && error.contains(fault), "{error}");
