@@ -65,44 +65,35 @@
 // A light is a surface.
 #define GIRANDOLE_EFFECT_AREAS 4
 
-// A surface emits from both sides.
-#define GIRANDOLE_EFFECT_TWO_SIDED 8
-
 // There is a directional light.
-#define GIRANDOLE_EFFECT_DIRECTIONAL 16
+#define GIRANDOLE_EFFECT_DIRECTIONAL 8
 
 // An instance is scaled, sheared or mirrored.
-#define GIRANDOLE_EFFECT_NON_RIGID 32
+#define GIRANDOLE_EFFECT_NON_RIGID 16
 
 // GIRANDOLE_SAMPLING_SOLID_ANGLE is set.
-#define GIRANDOLE_EFFECT_SOLID_ANGLES 128
+#define GIRANDOLE_EFFECT_SOLID_ANGLES 32
 
 // GIRANDOLE_SAMPLING_GLOSSY is set.
-#define GIRANDOLE_EFFECT_GLOSSY 256
+#define GIRANDOLE_EFFECT_GLOSSY 64
 
 // GIRANDOLE_SAMPLING_SEGMENTS is set.
-#define GIRANDOLE_EFFECT_SEGMENTS 512
-
-// An instance has a factor other than 1.
-#define GIRANDOLE_EFFECT_FACTORS 1024
+#define GIRANDOLE_EFFECT_SEGMENTS 128
 
 // An instance has a mask with a bit that is not set.
-#define GIRANDOLE_EFFECT_MASKS 2048
-
-// The origin lies on a grid.
-#define GIRANDOLE_EFFECT_SECTORS 4096
+#define GIRANDOLE_EFFECT_MASKS 256
 
 // The world has a sky.
-#define GIRANDOLE_EFFECT_SKY 8192
+#define GIRANDOLE_EFFECT_SKY 512
 
 // A light has a profile.
-#define GIRANDOLE_EFFECT_PROFILES 16384
+#define GIRANDOLE_EFFECT_PROFILES 1024
 
 // The world has portals: see girandole_world_set_portals.
-#define GIRANDOLE_EFFECT_PORTALS 32768
+#define GIRANDOLE_EFFECT_PORTALS 2048
 
 // All effects: a shader for them reads the buffers of any world, and is the longest.
-#define GIRANDOLE_ALL_EFFECTS 65471
+#define GIRANDOLE_ALL_EFFECTS 4095
 
 // The bytes of a baked tree, which the interface owns.
 typedef struct GirandoleBlob GirandoleBlob;
