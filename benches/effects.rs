@@ -169,6 +169,7 @@ fn cases(machine: &Machine, lights: &GpuLights, own: &wgpu::BindGroupLayout, is_
             ("`DIRECTIONAL`", Effects::DIRECTIONAL),
             ("`NON_RIGID`", Effects::NON_RIGID),
             ("`GLOSSY`", Effects::GLOSSY),
+            ("`FACTORS`", Effects::FACTORS),
             ("`MASKS`", Effects::MASKS),
         ];
         cases.extend(effects.map(|(name, effects)| case(name, &batch(effects))));

@@ -20,8 +20,10 @@ struct LightLocalShadingPoint {
     // The unit vector and half the length of a segment; 0 for a point.
     segment: vec4<f32>,
     // #endif
+    // #if FACTORS
     // What the flux of the lights is multiplied by.
     brightness: f32,
+    // #endif
     // #if NON_RIGID
     // The slot of an instance that is scaled, sheared or mirrored, or LIGHT_NO_INSTANCE.
     scaled_instance: u32,

@@ -152,9 +152,11 @@ fn light_first_hit(shading_point: LightShadingPoint, direction: vec3<f32>, max_d
             // #if RANGES
             reaches = reaches && light_range_window(dist_sq, light.range) > 0.0;
             // #endif
+            // #if FACTORS
             // What a factor makes black hides nothing.
             let sent = light_factored(LightIncident(direction, dist, light.emission, 0.0, false), 0u, instance);
             reaches = reaches && any(sent.radiance != vec3(0.0));
+            // #endif
             if reaches {
                 found = LightFirstHit(below.instance, index, dist);
             }
@@ -222,7 +224,9 @@ fn light_hit(shading_point: LightShadingPoint, direction: vec3<f32>, max_dist: f
     // #endif
     // #if AREAS | SKY
     if slot != LIGHT_NO_INSTANCE {
+        // #if FACTORS
         incident = light_factored(incident, slot, light_instance(slot));
+        // #endif
         let pmf = light_pmf(shading_point, slot, light);
         hit = LightSample(incident.direction, incident.dist, incident.radiance, incident.pdf, pmf, slot, light, 0u);
     }

@@ -64,7 +64,9 @@ fn light_importance(packed: LightPackedChild, local: LightLocalShadingPoint, vie
     let is_dark = light_is_provably_dark(child, local, view.margin);
     let error_sq = LIGHT_MEAN_ERROR_SQ * child.radius_sq + light_position_error_sq(light_sum_axes(abs(local.position)));
     let is_unresolved = child.dist_sq + child.variance <= error_sq;
+    // #if FACTORS
     child.flux *= local.brightness;
+    // #endif
     let estimate = light_estimate(child, is_light, local);
     let lux = select(estimate.lux, -estimate.lux, is_unresolved);
     return LightImportance(select(lux, 0.0, is_dark), estimate.doubt);

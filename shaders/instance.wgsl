@@ -31,11 +31,13 @@ fn light_from_home(rows: array<vec4<f32>, 3>, sector: vec3<i32>, home: vec3<i32>
     return moved;
 }
 
+// #if FACTORS
 // What the flux of lights with this factor is multiplied by: its luminance. Twin of
 // `Appearance::brightness`.
 fn light_brightness(factor: vec3<f32>) -> f32 {
     return dot(factor, vec3(0.2126, 0.7152, 0.0722));
 }
+// #endif
 
 // #if NON_RIGID
 // #if CONES

@@ -42,7 +42,9 @@ fn light_local_to_top(shading_point: LightShadingPoint) -> LightLocalShadingPoin
         local.segment = light_local_segment(shading_point.segment);
     }
     // #endif
+    // #if FACTORS
     local.brightness = 1.0;
+    // #endif
     // #if NON_RIGID
     local.scaled_instance = LIGHT_NO_INSTANCE;
     // #endif
@@ -89,7 +91,9 @@ fn light_local_to_tree(instance: u32, shading_point: LightShadingPoint) -> Light
         local.segment = light_local_segment(light_transposed(axes, shading_point.segment));
     }
     // #endif
+    // #if FACTORS
     local.brightness = light_brightness(placed.factor);
+    // #endif
     return local;
 }
 

@@ -169,7 +169,9 @@ fn light_instance(slot: u32) -> LightInstance {
     instance.to_local =
         light_rows(light_instance_quad(local), light_instance_quad(local + 1u), light_instance_quad(local + 2u));
     // #endif
+    // #if FACTORS
     instance.factor = bitcast<vec3<f32>>(light_instance_quad(at + LIGHT_INSTANCE_FACTOR).xyz);
+    // #endif
     // #if MASKS
     instance.mask = light_instance_quad(at + LIGHT_INSTANCE_FACTOR).w;
     // #endif

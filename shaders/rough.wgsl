@@ -14,7 +14,9 @@ fn light_rough(packed: LightPackedChild, local: LightLocalShadingPoint, view: Li
     let cosine = select(1.0, facing_up, local.has_normal);
 
     var flux = child.flux * (1.0 / LIGHT_FOUR_PI);
+    // #if FACTORS
     flux *= local.brightness;
+    // #endif
     var is_unlikely = false;
     // #if CONES
     let lobe = light_lobe(child, spread, dist_sq, dist);

@@ -69,7 +69,10 @@ fn row_sky() -> u32 {
             dot(placed.to_world[0].xyz, axis), dot(placed.to_world[1].xyz, axis), dot(placed.to_world[2].xyz, axis),
         );
         let steps = vec3<u32>(round(light_normalize_or_zero(turned) * 127.0) + 128.0);
-        let brightness = light_brightness(placed.factor);
+        var brightness = 1.0;
+        // #if FACTORS
+        brightness = light_brightness(placed.factor);
+        // #endif
         state = (steps.x << 24u) | (steps.y << 16u) | (steps.z << 8u) | ((bitcast<u32>(brightness) >> 22u) & 0xffu);
     }
     // #endif

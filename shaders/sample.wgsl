@@ -153,6 +153,7 @@ fn light_sample(shading_point: LightShadingPoint, u: vec4<f32>) -> LightSample {
     return light_sample_drawn(shading_point, light_pick(shading_point, u.xy), u.zw);
 }
 
+// #if FACTORS
 // What arrives from a light of an instance with a factor. `slot` is LIGHT_DIRECTIONAL for a light
 // without an instance. Twin of `Appearance::arriving`.
 fn light_factored(incident: LightIncident, slot: u32, instance: LightInstance) -> LightIncident {
@@ -165,6 +166,7 @@ fn light_factored(incident: LightIncident, slot: u32, instance: LightInstance) -
     }
     return factored;
 }
+// #endif
 
 // Chooses a point on a light that was picked. A pick with a pmf above 0 names a light that is there.
 fn light_sample_drawn(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample {
@@ -198,7 +200,9 @@ fn light_sample_drawn(shading_point: LightShadingPoint, pick: LightPick, u: vec2
     base = select(base, light_params.directional_base, is_directional);
     // #endif
     var incident = light_incident(light_record(base + pick.light), instance, seen_from, numbers);
+    // #if FACTORS
     incident = light_factored(incident, pick.instance, instance);
+    // #endif
     // #if MASKS
     if pick.instance != LIGHT_DIRECTIONAL && (instance.mask & shading_point.mask) == 0u {
         incident = light_nothing();

@@ -205,7 +205,9 @@ fn light_importance_along(
     let own = light_sum_axes(abs(local.position)) + own_reach;
     let error_sq = LIGHT_MEAN_ERROR_SQ * child.radius_sq + light_position_error_sq(own);
     let is_unresolved = light_near_sq(seen) + child.variance <= error_sq;
+    // #if FACTORS
     child.flux *= local.brightness;
+    // #endif
     let estimate = light_estimate_along(child, seen, facing_along, is_light);
     let lux = select(estimate.lux, -estimate.lux, is_unresolved);
     return LightImportance(select(lux, 0.0, is_dark), estimate.doubt);

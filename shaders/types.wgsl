@@ -74,8 +74,10 @@ struct LightInstance {
     // and the mean squared scale of `to_world`.
     to_local: array<vec4<f32>, 3>,
     // #endif
+    // #if FACTORS
     // What the emission of the lights is multiplied by.
     factor: vec3<f32>,
+    // #endif
     // #if MASKS
     // A shading point sees the lights if its mask and this one have a bit in common.
     mask: u32,

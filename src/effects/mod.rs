@@ -1,6 +1,6 @@
 //! Effects: the features that the lights and instances of a world have. Shaders that are made without
 //! an effect have no code for it. A feature is an effect if that saves at least 5 % of the
-//! instructions of a sample, or of the build of a cut.
+//! instructions of a sample or of the build of a cut, or lets more of them run at a time.
 //!
 //! A world counts what it holds in an [`EffectCounts`]. Each light that is added, changed or
 //! removed changes some counts by one. A tree keeps the counts of its own lights, so no call ever
@@ -92,6 +92,9 @@ effects! {
     /// This is a setting: its count is 0 or 1. Shaders without it treat a
     /// segment as the point in its middle.
     SEGMENTS,
+    /// An instance that is shown has a factor other than 1: see
+    /// [`Appearance::factor`](crate::Appearance::factor).
+    FACTORS,
     /// An instance that is shown has a mask with a bit that is not set: see
     /// [`Appearance::mask`](crate::Appearance::mask).
     MASKS,

@@ -72,7 +72,7 @@ const LIGHTS: u32 = 130;
 
 /// Gives an instance what these effects allow.
 fn adorn(world: &mut LightWorld, instance: InstanceKey, i: u32, effects: Effects) {
-    if i.is_multiple_of(2) {
+    if effects.contains(Effects::FACTORS) && i.is_multiple_of(2) {
         world.set_appearance(instance, |a| a.factor = Vec3::new(0.2, 3.0 * random(i, 30), 1.0)).unwrap();
     }
     // The shading points of these tests have all bits.
@@ -169,12 +169,13 @@ fn assert_alike(ours: &[SampleRecord], twin: &[SampleRecord], what: &str) {
     assert!(mismatches <= MAX_MISMATCHES && lit > 500, "{what}: {mismatches} differ, {lit} are lit");
 }
 
-const EFFECTS: [Effects; 9] = [
+const EFFECTS: [Effects; 10] = [
     Effects::CONES,
     Effects::RANGES,
     Effects::AREAS,
     Effects::DIRECTIONAL,
     Effects::NON_RIGID,
+    Effects::FACTORS,
     Effects::MASKS,
     Effects::SKY,
     Effects::PROFILES,

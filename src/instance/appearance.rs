@@ -21,7 +21,7 @@ pub struct Appearance {
     /// Samples, probabilities and all sums over lights follow the factor; [`LightWorld::tree`](crate::LightWorld::tree)
     /// holds the lights without it. Lights are chosen by the luminance of the factor, so a factor whose colour differs
     /// from that of the lights costs some noise. An instance whose factor has no luminance in f32 is not shown, as if it
-    /// were disabled.
+    /// were disabled. Instances with a factor other than 1 have [`Effects::FACTORS`].
     pub factor: Vec3,
     /// Which shading points the lights reach: those whose [mask](crate::ShadingPoint::mask) has a bit in common with this
     /// one. A mask of 0 meets no shading point.
@@ -66,7 +66,9 @@ impl Appearance {
 
     /// The effects of an instance with this appearance that is shown.
     pub(crate) fn effects(&self) -> Effects {
-        if self.mask == u32::MAX { Effects::empty() } else { Effects::MASKS }
+        let factors = if self.has_factor() { Effects::FACTORS } else { Effects::empty() };
+        let masks = if self.mask == u32::MAX { Effects::empty() } else { Effects::MASKS };
+        factors | masks
     }
 
     /// What arrives from a light of the instance, where `radiance` would arrive without the factor.

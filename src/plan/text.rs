@@ -756,6 +756,11 @@ mod tests {
             ),
             (Effects::SEGMENTS, SEGMENT_NAMES),
             (
+                Effects::FACTORS,
+                "light_brightness light_factored LightInstance.factor LightLocalShadingPoint.brightness \
+                 LIGHT_MAX_FINITE",
+            ),
+            (
                 Effects::MASKS,
                 "light_met_children light_seen_share LightInstance.mask LightShadingPoint.mask \
                  LIGHT_MASK_QUADS LIGHT_MASK_WHOLE",

@@ -36,6 +36,9 @@ fn counted(world: &LightWorld) -> HashMap<Effects, u64> {
         {
             continue;
         }
+        if factor != Vec3::ONE {
+            add(Effects::FACTORS);
+        }
         if world.instance(instance).map(|i| i.appearance.mask) != Some(u32::MAX) {
             add(Effects::MASKS);
         }

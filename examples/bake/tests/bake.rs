@@ -40,7 +40,10 @@ fn a_scene_that_is_missing_and_a_tree_that_was_damaged_are_told_in_one_line_with
     *bytes.last_mut().expect("bytes") ^= 1;
     std::fs::write(&path, bytes).expect("a file of this test");
     let error = bake::load::load(&out).err().expect("a damaged tree").to_string();
-    assert!(error.starts_with(&path.display().to_string()) && error.ends_with("the file is damaged or incomplete"), "{error}");
+    assert!(
+        error.starts_with(&path.display().to_string()) && error.ends_with("the file is damaged or incomplete"),
+        "{error}"
+    );
     assert!(!error.contains('\n'));
     std::fs::remove_dir_all(out).expect("a folder of this test");
 }

@@ -30,6 +30,7 @@ pub fn effects() -> Effects {
         | Effects::AREAS
         | Effects::DIRECTIONAL
         | Effects::NON_RIGID
+        | Effects::FACTORS
         | Effects::GLOSSY
         | Effects::SKY
 }

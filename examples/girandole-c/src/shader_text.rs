@@ -29,19 +29,21 @@ pub const GIRANDOLE_EFFECT_SOLID_ANGLES: u32 = 32;
 pub const GIRANDOLE_EFFECT_GLOSSY: u32 = 64;
 /// GIRANDOLE_SAMPLING_SEGMENTS is set.
 pub const GIRANDOLE_EFFECT_SEGMENTS: u32 = 128;
+/// An instance has a factor other than 1.
+pub const GIRANDOLE_EFFECT_FACTORS: u32 = 256;
 /// An instance has a mask with a bit that is not set.
-pub const GIRANDOLE_EFFECT_MASKS: u32 = 256;
+pub const GIRANDOLE_EFFECT_MASKS: u32 = 512;
 /// The world has a sky.
-pub const GIRANDOLE_EFFECT_SKY: u32 = 512;
+pub const GIRANDOLE_EFFECT_SKY: u32 = 1024;
 /// A light has a profile.
-pub const GIRANDOLE_EFFECT_PROFILES: u32 = 1024;
+pub const GIRANDOLE_EFFECT_PROFILES: u32 = 2048;
 /// The world has portals: see girandole_world_set_portals.
-pub const GIRANDOLE_EFFECT_PORTALS: u32 = 2048;
+pub const GIRANDOLE_EFFECT_PORTALS: u32 = 4096;
 /// All effects: a shader for them reads the buffers of any world, and is the longest.
-pub const GIRANDOLE_ALL_EFFECTS: u32 = 0xfff;
+pub const GIRANDOLE_ALL_EFFECTS: u32 = 0x1fff;
 
 /// The effects with their bits in this interface.
-const EFFECTS: [(u32, Effects); 12] = [
+const EFFECTS: [(u32, Effects); 13] = [
     (GIRANDOLE_EFFECT_CONES, Effects::CONES),
     (GIRANDOLE_EFFECT_RANGES, Effects::RANGES),
     (GIRANDOLE_EFFECT_AREAS, Effects::AREAS),
@@ -50,6 +52,7 @@ const EFFECTS: [(u32, Effects); 12] = [
     (GIRANDOLE_EFFECT_SOLID_ANGLES, Effects::SOLID_ANGLES),
     (GIRANDOLE_EFFECT_GLOSSY, Effects::GLOSSY),
     (GIRANDOLE_EFFECT_SEGMENTS, Effects::SEGMENTS),
+    (GIRANDOLE_EFFECT_FACTORS, Effects::FACTORS),
     (GIRANDOLE_EFFECT_MASKS, Effects::MASKS),
     (GIRANDOLE_EFFECT_SKY, Effects::SKY),
     (GIRANDOLE_EFFECT_PROFILES, Effects::PROFILES),
@@ -260,6 +263,6 @@ mod tests {
             assert_eq!(known_effects(bits).ok(), Some(effect));
         }
         assert_eq!(GIRANDOLE_ALL_EFFECTS, effect_bits(Effects::all()));
-        assert!(known_effects(1 << 12).is_err() && known_effects(1 << 31).is_err());
+        assert!(known_effects(1 << 13).is_err() && known_effects(1 << 31).is_err());
     }
 }

@@ -130,7 +130,7 @@ async function checkByHand(device) {
     world.setSky(4, Array(8).fill([0.1, 0.2, 0.3]).flat());
     gpuLights.sync();
     const effects = gpuLights.effects.join();
-    check("by hand: the effects of the lights", effects === "CONES,AREAS,SKY", effects);
+    check("by hand: the effects of the lights", effects === "CONES,AREAS,FACTORS,SKY", effects);
     const estimates = new Estimates(device, gpuLights, gpuLights.effects);
     const points = [[0, 0, 0], [2, 0, 1], [4, 0, 4], [-2, 0, 0]].map((position) => ({ position, normal: [0, 1, 0] }));
     const corners = [[-3, 3, -1], [-1, 3, -1], [-1, 3, 1], [-3, 3, 1]];

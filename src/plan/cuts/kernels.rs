@@ -22,7 +22,7 @@ fn list_text(_: Effects) -> String {
 
 /// The text reads any buffers.
 fn keep_text(_: Effects) -> String {
-    let effects = Effects::MASKS | Effects::SKY;
+    let effects = Effects::MASKS | Effects::SKY | Effects::FACTORS;
     wgsl_of_cuts(effects, ShaderParts::default(), &[shader!("row"), shader!("cut_keep")])
 }
 
