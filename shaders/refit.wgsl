@@ -180,14 +180,15 @@ fn refit_node(lane: u32, source: u32, entry: u32, words: vec2<u32>, is_used: boo
 }
 
 // What is known of the tree whose root was refitted. Twin of `AttributeSums::relative_to`, and of what
-// `LnCost::of` reads of a tree.
+// `TreeFeatures::of` reads of a tree.
 fn refit_measure(source: u32, root: RefitCluster) {
     // The dispatch that writes the records of parts adds the refusals.
-    var measure = LightMeasure(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0u, 0u);
+    var measure = LightMeasure(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0u);
     if root.cluster.flux > 0.0 {
         let extent = root.cluster.box_max - root.cluster.box_min;
         let diagonal_sq = dot(extent, extent);
-        let cost = refit_size(extent) * refit_orientation(length(root.cluster.axis));
+        let axis_length = length(root.cluster.axis);
+        let cost = refit_size(extent) * refit_orientation(axis_length);
         if diagonal_sq > 0.0 {
             measure.distance = root.distance / sqrt(diagonal_sq);
             measure.variance = root.variance / diagonal_sq;
@@ -199,6 +200,7 @@ fn refit_measure(source: u32, root: RefitCluster) {
         if root.cluster.variance > 0.0 {
             measure.spread = diagonal_sq / root.cluster.variance;
         }
+        measure.axis_length = axis_length;
         measure.flux = root.cluster.flux;
     }
     measures[source] = measure;

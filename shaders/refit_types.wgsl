@@ -15,9 +15,9 @@ struct LightMeasure {
     splitting_cost: f32,
     // The squared diagonal of the box by the variance of position.
     spread: f32,
+    axis_length: f32,
     flux: f32,
     refused: u32,
-    padding: u32,
 }
 
 // The index of a workgroup in a dispatch of one or two dimensions.

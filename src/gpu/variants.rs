@@ -153,6 +153,12 @@ fn upload(world: &LightWorld) -> GpuLights {
 /// Asserts that samples agree to float rounding, except for [`MAX_MISMATCHES`].
 fn assert_alike(ours: &[SampleRecord], twin: &[SampleRecord], what: &str) {
     let close = |a: f32, b: f32| (a - b).abs() <= ROUNDING * a.abs().max(b.abs());
+    // The inverse of a density is a solid angle. Where a surface is seen at a grazing angle, it is a small
+    // difference, with the rounding of a square metre at that distance.
+    let is_as_dense = |a: &SampleRecord, b: &SampleRecord| {
+        let rounding = 2.0 * f32::EPSILON / (a.dist * a.dist).max(f32::MIN_POSITIVE);
+        close(a.pdf, b.pdf) || (a.pdf.recip() - b.pdf.recip()).abs() <= rounding
+    };
     let mut mismatches = 0;
     for (a, b) in ours.iter().zip(twin) {
         if (a.instance, a.light, a.pmf > 0.0) != (b.instance, b.light, b.pmf > 0.0) {
@@ -160,7 +166,7 @@ fn assert_alike(ours: &[SampleRecord], twin: &[SampleRecord], what: &str) {
             continue;
         }
         let (radiance, other) = (Vec3::from(a.radiance), Vec3::from(b.radiance));
-        assert!(close(a.pmf, b.pmf) && close(a.pdf, b.pdf) && close(a.dist, b.dist), "{what}: {a:?} {b:?}");
+        assert!(close(a.pmf, b.pmf) && is_as_dense(a, b) && close(a.dist, b.dist), "{what}: {a:?} {b:?}");
         assert!((radiance - other).length() <= ROUNDING * other.length(), "{what}: {a:?} {b:?}");
         assert!((Vec3::from(a.direction) - Vec3::from(b.direction)).length() <= ROUNDING, "{what}: {a:?} {b:?}");
         assert_eq!(a.is_delta, b.is_delta, "{what}");

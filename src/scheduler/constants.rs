@@ -48,9 +48,18 @@ pub(super) const MAX_UNSPENT_SHARE: u32 = 8;
 /// when lights come together; then a tree that needs a rebuild would not request one.
 pub(super) const RISE_PER_COST: f32 = 1.51;
 
+/// ln s² of a tree that was just built: a constant, and the coefficients of the logarithm of its
+/// number of lights, of the logarithm of its attribute of variance, and of the length of its mean
+/// direction of emission.
+pub(super) const FRESH_COEFFICIENTS: [f32; 4] = [-9.46, 0.389, 4.91, 3.81];
+
 /// The value of a rebuild is proportional to this power of the tree's share of the picture. The
 /// share is known so roughly that its full ratios would rank trees by errors.
 pub(super) const SHARE_POWER: f32 = 0.3;
+
+/// The value of a rebuild is proportional to this power of the s² of the tree when it was just
+/// built, for the same reason.
+pub(super) const FRESH_POWER: f32 = 0.4;
 
 /// The value of a rebuild is computed from a rise of at least this logarithm: trees with a smaller
 /// predicted rise gained about equally little.
@@ -59,6 +68,9 @@ pub(super) const LEAST_RISE: f32 = 0.3;
 /// Logarithms of rises count as at most this, 150 times: attributes may rise from 0, or to
 /// infinity.
 pub(super) const MAX_RISE: f32 = 5.0;
+
+/// ln s² stays within this of 0.
+pub(super) const MAX_LN_VARIANCE: f32 = 12.0;
 
 /// Smaller attributes count as this much. Attributes are of order 1.
 pub(super) const MIN_ATTRIBUTE: f32 = 1.0e-3;

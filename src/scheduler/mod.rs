@@ -65,7 +65,7 @@ pub use budget::FrameBudget;
 pub(crate) use clock::sealed;
 pub use clock::{Clock, SystemClock, VirtualClock, Work, WorkKind};
 pub(crate) use finish::DoneJob;
-pub(crate) use forecast::LnCost;
+pub(crate) use forecast::TreeFeatures;
 pub use replay::{ClockEvent, RecordingClock, ReplayClock};
 
 use std::time::Duration;
@@ -128,8 +128,8 @@ struct ScheduledTree {
     lights: usize,
     /// The units of a rebuild.
     units: f64,
-    /// The splitting cost right after the last build.
-    built: LnCost,
+    /// The features right after the last build.
+    built: TreeFeatures,
     decay: Decay,
     /// The predicted logarithm of the rise of the variance, as of the last change.
     rise: f32,
@@ -194,10 +194,10 @@ impl Scheduler {
     }
 
     /// Adds a tree that was just built.
-    pub fn add(&mut self, tree: TreeKey, ln_cost: LnCost, lights: usize) {
+    pub fn add(&mut self, tree: TreeKey, features: TreeFeatures, lights: usize) {
         let mut state = ScheduledTree::default();
         state.set_lights(lights);
-        state.start(ln_cost, self.frame);
+        state.start(features, self.frame);
         self.trees.insert(tree, state);
     }
 
@@ -233,8 +233,8 @@ impl ScheduledTree {
     }
 
     /// Resets what has happened since the last build.
-    fn start(&mut self, ln_cost: LnCost, frame: u64) {
-        self.built = ln_cost;
+    fn start(&mut self, features: TreeFeatures, frame: u64) {
+        self.built = features;
         self.decay.reset(frame);
         self.rise = 0.0;
     }

@@ -2,8 +2,7 @@
 
 use super::constants::{AGING, DOUBT, DOUBTFUL, SHARE_POWER, TOP_DECAY, VALUE_RANGE};
 use super::cost::whole;
-use super::forecast::gain;
-use super::{LnCost, Scheduler, Waiting};
+use super::{Scheduler, TreeFeatures, Waiting};
 use crate::keys::TreeKey;
 use crate::policy::{Excess, RebuildRequest};
 
@@ -15,11 +14,11 @@ const STEPS: f64 = 8.0;
 
 impl Scheduler {
     /// Records that the lights of a tree have changed.
-    pub fn has_changed(&mut self, tree: TreeKey, now: LnCost) {
+    pub fn has_changed(&mut self, tree: TreeKey, now: &TreeFeatures) {
         let frame = self.frame;
         let state = &mut self.trees[tree];
-        state.rise = now.rise_since(state.built);
-        state.decay.record_loss(frame, gain(state.rise));
+        state.rise = now.rise_since(&state.built);
+        state.decay.record_loss(frame, state.built.gain(state.rise));
     }
 
     /// How much noisier a tree is predicted to be than a new one, as of its last change.
@@ -32,19 +31,19 @@ impl Scheduler {
     }
 
     /// Lets a tree start anew that was rebuilt, in any way.
-    pub fn was_rebuilt(&mut self, tree: TreeKey, ln_cost: LnCost) {
-        self.trees[tree].start(ln_cost, self.frame);
+    pub fn was_rebuilt(&mut self, tree: TreeKey, features: TreeFeatures) {
+        self.trees[tree].start(features, self.frame);
         self.withdraw(tree);
     }
 
     /// Lets a tree start anew that got other lights and was built for them.
-    pub fn was_replaced(&mut self, tree: TreeKey, ln_cost: LnCost, lights: usize) {
+    pub fn was_replaced(&mut self, tree: TreeKey, features: TreeFeatures, lights: usize) {
         self.withdraw(tree);
         self.cancel(tree);
         let frame = self.frame;
         let state = &mut self.trees[tree];
         state.set_lights(lights);
-        state.start(ln_cost, frame);
+        state.start(features, frame);
     }
 
     /// Records that lights were added to a tree or removed from it. A tree that waits keeps its

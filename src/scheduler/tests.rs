@@ -55,7 +55,7 @@ impl Simulation {
         let mut scheduler = Scheduler::default();
         let mut tree = |lights: &usize| {
             let key = keys.insert(());
-            scheduler.add(key, LnCost::default(), *lights);
+            scheduler.add(key, TreeFeatures::default(), *lights);
             // Shares differ by up to a factor of 10^8, far more than the range of values.
             let share = 10.0_f32.powf(-8.0 * rng.unit());
             SimulatedTree { key, lights: *lights, share, ln_cost: 0.0, last_phase: None }
@@ -92,7 +92,7 @@ impl Simulation {
         let tree = self.tree(key);
         tree.ln_cost = 0.0;
         tree.last_phase = None;
-        self.scheduler.was_rebuilt(key, LnCost::default());
+        self.scheduler.was_rebuilt(key, TreeFeatures::default());
     }
 
     /// One frame, in which some trees change. Checks the bound on waiting, which assumes that
@@ -116,7 +116,7 @@ impl Simulation {
                 let tree = &mut self.trees[index];
                 tree.ln_cost += rise;
                 let (key, share) = (tree.key, tree.share);
-                self.scheduler.has_changed(key, tree.ln_cost.into());
+                self.scheduler.has_changed(key, &TreeFeatures::of_cost(tree.ln_cost));
                 self.scheduler.set_request(key, RebuildRequest::Optional, share);
             }
         }
@@ -233,8 +233,8 @@ fn priorities_grow_by_the_same_in_each_round_even_after_a_year() {
     let (doubtful, optional) = (keys.insert(()), keys.insert(()));
     let mut scheduler = Scheduler::default();
     for tree in [doubtful, optional] {
-        scheduler.add(tree, LnCost::default(), 100);
-        scheduler.has_changed(tree, 1.0.into());
+        scheduler.add(tree, TreeFeatures::default(), 100);
+        scheduler.has_changed(tree, &TreeFeatures::of_cost(1.0));
     }
     // A year of frames in which all trees that wait could be rebuilt.
     scheduler.advance_rounds(2.0e9);
@@ -288,13 +288,13 @@ fn a_required_request_outlives_an_urgent_one() {
     let mut keys = SlotMap::<TreeKey, ()>::with_key();
     let tree = keys.insert(());
     let mut scheduler = Scheduler::default();
-    scheduler.add(tree, LnCost::default(), 100);
-    scheduler.has_changed(tree, 1.0.into());
+    scheduler.add(tree, TreeFeatures::default(), 100);
+    scheduler.has_changed(tree, &TreeFeatures::of_cost(1.0));
     for request in [RebuildRequest::Required, RebuildRequest::Urgent, RebuildRequest::None] {
         scheduler.set_request(tree, scheduler.standing_request(tree, request), 1.0);
     }
     assert!(scheduler.waits(tree));
     assert_eq!(scheduler.standing_request(tree, RebuildRequest::None), RebuildRequest::Required);
-    scheduler.was_rebuilt(tree, LnCost::default());
+    scheduler.was_rebuilt(tree, TreeFeatures::default());
     assert_eq!(scheduler.standing_request(tree, RebuildRequest::None), RebuildRequest::None);
 }

@@ -14,7 +14,7 @@ use crate::keys::{DirectionalKey, InstanceKey, TreeKey};
 use crate::light::{DirectionalLight, Light};
 use crate::policy::{AttributeHistory, Policy};
 use crate::rare::Rare;
-use crate::scheduler::LnCost;
+use crate::scheduler::TreeFeatures;
 use crate::tree::{LightTree, check_distinct, check_light_count, check_lights};
 
 impl LightWorld {
@@ -41,9 +41,9 @@ impl LightWorld {
 
     /// Takes a tree whose nodes are up to date. O(1).
     fn insert_tree(&mut self, entry: TreeEntry) -> TreeKey {
-        let (ln_cost, lights) = (LnCost::of(&entry.tree), entry.tree.light_count());
+        let (features, lights) = (TreeFeatures::of(&entry.tree), entry.tree.light_count());
         let key = self.scene.trees.insert(TreeEntry { rest: Rest::since(&self.rest), ..entry });
-        self.rebuilds.scheduler.add(key, ln_cost, lights);
+        self.rebuilds.scheduler.add(key, features, lights);
         self.record(Delta::Tree(key, &EffectCounts::default()));
         key
     }
@@ -245,7 +245,7 @@ impl LightWorld {
         entry.requests.history = AttributeHistory::start(by.attributes());
         entry.staged = Rare::default();
         entry.requests.has_new_policy = false;
-        self.rebuilds.scheduler.was_replaced(tree, LnCost::of(&by), by.light_count());
+        self.rebuilds.scheduler.was_replaced(tree, TreeFeatures::of(&by), by.light_count());
         let former = std::mem::replace(&mut entry.tree, by);
         self.has_moved(tree);
         self.record(Delta::OtherTree(tree, former.effects()));

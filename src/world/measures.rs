@@ -5,7 +5,7 @@ use super::scene::TreeVersion;
 use super::source::TreeSource;
 use crate::keys::TreeKey;
 use crate::policy::RebuildRequest;
-use crate::scheduler::LnCost;
+use crate::scheduler::TreeFeatures;
 use crate::tree::Attributes;
 
 /// What a refit on the GPU found out about a tree.
@@ -14,6 +14,7 @@ pub(crate) struct SourceMeasure {
     pub attributes: Attributes,
     /// The squared diagonal of the box by the variance of position.
     pub spread: f32,
+    pub axis_length: f32,
     /// Writes that were refused since the record of the source was written.
     pub refused: u32,
 }
@@ -38,10 +39,10 @@ impl LightWorld {
             return false;
         }
         entry.requests.history.observe(&measure.attributes);
-        let SourceMeasure { attributes, spread, .. } = *measure;
-        let ln_cost = LnCost::new(&attributes, spread);
+        let SourceMeasure { attributes, spread, axis_length, .. } = *measure;
+        let features = TreeFeatures::new(&attributes, spread, axis_length, entry.tree.light_count());
         let scheduler = &mut self.rebuilds.scheduler;
-        scheduler.has_changed(tree, ln_cost);
+        scheduler.has_changed(tree, &features);
         // A tree that waits was read already.
         !scheduler.waits(tree) && entry.rebuild_request(&attributes, scheduler.excess(tree)) > RebuildRequest::Doubtful
     }

@@ -8,7 +8,7 @@ use super::rebuilds::Rebuilds;
 use super::reports::{FrameReport, JobReport, RebuildState};
 use crate::keys::TreeKey;
 use crate::policy::AttributeHistory;
-use crate::scheduler::{BuildStep, LnCost, WorkKind};
+use crate::scheduler::{BuildStep, TreeFeatures, WorkKind};
 use crate::span::span;
 
 impl LightWorld {
@@ -86,9 +86,9 @@ impl LightWorld {
         span!("rebuild");
         let entry = &mut self.scene.trees[key];
         entry.tree.rebuild();
-        let ln_cost = LnCost::of(&entry.tree);
+        let features = TreeFeatures::of(&entry.tree);
         entry.requests.history = AttributeHistory::start(entry.tree.attributes());
-        self.rebuilds.scheduler.was_rebuilt(key, ln_cost);
+        self.rebuilds.scheduler.was_rebuilt(key, features);
         self.wake(key);
         self.record(Delta::WholeTree(key));
         self.open_replaced(key);

@@ -11,7 +11,7 @@ use crate::keys::TreeKey;
 use crate::light::Light;
 use crate::policy::AttributeHistory;
 use crate::rare::Rare;
-use crate::scheduler::{LnCost, Work, WorkKind};
+use crate::scheduler::{TreeFeatures, Work, WorkKind};
 use crate::span::span;
 use crate::tree::{LightTree, Refitted};
 
@@ -103,7 +103,7 @@ impl LightWorld {
     fn finish_refit(&mut self, job: RefitJob) {
         let (changes_nodes, is_as_built) = (job.changes_nodes(), job.is_as_built());
         let RefitJob { key, is_edited, before, tree, staged, log, done, .. } = job;
-        let RefitDone { swap, ln_cost, added, removed, former, .. } = done;
+        let RefitDone { swap, features, added, removed, former, .. } = done;
         if let Some(former) = former {
             let nodes = former.nodes().len();
             self.rebuilds.long_builder.free(former, nodes);
@@ -121,13 +121,13 @@ impl LightWorld {
         if lights != before.lights {
             self.rebuilds.scheduler.was_resized(key, lights);
         }
-        if let Some(Swap { ln_cost, history, .. }) = swap {
-            self.rebuilds.scheduler.was_rebuilt(key, ln_cost);
+        if let Some(Swap { features, history, .. }) = swap {
+            self.rebuilds.scheduler.was_rebuilt(key, features);
             entry.requests.history = history;
         }
-        if let Some(ln_cost) = ln_cost {
+        if let Some(features) = features {
             entry.requests.history.observe(&entry.tree.attributes());
-            self.rebuilds.scheduler.has_changed(key, ln_cost);
+            self.rebuilds.scheduler.has_changed(key, &features);
         }
         if is_edited {
             self.has_moved(key);
@@ -188,7 +188,7 @@ struct RefitDone {
     /// What the replacement changed.
     swap: Option<Swap>,
     /// What the scheduler predicts noise from, if some policy needs it and it has changed.
-    ln_cost: Option<LnCost>,
+    features: Option<TreeFeatures>,
     /// The lights that the edits add and remove.
     added: Vec<u32>,
     removed: Vec<u32>,
@@ -197,8 +197,8 @@ struct RefitDone {
 /// The replacement of a tree by one that was built in slices or in the background, over about the
 /// same lights.
 struct Swap {
-    /// The splitting cost of the new tree as it was built.
-    ln_cost: LnCost,
+    /// The features of the new tree as it was built.
+    features: TreeFeatures,
     /// The attributes of the new tree as it was built.
     history: AttributeHistory,
     /// Some lights have changed since they were copied for the build.
@@ -219,27 +219,27 @@ impl RefitJob {
     fn run(&mut self) {
         let before = self.tree.attributes();
         if let Some(Successor { tree: built, since }) = self.successor.take() {
-            let ln_cost = LnCost::of(&built);
+            let features = TreeFeatures::of(&built);
             let history = AttributeHistory::start(built.attributes());
             let changed = self.log.since(since).map(|changes| changes.lights);
             let (former, is_outdated) = self.tree.succeed(*built, changed);
             self.done.former = Some(former);
-            self.done.swap = Some(Swap { ln_cost, history, is_outdated });
+            self.done.swap = Some(Swap { features, history, is_outdated });
         }
         self.tree.forget_refitted();
         self.list_added_and_removed();
         let former_indices = self.tree.lights().len();
         let is_rebuilt = self.tree.apply(self.staged.changes());
         if is_rebuilt {
-            let ln_cost = LnCost::of(&self.tree);
+            let features = TreeFeatures::of(&self.tree);
             let history = AttributeHistory::start(self.tree.attributes());
-            self.done.swap = Some(Swap { ln_cost, history, is_outdated: true });
+            self.done.swap = Some(Swap { features, history, is_outdated: true });
         }
         if self.is_measured {
             self.tree.refit();
             let is_newly_measured = self.tree.attributes() != before;
             if (self.changes_nodes() || is_newly_measured) && !self.is_as_built() {
-                self.done.ln_cost = Some(LnCost::of(&self.tree));
+                self.done.features = Some(TreeFeatures::of(&self.tree));
             }
         } else if self.changes_nodes() {
             self.tree.refit_without_attributes();

@@ -356,7 +356,7 @@ fn measures_are_the_attributes_of_a_refit_on_the_cpu() {
         let all = twin.cluster();
         let spread = all.aabb.extent().length_squared() / all.variance;
         assert!((measure.spread - spread).abs() <= 1.0e-4 * spread || !spread.is_finite(), "{measure:?} {spread}");
-        assert!(close(measure.flux, all.flux, all.flux));
+        assert!((measure.axis_length - all.axis.length()).abs() < 1.0e-4 && close(measure.flux, all.flux, all.flux));
     }
 }
 

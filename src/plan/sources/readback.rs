@@ -76,6 +76,7 @@ fn measured(world: &mut LightWorld, versions: &[Option<TreeVersion>], bytes: &[u
         let measure = SourceMeasure {
             attributes: Attributes { distance, overlap, variance, splitting_cost },
             spread: record.spread,
+            axis_length: record.axis_length,
             refused: record.refused,
         };
         version.filter(|version| world.measure(*version, &measure)).map(|version| version.tree)

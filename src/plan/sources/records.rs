@@ -57,11 +57,12 @@ pub(crate) struct MeasureRecord {
     pub attributes: [f32; 4],
     /// The squared diagonal of the box by the variance of position.
     pub spread: f32,
+    /// The length of the mean direction of emission.
+    pub axis_length: f32,
     /// In lumens.
     pub flux: f32,
     /// How many writes of lights were refused since the record of the source was written.
     pub refused: u32,
-    pub padding: u32,
 }
 
 /// A dispatch of a refit; `RefitPass` in WGSL.

@@ -14,7 +14,7 @@ fn scheduler_of<const N: usize>(sizes: [usize; N]) -> (Scheduler, [TreeKey; N]) 
     let mut scheduler = Scheduler::default();
     let trees = sizes.map(|lights| {
         let tree = keys.insert(());
-        scheduler.add(tree, LnCost::default(), lights);
+        scheduler.add(tree, TreeFeatures::default(), lights);
         tree
     });
     (scheduler, trees)
@@ -22,7 +22,7 @@ fn scheduler_of<const N: usize>(sizes: [usize; N]) -> (Scheduler, [TreeKey; N]) 
 
 /// Lets a tree ask for a rebuild, with this share of the picture.
 fn ask(scheduler: &mut Scheduler, tree: TreeKey, share: f32) {
-    scheduler.has_changed(tree, 1.0.into());
+    scheduler.has_changed(tree, &TreeFeatures::of_cost(1.0));
     scheduler.set_request(tree, RebuildRequest::Optional, share);
 }
 
@@ -60,7 +60,7 @@ fn waits_are_counted_in_frames_in_the_queue_and_for_a_long_build() {
     // A long build that has ended stays until it is paid for, but its tree no longer waits.
     let work = scheduler.go_on_in_background();
     scheduler.finish_background(work, scheduler.costs.predict(work));
-    scheduler.was_rebuilt(tree, LnCost::default());
+    scheduler.was_rebuilt(tree, TreeFeatures::default());
     assert_eq!((scheduler.longest_wait(), scheduler.long_build_wait()), (0, 4));
     assert!(scheduler.has_jobs() && !scheduler.waits(tree) && !scheduler.is_long_build_of(tree));
     // Frames pay for it.
@@ -93,7 +93,7 @@ fn no_request_stands_but_a_required_one() {
         [RebuildRequest::Doubtful, RebuildRequest::Optional, RebuildRequest::Required, RebuildRequest::Urgent];
     for request in requests {
         let (mut scheduler, [tree]) = scheduler_of([100]);
-        scheduler.has_changed(tree, 1.0.into());
+        scheduler.has_changed(tree, &TreeFeatures::of_cost(1.0));
         scheduler.set_request(tree, request, 1.0);
         let standing = if request == RebuildRequest::Required { request } else { RebuildRequest::None };
         assert_eq!(scheduler.standing_request(tree, RebuildRequest::None), standing, "{request:?}");
@@ -137,7 +137,7 @@ fn of_two_trees_that_gain_the_same_the_cheaper_one_comes_first() {
 fn urgent_requests_begin_above_all_others_and_in_the_order_of_their_values() {
     let (mut scheduler, [best, worst]) = scheduler_of([100; 2]);
     for (tree, share) in [(best, 1.0), (worst, 0.0)] {
-        scheduler.has_changed(tree, 1.0.into());
+        scheduler.has_changed(tree, &TreeFeatures::of_cost(1.0));
         scheduler.set_request(tree, RebuildRequest::Urgent, share);
     }
     let priorities = [best, worst].map(|tree| scheduler.priority(scheduler.queue.entry(tree).rank));
@@ -196,7 +196,7 @@ fn trees_that_are_replaced_resized_or_removed_are_known_as_what_they_are_now() {
     for tree in [replaced, resized, removed] {
         ask(&mut scheduler, tree, 1.0);
     }
-    scheduler.was_replaced(replaced, 0.5.into(), 30);
+    scheduler.was_replaced(replaced, TreeFeatures::of_cost(0.5), 30);
     scheduler.was_resized(resized, 40);
     scheduler.remove(removed);
     let works = [replaced, resized].map(|tree| scheduler.work_of_rebuild(tree));
