@@ -1432,7 +1432,7 @@ GirandoleStatus girandole_planner_set_cut_view(struct GirandolePlanner *planner,
 
 // Creates a planner for a device that holds nothing yet. limits may be NULL for a largest buffer of 128 MiB
 // and no other limits. cuts may be NULL for 32,768 cells of 0.25 m that need 8 marks, which take 67 MB of GPU memory.
-// Returns 1000 or 1001 for a wrong edge or number of cells. Destroy it with girandole_planner_destroy.
+// Returns 100 for a wrong edge or number of cells. Destroy it with girandole_planner_destroy.
 GirandoleStatus girandole_planner_create(const struct GirandoleLimits *limits,
                                          const struct GirandoleCutOptions *cuts,
                                          struct GirandolePlanner **planner);

@@ -21,7 +21,7 @@ pub(crate) unsafe fn change<R>(
 
 /// Creates a planner for a device that holds nothing yet. limits may be NULL for a largest buffer of 128 MiB
 /// and no other limits. cuts may be NULL for 32,768 cells of 0.25 m that need 8 marks, which take 67 MB of GPU memory.
-/// Returns 1000 or 1001 for a wrong edge or number of cells. Destroy it with girandole_planner_destroy.
+/// Returns 100 for a wrong edge or number of cells. Destroy it with girandole_planner_destroy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_planner_create(
     limits: *const GirandoleLimits,
