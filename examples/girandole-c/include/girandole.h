@@ -80,20 +80,23 @@
 // GIRANDOLE_SAMPLING_SEGMENTS is set.
 #define GIRANDOLE_EFFECT_SEGMENTS 128
 
+// An instance has a factor other than 1.
+#define GIRANDOLE_EFFECT_FACTORS 256
+
 // An instance has a mask with a bit that is not set.
-#define GIRANDOLE_EFFECT_MASKS 256
+#define GIRANDOLE_EFFECT_MASKS 512
 
 // The world has a sky.
-#define GIRANDOLE_EFFECT_SKY 512
+#define GIRANDOLE_EFFECT_SKY 1024
 
 // A light has a profile.
-#define GIRANDOLE_EFFECT_PROFILES 1024
+#define GIRANDOLE_EFFECT_PROFILES 2048
 
 // The world has portals: see girandole_world_set_portals.
-#define GIRANDOLE_EFFECT_PORTALS 2048
+#define GIRANDOLE_EFFECT_PORTALS 4096
 
 // All effects: a shader for them reads the buffers of any world, and is the longest.
-#define GIRANDOLE_ALL_EFFECTS 4095
+#define GIRANDOLE_ALL_EFFECTS 8191
 
 // The bytes of a baked tree, which the interface owns.
 typedef struct GirandoleBlob GirandoleBlob;
