@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use girandole::glam::{DVec3, Mat3, Quat, Vec3};
 use girandole::gpu::GpuLights;
 use girandole::{Effects, FrameBudget, Light, LightTree, LightWorld, Placement, Policy, WorldError, wgpu};
-use testbed::common::batch::{SampleRecord, SampleRequest};
+use testbed::common::batch::{self, SampleRecord, SampleRequest};
 
 use testbed::common::gpu;
 use testbed::testing::support::Rng;
@@ -54,7 +54,7 @@ fn main() {
     };
 
     let lights = bare_world(&machine, size.instances).expect("a world of valid lights");
-    let own = own_layout(&machine.device);
+    let own = batch::in_and_out(&machine.device);
     let mut cases = cases(&machine, &lights, &own, is_bench);
     let requests = requests(size.shading_points);
     let input = machine.storage(size_of_val(&requests[..]) as u64);
@@ -153,7 +153,7 @@ fn requests(count: u32) -> Vec<SampleRequest> {
 fn cases(machine: &Machine, lights: &GpuLights, own: &wgpu::BindGroupLayout, is_bench: bool) -> Vec<Case> {
     let none = lights.shader(0, Effects::empty());
     let batch = |effects: Effects| {
-        let stage = testbed::common::batch::STAGE;
+        let stage = batch::STAGE;
         let text = none.with_effects(effects).join(stage);
         machine.pipeline(lights, own, &text, "batch")
     };
@@ -227,22 +227,6 @@ fn quarters(values: &[f64]) -> [f64; 5] {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     std::array::from_fn(|quarter| sorted[(sorted.len() - 1) * quarter / 4])
-}
-
-/// The layout of two storage buffers: requests and samples.
-fn own_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
-    let entry = |binding, read_only| wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Storage { read_only },
-            has_dynamic_offset: false,
-            min_binding_size: None,
-        },
-        count: None,
-    };
-    let entries = [entry(0, true), entry(1, false)];
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
 }
 
 fn bind(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, buffers: [&wgpu::Buffer; 2]) -> wgpu::BindGroup {

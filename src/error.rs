@@ -34,7 +34,7 @@ pub struct ValueError {
     pub what: &'static str,
     /// The given value.
     pub value: f64,
-    /// What the number must be within its range, if not every number of it is allowed; otherwise empty.
+    /// What is asked of the number besides its range, such as "a power of two"; empty if nothing is.
     pub rule: &'static str,
     /// The least value allowed.
     pub min: f64,
@@ -190,6 +190,7 @@ impl WorldError {
             Self::ProfileOnGpu => 216,
         }
     }
+
     /// [`WorldError::Entry`].
     pub(crate) fn entry(what: &'static str, index: usize, source: impl Into<Self>) -> Self {
         Self::Entry { what, index, source: Box::new(source.into()) }

@@ -409,20 +409,7 @@ pub(crate) fn asker(lights: &GpuLights, text: String) -> Asker {
         label: None,
         source: wgpu::ShaderSource::Wgsl(text.into()),
     });
-    let entry = |binding, read_only| wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Storage { read_only },
-            has_dynamic_offset: false,
-            min_binding_size: None,
-        },
-        count: None,
-    };
-    let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: None,
-        entries: &[entry(0, true), entry(1, false)],
-    });
+    let own = batch::in_and_out(&device);
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         bind_group_layouts: &[Some(&own), Some(lights.bind_group_layout())],
         ..Default::default()

@@ -11,6 +11,7 @@ use girandole::{
 use wgpu::util::DeviceExt;
 
 use crate::gpu::read;
+use testbed::common::batch;
 use testbed::common::gpu as device;
 use testbed::testing::support::Rng;
 
@@ -65,20 +66,7 @@ impl Asker {
             label: None,
             source: wgpu::ShaderSource::Wgsl(shader.join(TEXT).into()),
         });
-        let entry = |binding, read_only| wgpu::BindGroupLayoutEntry {
-            binding,
-            visibility: wgpu::ShaderStages::COMPUTE,
-            ty: wgpu::BindingType::Buffer {
-                ty: wgpu::BufferBindingType::Storage { read_only },
-                has_dynamic_offset: false,
-                min_binding_size: None,
-            },
-            count: None,
-        };
-        let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: None,
-            entries: &[entry(0, true), entry(1, false)],
-        });
+        let own = batch::in_and_out(&device);
         let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: None,
             bind_group_layouts: &[Some(&shader.layout), Some(&own)],

@@ -17,6 +17,7 @@ use assuming_numbers::comparisons_negated;
 use bytemuck::{Pod, Zeroable};
 use girandole::gpu::GpuLights;
 use girandole::{Effects, LightId, LightWorld, ShadingPoint};
+use testbed::common::batch;
 
 use crate::gpu::{buffer, gpu, read};
 
@@ -210,20 +211,7 @@ type Place = Arc<OnceLock<wgpu::ComputePipeline>>;
 fn ask<A: Pod>(lights: &mut GpuLights, text: Text, entry: &'static str, questions: &[Question]) -> Vec<A> {
     static PIPELINES: Mutex<BTreeMap<(Text, &str), Place>> = Mutex::new(BTreeMap::new());
     let (device, queue) = gpu();
-    let binding = |binding, read_only| wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Storage { read_only },
-            has_dynamic_offset: false,
-            min_binding_size: None,
-        },
-        count: None,
-    };
-    let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: None,
-        entries: &[binding(0, true), binding(1, false)],
-    });
+    let own = batch::in_and_out(&device);
     let place = PIPELINES.lock().expect("no panic before").entry((text, entry)).or_default().clone();
     let pipeline = place.get_or_init(|| {
         let shader = lights.shader(0, Effects::all());

@@ -50,8 +50,8 @@ pub const STAGE: &str = concat!(include_str!("request.wgsl"), include_str!("batc
 /// Invocations of a workgroup.
 const LANES: u32 = 64;
 
-/// The pipeline for a joined text and the layout of group 0.
-pub fn pipeline(device: &wgpu::Device, text: &str, lights: &wgpu::BindGroupLayout) -> wgpu::ComputePipeline {
+/// The layout of two storage buffers: one that a shader reads, and one that it writes.
+pub fn in_and_out(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     let entry = |binding, read_only| wgpu::BindGroupLayoutEntry {
         binding,
         visibility: wgpu::ShaderStages::COMPUTE,
@@ -62,9 +62,14 @@ pub fn pipeline(device: &wgpu::Device, text: &str, lights: &wgpu::BindGroupLayou
         },
         count: None,
     };
-    let label = Some("batch");
     let entries = &[entry(0, true), entry(1, false)];
-    let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries });
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("in and out"), entries })
+}
+
+/// The pipeline for a joined text and the layout of group 0.
+pub fn pipeline(device: &wgpu::Device, text: &str, lights: &wgpu::BindGroupLayout) -> wgpu::ComputePipeline {
+    let label = Some("batch");
+    let own = in_and_out(device);
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label,
         bind_group_layouts: &[Some(lights), Some(&own)],
