@@ -2,7 +2,9 @@
 //! code.
 //!
 //! Loops over the eight children of a node are plain code that the compiler vectorises. By default
-//! it uses only what every x86-64 machine has (SSE2). docs/decisions.md, 16, has the gain of AVX2.
+//! it uses only what every x86-64 machine has (SSE2). With AVX2 a choice with eight splits takes 0.86 us
+//! instead of 1.46, and a refit 48 ns per light instead of 79 (20,000 lights, 2 cores of an AMD EPYC,
+//! 2026-11-21). Explicit vectors would bind the crate to intrinsics or to another crate.
 
 /// Work that is compiled for several kinds of machines. `run` and every function that it calls must
 /// be `#[inline(always)]`.

@@ -2,7 +2,7 @@
 //! illuminance at the viewpoint.
 //!
 //! Counts of how often lights were sampled, read back from the GPU, were tried as weights. They
-//! recovered no more of the gap than the illuminance alone (docs/decisions-archive.md, 22).
+//! recovered no more of the gap than the illuminance alone (docs/decisions.md, 27).
 
 use glam::DVec3;
 

@@ -2,7 +2,7 @@
 //!
 //! A candidate's weight is the root of its mean squared share of the light at the points. A candidate is
 //! split that is most in doubt, or whose share differs most between points. docs/math.md has the
-//! reasons, and docs/decisions.md what else was tried.
+//! reasons, and docs/decisions.md, 80, the numbers.
 
 use crate::math::simd::{VectorJob, with_vectors};
 use crate::sampling::cut::MIN_DOUBT;
