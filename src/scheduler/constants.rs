@@ -1,5 +1,5 @@
-//! All constants of the scheduler's decisions, in one place. `docs/math.md` has a table of them
-//! with the effect of each.
+//! All constants of the scheduler's decisions, in one place. `docs/math.md` has the formulas that they belong to, and
+//! what each rule adds.
 
 use std::time::Duration;
 
