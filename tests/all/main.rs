@@ -8,7 +8,6 @@ mod appearance;
 mod catalogue;
 mod cells_that_fit;
 mod concurrency;
-mod decisions;
 mod dependencies;
 mod distribution;
 mod edits;
