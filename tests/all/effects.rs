@@ -5,8 +5,8 @@ use std::collections::HashMap;
 use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::{
-    DirectionalKey, DirectionalLight, EffectCounts, Effects, FrameBudget, InstanceKey, Light, LightTree, LightWorld,
-    Placement, Policy,
+    DirectionalKey, DirectionalLight, EffectCounts, Effects, FrameBudget, Instance, InstanceKey, Light, LightTree,
+    LightWorld, Placement, Policy,
 };
 use proptest::prelude::*;
 
@@ -26,20 +26,17 @@ fn counted(world: &LightWorld) -> HashMap<Effects, u64> {
         tree.lights().iter().for_each(|light| add(light.effects()));
     }
     for instance in world.instances() {
-        let linear = world.instance(instance).expect("it lives").placement.linear;
+        let Instance { placement, appearance, .. } = world.instance(instance).expect("it lives");
+        let linear = placement.linear;
         let gram = linear.transpose() * linear;
         let is_rigid = gram.abs_diff_eq(Mat3::IDENTITY, 4.0e-6) && linear.determinant() > 0.0;
-        let factor = world.instance(instance).expect("it lives").appearance.factor;
-        if world.instance(instance).map(|i| i.appearance.is_enabled) == Some(false)
-            || factor == Vec3::ZERO
-            || linear == Mat3::ZERO
-        {
+        if !appearance.is_enabled || appearance.factor == Vec3::ZERO || linear == Mat3::ZERO {
             continue;
         }
-        if factor != Vec3::ONE {
+        if appearance.factor != Vec3::ONE {
             add(Effects::FACTORS);
         }
-        if world.instance(instance).map(|i| i.appearance.mask) != Some(u32::MAX) {
+        if appearance.mask != u32::MAX {
             add(Effects::MASKS);
         }
         if !is_rigid {

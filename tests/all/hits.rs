@@ -2,7 +2,8 @@
 
 use girandole::glam::{DMat3, DVec3, Mat3, Vec2, Vec3};
 use girandole::{
-    Effects, FrameBudget, Light, LightId, LightSample, LightTree, LightWorld, Placement, Policy, ShadingPoint, Shape,
+    Effects, FrameBudget, Instance, Light, LightId, LightSample, LightTree, LightWorld, Placement, Policy,
+    ShadingPoint, Shape,
 };
 
 use crate::gpu::{ask, close, uploaded};
@@ -17,15 +18,15 @@ const RAYS_PER_EDGE: usize = 500;
 /// The first light that sends light back along a ray, by all lights in turn: its distance and its radiance.
 fn first_of_all(world: &LightWorld, at: &ShadingPoint, direction: Vec3, max_dist: f64) -> Option<(LightId, f64, Vec3)> {
     let mut first: Option<(LightId, f64, Vec3)> = None;
-    for instance in world.instances().filter(|i| {
-        world.instance(*i).map(|i| i.appearance.is_enabled) == Some(true)
-            && world.instance(*i).map_or(0, |i| i.appearance.mask) & at.mask != 0
-    }) {
-        let placement = world.instance(instance).expect("a live instance").placement;
+    for instance in world.instances() {
+        let Instance { placement, appearance, tree, .. } = world.instance(instance).expect("a live instance");
+        if !appearance.is_enabled || appearance.mask & at.mask == 0 {
+            continue;
+        }
         let to_local: DMat3 = placement.linear.as_dmat3().inverse();
         let origin = to_local * (at.position.as_dvec3() - placement.translation);
         let local = to_local * direction.as_dvec3();
-        let tree = world.instance(instance).and_then(|i| world.tree(i.tree)).expect("a live tree");
+        let tree = world.tree(*tree).expect("a live tree");
         for (index, light) in tree.lights().iter().enumerate().filter(|(_, light)| light.flux() > 0.0) {
             let Some(dist) = hit(light, origin, local) else { continue };
             let (normal, two_sided) = match light.shape {
@@ -37,9 +38,7 @@ fn first_of_all(world: &LightWorld, at: &ShadingPoint, direction: Vec3, max_dist
             let window =
                 if f64::from(light.range) < 1.0e18 { 1.0 - (dist / f64::from(light.range)).powi(4) } else { 1.0 };
             if is_lit && window > 0.0 && dist < first.map_or(max_dist, |(_, nearest, _)| nearest) {
-                let radiance = light.emission
-                    * window as f32
-                    * world.instance(instance).map_or(Vec3::ONE, |i| i.appearance.factor);
+                let radiance = light.emission * window as f32 * appearance.factor;
                 first = Some((LightId::Local { instance, light: index as u32 }, dist, radiance));
             }
         }

@@ -68,14 +68,11 @@ fn check_chances(world: &LightWorld, rng: &mut Rng) {
 
 #[test]
 fn a_region_is_sent_between_threads_and_so_is_what_is_left_of_it() {
-    fn is_send<T: Send + 'static>() {}
-    is_send::<Region>();
-    let mut rng = Rng(500);
-    let (mut world, tree) = world(&mut rng);
+    let (mut world, tree) = world(&mut Rng(500));
     let mut filled = std::thread::spawn(move || region(&mut Rng(501), tree)).join().expect("the thread ends");
     let key = world.add_region(&mut filled).expect("valid");
     let removed = world.remove_region(key).expect("it lives");
-    std::thread::spawn(move || drop(removed)).join().expect("the thread ends");
+    std::thread::spawn(move || drop((removed, filled))).join().expect("the thread ends");
 }
 
 #[test]

@@ -8,7 +8,7 @@ use girandole::{
 };
 
 use crate::gpu::{ask, close, gpu_lights};
-use testbed::testing::support::{Rng, place_tree};
+use testbed::testing::support::{Rng, mean, place_tree};
 
 /// Whether a ray passes walls, which cut the space into slabs with holes.
 fn is_visible(from: Vec3, toward: Vec3) -> bool {
@@ -47,8 +47,7 @@ fn deviations(rng: &mut Rng, world: &LightWorld) -> Vec<f64> {
             let own = sampler.resample(at, std::array::from_fn(|_| rng.unit()), 1);
             Reservoir { reflected: reflected(&sampler, at, &own), count, ..own }
         };
-        let (draws, mut sum, mut squares) = (6000, 0.0, 0.0);
-        for _ in 0..draws {
+        let [mean, deviation] = mean(6000, || {
             let mut own = draw(rng, &at, 1.0);
             for (beside, count) in beside.iter().zip([7.0, 0.5]) {
                 let other = draw(rng, beside, count);
@@ -56,12 +55,8 @@ fn deviations(rng: &mut Rng, world: &LightWorld) -> Vec<f64> {
                 own = own.merge(there, &other, here, rng.unit());
             }
             assert_eq!(own.count, 8.5);
-            let value = f64::from(own.reflected) * f64::from(own.weight);
-            sum += value;
-            squares += value * value;
-        }
-        let n = f64::from(draws);
-        let (mean, deviation) = (sum / n, ((squares / n - (sum / n).powi(2)) / n).sqrt());
+            f64::from(own.reflected) * f64::from(own.weight)
+        });
         // Only precise means tell anything.
         if deviation < 0.05 * exact {
             deviations.push((mean - exact).abs() / deviation);

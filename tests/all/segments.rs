@@ -3,12 +3,12 @@
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::light::luminance;
-use girandole::{DirectionalLight, Effects, Light, LightId, LightSampler, Policy, ShadingPoint};
+use girandole::{DirectionalLight, Effects, Light, LightId, LightSample, LightSampler, Policy, ShadingPoint};
 
 use crate::gpu::{ask, close, name_of, uploaded};
 use testbed::measuring::in_scattering::{Ray, in_scattered};
 use testbed::measuring::lights::carried;
-use testbed::testing::support::{Rng, SPLITS, all_pmfs, assert_frequencies, assert_probabilities, world_of};
+use testbed::testing::support::{Rng, SPLITS, all_pmfs, assert_frequencies, assert_probabilities, mean, world_of};
 
 /// A segment in the cube from `-size` to `size`, from a millimetre to a few hundred metres long.
 fn segment(rng: &mut Rng, size: f32) -> ShadingPoint {
@@ -170,30 +170,26 @@ fn samples_estimate_the_integral_over_the_segment_and_candidates_do_so_with_less
             true => f64::from(luminance(radiance)) * f64::from(weight),
             false => 0.0,
         };
-        let mut moments = [[0.0; 2]; 2];
-        for _ in 0..draws {
-            let u: [f32; 5] = std::array::from_fn(|_| rng.unit());
-            let one = sampler.sample(&at, [u[0], u[1], u[2], u[3]]).map_or(0.0, |sample| {
-                assert!((0.0..=length * 1.000_001).contains(&sample.incident.along));
-                value(sample.light, sample.incident.radiance, 1.0 / (sample.pmf * sample.incident.pdf))
-            });
-            let eight = sampler.resample(&at, u, 8);
-            let eight = sampler.reservoir_sample(&at, &eight).map_or(0.0, |sample| {
-                value(sample.light, sample.incident.radiance, 1.0 / (sample.pmf * sample.incident.pdf))
-            });
-            for (moments, value) in moments.iter_mut().zip([one, eight]) {
-                moments[0] += value / f64::from(draws);
-                moments[1] += value * value / f64::from(draws);
-            }
-        }
-        let deviation = moments.map(|[mean, square]| (square - mean * mean).max(0.0).sqrt());
-        for ([mean, _], deviation) in moments.into_iter().zip(deviation) {
+        let of = |sample: LightSample| {
+            assert!((0.0..=length * 1.000_001).contains(&sample.incident.along));
+            value(sample.light, sample.incident.radiance, 1.0 / (sample.pmf * sample.incident.pdf))
+        };
+        let [one, eight] = [1, 8].map(|candidates| {
+            mean(draws, || {
+                let u: [f32; 5] = std::array::from_fn(|_| rng.unit());
+                let sample = match candidates {
+                    1 => sampler.sample(&at, [u[0], u[1], u[2], u[3]]),
+                    _ => sampler.reservoir_sample(&at, &sampler.resample(&at, u, candidates)),
+                };
+                sample.map_or(0.0, of)
+            })
+        });
+        for [mean, error] in [one, eight] {
             // Five standard errors, and the window of ranges, which the exact integral takes at the
             // centres of lights: a false alarm in less than one of 10^6 runs.
-            let allowed = 5.0 * deviation / f64::from(draws).sqrt() + 2.0e-3 * exact;
-            assert!((mean - exact).abs() <= allowed, "{length} m: {mean} {exact} {deviation}");
+            assert!((mean - exact).abs() <= 5.0 * error + 2.0e-3 * exact, "{length} m: {mean} {exact} {error}");
         }
-        less += u32::from(deviation[1] < 0.8 * deviation[0]);
+        less += u32::from(eight[1] < 0.8 * one[1]);
     }
     assert!(less >= 4, "candidates lowered the noise of {less} segments only");
 }
