@@ -9,7 +9,6 @@ mod catalogue;
 mod cells_that_fit;
 mod concurrency;
 mod dependencies;
-mod distribution;
 mod edits;
 mod effects;
 mod far_instances;

@@ -3,19 +3,9 @@
 use super::*;
 use crate::gpu::{ask, uploaded};
 
-/// A light at a shading point, as a shader asks for it.
-#[repr(C)]
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct Question {
-    position: [f32; 3],
-    instance: u32,
-    light: u32,
-    padding: [u32; 3],
-}
-
 /// What a shader finds: the probability of the light, and the illuminance that it sends.
 const ASK: &str = "
-    struct Question { position: vec3<f32>, instance: u32, light: u32 }
+    struct Question { position: vec3<f32>, instance: u32, light: u32, a: u32, b: u32, c: u32 }
     fn answer(q: Question) -> vec2<f32> {
         let at = light_surface_point(q.position, vec3(0.0));
         let found = light_reservoir_sample(at, light_reservoir_of(q.instance, q.light, vec2(0.5)));
@@ -53,7 +43,8 @@ fn lights_whose_rim_is_at_the_shading_point_have_a_probability_on_the_gpu() {
                     let (to, along) = (at.as_dvec3().normalize(), axis.as_dvec3().normalize());
                     let angle = 2.0 * (to - along).length().atan2((to + along).length());
                     let slot = world.slot(instance).expect("it lives");
-                    questions.push(Question { position: at.to_array(), instance: slot, light, padding: [0; 3] });
+                    let [x, y, z] = at.to_array().map(f32::to_bits);
+                    questions.push([x, y, z, slot, light, 0, 0, 0]);
                     expected.push((root_share(inner, outer, angle), at.as_dvec3().length_squared(), (inner, outer)));
                 }
             }

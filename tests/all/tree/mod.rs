@@ -6,7 +6,9 @@ mod rebuild;
 mod refit;
 
 use girandole::glam::Vec3;
-use girandole::{Light, LightTree, Shape};
+use girandole::{Light, LightTree, MAX_SPLITS, ShadingPoint, Shape};
+
+use testbed::testing::support::Rng;
 
 /// A tree that has passed the check.
 fn checked(lights: Vec<Light>) -> LightTree {
@@ -56,4 +58,27 @@ fn lights_at_one_point_in_a_line_and_in_a_plane_make_sound_trees() {
     let longest = (0..root.count()).map(|slot| root.cluster(slot).aabb.extent().x).fold(0.0, f32::max);
     assert!(longest < 0.4 * 9990.0, "{longest}");
     checked((0..1000).map(|i| lamp(Vec3::new((i % 30) as f32, 0.0, (i / 30) as f32))).collect());
+}
+
+#[test]
+fn the_distribution_of_a_tree_is_the_pmf_of_each_light_and_sums_to_one() {
+    let mut rng = Rng(72);
+    let mut pmfs = Vec::new();
+    for count in [0, 1, 2, 9, 100, 3000] {
+        // Point lights reach everything: no draw ends without a light.
+        let lights = (0..count).map(|_| Light::point(rng.position(20.0), Vec3::splat(rng.unit() + 0.01))).collect();
+        let tree = LightTree::new(lights).expect("valid lights");
+        for splits in 0..=MAX_SPLITS {
+            let shading_point = ShadingPoint::volume(rng.position(30.0));
+            tree.distribution(&shading_point, splits, &mut pmfs);
+            assert_eq!(pmfs.len(), count);
+            for (light, pmf) in (0..).zip(&pmfs) {
+                let same = tree.pmf(&shading_point, light, splits);
+                // Products of up to two dozen ratios in another order, each of which rounds by 6e-8.
+                assert!(*pmf > 0.0 && same > 0.0 && (pmf - same).abs() <= 1.0e-5 * same, "{pmf} {same}");
+            }
+            let sum: f64 = pmfs.iter().map(|p| f64::from(*p)).sum();
+            assert!(count == 0 || (sum - 1.0).abs() < 1.0e-4, "{sum}");
+        }
+    }
 }
