@@ -38,43 +38,6 @@ fn squashed() -> Placement {
 }
 
 #[test]
-fn a_tree_from_another_thread_is_sampled_refitted_and_rebuilt_as_one_of_the_world() {
-    let mut rng = Rng(300);
-    for count in [0, 1, 7, 60, 3000] {
-        let lights = rng.lights(count, 5.0);
-        let placements = placements(&mut rng);
-        let other = lights.clone();
-        let built = std::thread::spawn(move || LightTree::new(other).expect("valid")).join().expect("the thread ends");
-        let baked = loaded(&built);
-        let add = |world: &mut LightWorld, tree: Option<LightTree>| match tree {
-            Some(tree) => world.add_tree(tree),
-            None => world.add_tree(LightTree::new(lights.clone()).expect("valid")),
-        };
-        let mut worlds = [None, Some(built), Some(baked)].map(|tree| {
-            let mut world = LightWorld::new();
-            let key = add(&mut world, tree);
-            place(&mut world, key, &placements, Policy::Budgeted);
-            (world, key)
-        });
-        for round in 0..4 {
-            let seen = worlds.each_ref().map(|(world, _)| samples(world, round));
-            assert_eq!(seen[0], seen[1], "{count} lights, round {round}");
-            assert_eq!(seen[0], seen[2], "{count} lights, round {round}");
-            let counts = worlds.each_ref().map(|(world, _)| (world.light_count(), *world.effect_counts()));
-            assert!(counts[0] == counts[1] && counts[0] == counts[2]);
-            let changes: Vec<_> = (0..count as u32).step_by(3).map(|index| (index, rng.light(5.0))).collect();
-            for (world, key) in &mut worlds {
-                world.set_lights(*key, &changes).expect("valid");
-                world.update(if round == 2 { FrameBudget::UNLIMITED } else { FrameBudget::NONE });
-                world.tree(*key).expect("it lives").check().expect("the tree is sound");
-            }
-            let nodes = worlds.each_ref().map(|(world, key)| world.tree(*key).expect("it lives").nodes());
-            assert!(nodes[0] == nodes[1] && nodes[0] == nodes[2], "{count} lights, round {round}");
-        }
-    }
-}
-
-#[test]
 fn a_tree_with_changes_that_wait_for_a_refit_is_refitted_as_it_is_taken_in() {
     let mut rng = Rng(303);
     let lights = rng.lights(60, 5.0);
