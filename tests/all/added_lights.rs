@@ -19,10 +19,6 @@ use crate::gpu::gpu_lights;
 use testbed::measuring::sigma::{Noise, Summary};
 use testbed::testing::support::{Rng, SPLITS, all_pmfs, assert_probabilities, place_tree, world_of};
 
-fn below(rng: &mut Rng, end: usize) -> usize {
-    (rng.bits() % end as u64) as usize
-}
-
 fn lamp(x: f32) -> Light {
     Light::point(Vec3::new(x, 0.0, 0.0), Vec3::ONE)
 }
@@ -180,7 +176,7 @@ fn adding_and_removing_a_light_costs_a_path_of_nodes_in_a_tree_of_any_size() {
         assert!(nodes <= 64 && lights_sent <= 400 && bytes <= 32_768, "{greatest:?}");
         let (mut nodes, mut bytes) = (0, 0);
         for _ in 0..edits {
-            let gone = added.swap_remove(below(&mut rng, added.len()));
+            let gone = added.swap_remove(rng.below(added.len()));
             world.remove_lights(tree, &[gone]).expect("it has the light");
             let (refit, sent) = frame(&mut world, &mut lights);
             nodes += refit.refit_nodes;
@@ -224,7 +220,7 @@ fn nodes_of_removed_lights_are_used_again() {
     let mut most = 0;
     for _ in 0..20_000 {
         let lights = present(&tree);
-        let gone = lights[below(&mut rng, lights.len())];
+        let gone = lights[rng.below(lights.len())];
         tree.remove_lights(&[gone]).expect("it has the light");
         assert_eq!(tree.add_lights(&[any_lamp(&mut rng)]), Ok(vec![gone]));
         most = most.max(tree.nodes().len());
@@ -314,13 +310,13 @@ fn check_world(world: &LightWorld, models: &[(TreeKey, InstanceKey, Model)], rng
 fn edit(world: &mut LightWorld, (key, instance, model): &mut (TreeKey, InstanceKey, Model), rng: &mut Rng) {
     let held: Vec<u32> = (0..).zip(&*model).filter(|(_, light)| light.is_some()).map(|(index, _)| index).collect();
     let some = |rng: &mut Rng, most: usize| -> Vec<u32> {
-        let chosen: BTreeSet<u32> = (0..below(rng, most + 1)).map(|_| held[below(rng, held.len())]).collect();
+        let chosen: BTreeSet<u32> = (0..rng.below(most + 1)).map(|_| held[rng.below(held.len())]).collect();
         chosen.into_iter().collect()
     };
-    match below(rng, 9) {
+    match rng.below(9) {
         0..3 => {
-            let most = [3, 20, 80][below(rng, 3)];
-            let count = below(rng, most);
+            let most = [3, 20, 80][rng.below(3)];
+            let count = rng.below(most);
             let lights = rng.lights(count, 12.0);
             let indices = world.add_lights(*key, &lights).expect("valid");
             for (index, light) in indices.into_iter().zip(lights) {
@@ -329,7 +325,7 @@ fn edit(world: &mut LightWorld, (key, instance, model): &mut (TreeKey, InstanceK
             }
         }
         3..5 if !held.is_empty() => {
-            let most = if below(rng, 6) == 0 { 3 * held.len() } else { 12 };
+            let most = if rng.below(6) == 0 { 3 * held.len() } else { 12 };
             let gone = some(rng, most);
             world.remove_lights(*key, &gone).expect("it has the lights");
             gone.into_iter().for_each(|index| model[index as usize] = None);
@@ -339,8 +335,8 @@ fn edit(world: &mut LightWorld, (key, instance, model): &mut (TreeKey, InstanceK
             world.set_lights(*key, &changes).expect("valid");
             changes.iter().for_each(|(index, light)| model[*index as usize] = Some(*light));
         }
-        6 if below(rng, 4) == 0 => {
-            let count = below(rng, 120);
+        6 if rng.below(4) == 0 => {
+            let count = rng.below(120);
             let lights = rng.lights(count, 12.0);
             *model = lights.iter().copied().map(Some).collect();
             world.replace_lights(*key, lights).expect("valid");
@@ -365,15 +361,15 @@ proptest! {
             let lights = rng.lights(count, 12.0);
             let model: Model = lights.iter().copied().map(Some).collect();
             let tree = world.add_tree(LightTree::new(lights).expect("valid"));
-            let policy = [Policy::Budgeted, Policy::RefitOnly, Policy::AlwaysRebuild][below(&mut rng, 3)];
+            let policy = [Policy::Budgeted, Policy::RefitOnly, Policy::AlwaysRebuild][rng.below(3)];
             models.push((tree, world.add_instance(tree, rng.affine(20.0), policy).expect("valid"), model));
         }
         for step in 0..steps {
-            let which = below(&mut rng, models.len());
+            let which = rng.below(models.len());
             edit(&mut world, &mut models[which], &mut rng);
             // An index is not used twice between two updates, so the model cannot tell.
-            if below(&mut rng, 2) == 0 {
-                world.update(FrameBudget::new(Duration::from_micros(below(&mut rng, 200) as u64)));
+            if rng.below(2) == 0 {
+                world.update(FrameBudget::new(Duration::from_micros(rng.below(200) as u64)));
                 // What the model has removed behind the last light was never added.
                 for (key, _, model) in &mut models {
                     let held = world.tree(*key).expect("it lives").lights().len();
@@ -410,7 +406,7 @@ fn a_build_that_is_open_while_lights_come_and_go_has_all_of_them_when_it_is_take
             let (.., model) = &mut models[0];
             let held: Vec<u32> = (0..).zip(&*model).filter(|(_, l)| l.is_some()).map(|(index, _)| index).collect();
             // More go than come, so some indices that went during a build are vacant at its end.
-            let gone: BTreeSet<u32> = (0..4).map(|_| held[below(&mut rng, held.len())]).collect();
+            let gone: BTreeSet<u32> = (0..4).map(|_| held[rng.below(held.len())]).collect();
             let gone: Vec<u32> = gone.into_iter().collect();
             let lights = rng.lights(2, 12.0);
             for (index, light) in world.add_lights(tree, &lights).expect("valid").into_iter().zip(lights) {
@@ -481,7 +477,7 @@ fn a_tree_whose_lights_were_replaced_one_by_one_is_little_worse_and_a_rebuild_ma
                 if is_new && middles.len() == 40 {
                     middles = (0..41).map(|_| rng.position(45.0)).collect();
                 }
-                let middle = middles[below(rng, middles.len())];
+                let middle = middles[rng.below(middles.len())];
                 Light::point(middle + rng.position(2.0), Vec3::splat(rng.between(1.0, 9.0)))
             }
         };
@@ -491,7 +487,7 @@ fn a_tree_whose_lights_were_replaced_one_by_one_is_little_worse_and_a_rebuild_ma
         for _ in 0..count * 3 / 10 {
             tree.remove_lights(&[{
                 let held = present(&tree);
-                held[below(&mut rng, held.len())]
+                held[rng.below(held.len())]
             }])
             .expect("it has the light");
             let new = light(&mut rng, true);

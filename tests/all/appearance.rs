@@ -10,7 +10,7 @@ use girandole::{
 
 use crate::gpu::{OTHER_PICKS, ask, close, gpu, gpu_lights, requests, sample};
 use testbed::testing::support::{
-    Rng, SPLITS, all_pmfs, assert_frequencies, assert_probabilities, place_tree, user_data_of,
+    Rng, SPLITS, all_pmfs, assert_frequencies, assert_probabilities, distribution, place_tree, user_data_of,
 };
 
 /// Cars in a row along x that share a tree of one lamp.
@@ -113,8 +113,7 @@ fn lamps_of_32_masks(count: u32, in_stripes: bool) -> LightWorld {
 /// The relative standard deviation of one sample, from the probabilities of all lights, which are points.
 fn exact_sigma(world: &LightWorld, at: &ShadingPoint) -> f64 {
     let sampler = world.sampler();
-    let mut pmfs = Vec::new();
-    sampler.distribution(at, &mut pmfs);
+    let pmfs = distribution(&sampler, at);
     let (mut total, mut second) = (0.0, 0.0);
     for (light, pmf) in sampler.all_lights().zip(pmfs) {
         let Some(incident) = sampler.sample_light(at, light, [0.5; 2]) else { continue };

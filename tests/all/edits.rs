@@ -13,10 +13,6 @@ use crate::gpu::{gpu_lights, requests, sample, uploaded};
 
 use testbed::testing::support::{Rng, place_tree, world_of};
 
-fn below(rng: &mut Rng, end: usize) -> usize {
-    (rng.bits() % end as u64) as usize
-}
-
 /// Lamps that are spread over a square of 100 m.
 fn lamps(rng: &mut Rng, count: usize) -> Vec<Light> {
     (0..count).map(|_| Light::point(rng.position(50.0), Vec3::splat(rng.between(1.0, 9.0)))).collect()
@@ -43,7 +39,7 @@ fn one_changed_light_sends_itself_and_the_nodes_above_it() {
         let mut lights = gpu_lights();
         frame(&mut world, &mut lights);
         for _ in 0..4 {
-            let light = below(&mut rng, count) as u32;
+            let light = rng.below(count) as u32;
             world.set_emission(tree, light, Vec3::splat(rng.between(10.0, 20.0))).expect("valid");
             let (refit, sent) = frame(&mut world, &mut lights);
             let nodes = depth(&world, tree, light);
@@ -90,7 +86,7 @@ fn an_edit_that_changes_nothing_or_is_taken_back_costs_nothing() {
 /// Changes some lights, or all, or the shape of a tree, and now and then lets it rest.
 fn change(world: &mut LightWorld, tree: TreeKey, rng: &mut Rng) {
     let count = world.tree(tree).expect("it lives").lights().len();
-    match below(rng, 9) {
+    match rng.below(9) {
         0 => drop(world.rebuild_tree(tree).expect("it lives")),
         1 => world.replace_lights(tree, lamps(rng, count)).expect("valid"),
         2 => {
@@ -104,7 +100,7 @@ fn change(world: &mut LightWorld, tree: TreeKey, rng: &mut Rng) {
         }
         // The vacant indices are used again.
         4 => {
-            let gone: BTreeSet<u32> = (0..700).map(|_| below(rng, count) as u32).collect();
+            let gone: BTreeSet<u32> = (0..700).map(|_| rng.below(count) as u32).collect();
             let gone: Vec<u32> = gone.into_iter().collect();
             world.remove_lights(tree, &gone).expect("it has the lights");
             world.update(FrameBudget::NONE);
@@ -112,11 +108,11 @@ fn change(world: &mut LightWorld, tree: TreeKey, rng: &mut Rng) {
         }
         5 => {
             let few = lamps(rng, 9);
-            world.set_light_range(tree, below(rng, count - 9) as u32, &few).expect("valid");
+            world.set_light_range(tree, rng.below(count - 9) as u32, &few).expect("valid");
         }
         _ => {
-            let few = 1 + below(rng, 20);
-            let some: Vec<_> = lamps(rng, few).into_iter().map(|lamp| (below(rng, count) as u32, lamp)).collect();
+            let few = 1 + rng.below(20);
+            let some: Vec<_> = lamps(rng, few).into_iter().map(|lamp| (rng.below(count) as u32, lamp)).collect();
             world.set_lights(tree, &some).expect("valid");
         }
     }
@@ -134,7 +130,7 @@ fn a_gpu_that_got_only_changes_samples_as_one_that_got_everything() {
     for round in 0..24 {
         for tree in [first, second] {
             change(&mut world, tree, &mut rng);
-            if below(&mut rng, 4) == 0 {
+            if rng.below(4) == 0 {
                 change(&mut world, tree, &mut rng);
                 lights.upload(&world).expect("room enough");
             }

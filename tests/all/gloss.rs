@@ -3,13 +3,13 @@
 
 use girandole::glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
 use girandole::light::luminance;
-use girandole::{
-    DirectionalLight, Effects, Gloss, Light, LightId, LightSampler, LightWorld, Placement, Policy, ShadingPoint,
-};
+use girandole::{DirectionalLight, Effects, Gloss, Light, LightId, LightWorld, Placement, Policy, ShadingPoint};
 
 use crate::gpu::{ask, name_of, uploaded};
 use testbed::measuring::reflection::brdf;
-use testbed::testing::support::{Rng, SPLITS, assert_frequencies, assert_probabilities, mean, place_tree};
+use testbed::testing::support::{
+    Rng, SPLITS, assert_frequencies, assert_probabilities, distribution, mean, place_tree,
+};
 
 /// A gloss of any kind: coated or metal, nearly a mirror or rough, seen from anywhere above or
 /// below.
@@ -34,12 +34,6 @@ fn without_highlight() -> [Gloss; 7] {
         Gloss { specular: -1.0, ..gloss },
         Gloss { diffuse: f32::INFINITY, ..gloss },
     ]
-}
-
-fn distribution(sampler: &LightSampler, at: &ShadingPoint) -> Vec<f32> {
-    let mut pmfs = Vec::new();
-    sampler.distribution(at, &mut pmfs);
-    pmfs
 }
 
 /// A world of one tree in one instance.

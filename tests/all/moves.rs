@@ -12,13 +12,9 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
 use crate::gpu::gpu_lights;
-use testbed::testing::support::{Rng, SPLITS, place_tree, vary};
+use testbed::testing::support::{Rng, SPLITS, distribution, place_tree, vary};
 
 type Moves = Vec<(InstanceKey, Placement)>;
-
-fn below(rng: &mut Rng, end: usize) -> usize {
-    (rng.bits() % end as u64) as usize
-}
 
 /// A world of small trees, which may have light parts, and of trees that are divided by side. The first
 /// instance of a tree of each kind is stretched. Half of the worlds have sectors.
@@ -50,7 +46,7 @@ fn stretched(rng: &mut Rng) -> Placement {
 /// are, and out of sight.
 fn random_moves(world: &LightWorld, rng: &mut Rng, count: usize) -> Moves {
     let keys: Vec<_> = world.instances().collect();
-    let place = |key, rng: &mut Rng| match below(rng, 8) {
+    let place = |key, rng: &mut Rng| match rng.below(8) {
         0 => world.instance(key).expect("it lives").placement,
         1 => Placement { linear: Mat3::ZERO, translation: rng.position(10.0).as_dvec3() },
         2 => stretched(rng),
@@ -58,7 +54,7 @@ fn random_moves(world: &LightWorld, rng: &mut Rng, count: usize) -> Moves {
         _ => rng.affine(20.0).into(),
     };
     let mut one = |_| {
-        let key = keys[below(rng, keys.len())];
+        let key = keys[rng.below(keys.len())];
         (key, place(key, rng))
     };
     (0..count).map(&mut one).collect()
@@ -84,9 +80,8 @@ fn state(world: &LightWorld, seed: u64) -> impl PartialEq + std::fmt::Debug + us
     let mut rng = Rng(seed);
     let mut pmfs = Vec::new();
     for splits in SPLITS {
-        let mut distribution = Vec::new();
-        world.sampler().with_splits(splits).distribution(&rng.masked_point(12.0), &mut distribution);
-        pmfs.extend(distribution.iter().map(|pmf| pmf.to_bits()));
+        let of_all = distribution(&world.sampler().with_splits(splits), &rng.masked_point(12.0));
+        pmfs.extend(of_all.iter().map(|pmf| pmf.to_bits()));
     }
     (placements, trees, pmfs, *world.effect_counts())
 }
@@ -125,7 +120,7 @@ proptest! {
         let mut rng = Rng(seed ^ 1);
         for _ in 0..steps {
             // Few, or more than one thread takes.
-            let count = [1, 7, 1500][below(&mut rng, 3)];
+            let count = [1, 7, 1500][rng.below(3)];
             let moves = random_moves(&together, &mut rng, count);
             together.move_instances(&moves).expect("valid");
             one_by_one(&mut last, &last_ones(&moves));
@@ -135,7 +130,7 @@ proptest! {
                 prop_assert_eq!(lists(&together, seen[0]), lists(&last, seen[1]));
                 seen = [together.revision(), last.revision()];
             }
-            let updates = if rng.bits().is_multiple_of(6) { EFFECT_HOLD_UPDATES as usize + 2 } else { below(&mut rng, 3) };
+            let updates = if rng.bits().is_multiple_of(6) { EFFECT_HOLD_UPDATES as usize + 2 } else { rng.below(3) };
             for _ in 0..updates {
                 prop_assert_eq!(update(&mut together), update(&mut last));
                 all.update(FrameBudget::NONE);
@@ -161,10 +156,10 @@ proptest! {
         prop_assert!(whole.moved_instances().next().is_none() && whole.origin_shift().is_none());
         let mut readers = [Reader::of(&world), Reader::of(&world)];
         for _ in 0..12 {
-            for _ in 0..below(&mut rng, 30) {
+            for _ in 0..rng.below(30) {
                 let keys: Vec<_> = world.instances().collect();
-                let key = keys[below(&mut rng, keys.len())];
-                match below(&mut rng, 7) {
+                let key = keys[rng.below(keys.len())];
+                match rng.below(7) {
                     0 => drop(world.add_instance(tree, rng.affine(9.0), Policy::Budgeted).expect("valid")),
                     1 => {
                         let slot = world.slot(key).expect("it lives");

@@ -3,12 +3,14 @@
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::light::luminance;
-use girandole::{DirectionalLight, Effects, Light, LightId, LightSample, LightSampler, Policy, ShadingPoint};
+use girandole::{DirectionalLight, Effects, Light, LightId, LightSample, Policy, ShadingPoint};
 
 use crate::gpu::{ask, close, name_of, uploaded};
 use testbed::measuring::in_scattering::{Ray, in_scattered};
 use testbed::measuring::lights::carried;
-use testbed::testing::support::{Rng, SPLITS, all_pmfs, assert_frequencies, assert_probabilities, mean, world_of};
+use testbed::testing::support::{
+    Rng, SPLITS, all_pmfs, assert_frequencies, assert_probabilities, distribution, mean, world_of,
+};
 
 /// A segment in the cube from `-size` to `size`, from a millimetre to a few hundred metres long.
 fn segment(rng: &mut Rng, size: f32) -> ShadingPoint {
@@ -18,12 +20,6 @@ fn segment(rng: &mut Rng, size: f32) -> ShadingPoint {
 /// The point of a segment at a share of its length.
 fn point(at: &ShadingPoint, share: f32) -> ShadingPoint {
     ShadingPoint::volume(at.position + at.segment * (share - 0.5))
-}
-
-fn distribution(sampler: &LightSampler, at: &ShadingPoint) -> Vec<f32> {
-    let mut pmfs = Vec::new();
-    sampler.distribution(at, &mut pmfs);
-    pmfs
 }
 
 #[test]

@@ -8,7 +8,7 @@ use girandole::{
 use rayon::prelude::*;
 
 use testbed::measuring::sigma::Noise;
-use testbed::testing::support::{Rng, all_pmfs, assert_frequencies, assert_probabilities, rounds};
+use testbed::testing::support::{Rng, all_pmfs, assert_frequencies, assert_probabilities, distribution, rounds};
 
 /// Few large cells, so that many points share one, each built for any single mark.
 fn table() -> CutTable {
@@ -169,8 +169,7 @@ fn cuts_that_are_kept_stay_exact_whatever_is_edited() {
 fn mean_sigma(sampler: &LightSampler<'_>, at: &[ShadingPoint]) -> f64 {
     let ids: Vec<_> = sampler.all_lights().collect();
     let sigma = |at: &ShadingPoint| {
-        let mut pmfs = Vec::new();
-        sampler.distribution(at, &mut pmfs);
+        let pmfs = distribution(sampler, at);
         let lux = |incident: Incident| incident.radiance.y * incident.direction.dot(at.normal) / incident.pdf;
         let contributions: Vec<f32> =
             ids.iter().map(|id| sampler.sample_light(at, *id, [0.5; 2]).map_or(0.0, lux)).collect();

@@ -169,14 +169,19 @@ pub fn all_pmfs(sampler: &LightSampler, shading_point: &ShadingPoint) -> Vec<(Li
     sampler.all_lights().map(|light| (light, sampler.pmf(shading_point, light))).collect()
 }
 
+/// The probabilities of all lights in one pass.
+pub fn distribution(sampler: &LightSampler, at: &ShadingPoint) -> Vec<f32> {
+    let mut pmfs = Vec::new();
+    sampler.distribution(at, &mut pmfs);
+    pmfs
+}
+
 /// Checks that the probabilities of all lights at a shading point are those of `distribution` and of
 /// picks, that they add up to the share of random numbers that pick a light, and that every light
 /// that contributes has one.
 pub fn assert_probabilities(sampler: &LightSampler, at: &ShadingPoint, draws: u32, rng: &mut Rng) {
-    let mut distribution = Vec::new();
-    sampler.distribution(at, &mut distribution);
     let mut sum = 0.0;
-    for ((light, pmf), same) in all_pmfs(sampler, at).into_iter().zip(distribution) {
+    for ((light, pmf), same) in all_pmfs(sampler, at).into_iter().zip(distribution(sampler, at)) {
         // Below the last summand the floors that keep a probability from rounding to 0 may apply in another order.
         assert!((pmf - same).abs() <= 1.0e-5 * pmf + 1.0e-28, "{light:?} {pmf} {same} at {at:?}");
         assert_eq!(pmf > 0.0, same > 0.0, "{light:?} at {at:?}");
