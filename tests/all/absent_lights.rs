@@ -2,13 +2,13 @@
 //! instance, and stand-ins in place of a tree or the reverse.
 
 use girandole::glam::{DVec3, Vec3};
-use girandole::gpu::{GpuLights, wgsl};
+use girandole::gpu::GpuLights;
 use girandole::{
     DirectionalLight, Effects, FrameBudget, InstanceKey, Light, LightId, LightTree, LightWorld, Placement, Policy,
     ShadingPoint, Shape, Sky, TreeKey,
 };
 
-use crate::gpu::{ask_by, asker, gpu};
+use crate::gpu::{answers, asker, gpu, gpu_lights};
 use testbed::testing::support::Rng;
 
 /// The index of the first stand-in of a tree, and the most stand-ins.
@@ -18,15 +18,7 @@ const MOST_STAND_INS: u32 = 64;
 /// What each function says about a light: 0 if it is not there.
 const TEXT: &str = "
     struct Query { position: vec3<f32>, instance: u32, point: vec3<f32>, light: u32, mask: u32 }
-    struct Answer {
-        pmf: f32, generation: u32, picked: f32, radiance: f32,
-        pdf: f32, along: f32, along_pdf: f32, place: f32,
-    }
-    @group(0) @binding(0) var<storage, read> queries: array<Query>;
-    @group(0) @binding(1) var<storage, read_write> answers: array<Answer>;
-    @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
-        if id.x >= arrayLength(&queries) { return; }
-        let q = queries[id.x];
+    fn answer(q: Query) -> array<f32, 8> {
         let at = light_masked_point(light_volume_point(q.position), q.mask);
         let ray = light_masked_point(light_segment(q.position, vec3(0.6, 0.0, 0.8), 5.0), q.mask);
         let s = light_reservoir_sample(at, light_reservoir_of(q.instance, q.light, vec2(0.3, 0.6)));
@@ -34,8 +26,8 @@ const TEXT: &str = "
         let toward = normalize(q.point - q.position);
         let hit = LightSample(toward, 1.0, vec3(1.0), 1.0, 1.0, q.instance, q.light, 0u);
         let place = light_place_on(at, hit);
-        answers[id.x] = Answer(
-            light_pmf(at, q.instance, q.light), light_generation(q.instance, q.light),
+        return array(
+            light_pmf(at, q.instance, q.light), f32(light_generation(q.instance, q.light)),
             s.pmf + on_ray.pmf, s.radiance.x + s.radiance.y + s.radiance.z + on_ray.radiance.x,
             light_pdf(at, q.instance, q.light, q.point), light_sample_along(ray, q.instance, q.light, 0.4).pdf,
             light_along_pdf(ray, q.instance, q.light, 2.5), place.x + place.y,
@@ -51,26 +43,6 @@ struct Query {
     light: u32,
     mask: u32,
     padding: [u32; 3],
-}
-
-#[repr(C)]
-#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
-struct Answer {
-    pmf: f32,
-    generation: u32,
-    picked: f32,
-    radiance: f32,
-    pdf: f32,
-    along: f32,
-    along_pdf: f32,
-    place: f32,
-}
-
-impl Answer {
-    fn numbers(&self) -> [f32; 8] {
-        let Self { pmf, generation, picked, radiance, pdf, along, along_pdf, place } = *self;
-        [pmf, generation as f32, picked, radiance, pdf, along, along_pdf, place]
-    }
 }
 
 fn lights(rng: &mut Rng, count: usize) -> Vec<Light> {
@@ -196,12 +168,11 @@ fn queries(world: &LightWorld, rng: &mut Rng) -> Vec<Query> {
 
 #[test]
 fn shaders_say_that_a_light_that_is_not_there_is_not_there() {
-    let (device, queue) = gpu();
     let mut rng = Rng(67);
     let (mut world, mut all) = world(&mut rng);
-    let mut gpu_lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut gpu_lights = gpu_lights();
     let effects = Effects::all() - Effects::GLOSSY - Effects::SOLID_ANGLES - Effects::NON_RIGID - Effects::PORTALS;
-    let shader = asker(&gpu_lights, wgsl(1, effects) + TEXT);
+    let shader = asker(&gpu(), &gpu_lights, effects, TEXT);
     let (mut absent, mut wrong, mut told) = (0, Vec::new(), [0; 8]);
     for round in 0..12 {
         // Trees of more than 16 lights are shown as stand-ins at first.
@@ -213,14 +184,14 @@ fn shaders_say_that_a_light_that_is_not_there_is_not_there() {
         gpu_lights.upload(&world).expect("room enough");
         assert!(effects.contains(gpu_lights.effects()));
         let asked = queries(&world, &mut rng);
-        let answers: Vec<Answer> = ask_by(&shader, &mut gpu_lights, &asked, asked.len());
+        let answers: Vec<[f32; 8]> = answers(&gpu(), &shader, &mut gpu_lights, &asked);
         let sampler = world.sampler().from_roots();
         for (query, answer) in asked.iter().zip(&answers) {
             let light = named(query, &world, &gpu_lights);
             let at = ShadingPoint::volume(query.position.into()).with_mask(query.mask);
             let Some(light) = light else {
                 absent += 1;
-                if answer.numbers() != [0.0; 8] {
+                if *answer != [0.0; 8] {
                     wrong.push(format!("round {round}: {query:?} is not there: {answer:?}"));
                 }
                 continue;
@@ -228,9 +199,9 @@ fn shaders_say_that_a_light_that_is_not_there_is_not_there() {
             if query.light >= STAND_IN {
                 continue;
             }
-            told.iter_mut().zip(answer.numbers()).for_each(|(told, number)| *told += usize::from(number > 0.0));
-            let is_alike = world.generation(light) == Some(answer.generation)
-                && (sampler.pmf(&at, light) > 0.0) == (answer.pmf > 0.0);
+            told.iter_mut().zip(*answer).for_each(|(told, number)| *told += usize::from(number > 0.0));
+            let is_alike = world.generation(light).map(|generation| generation as f32) == Some(answer[1])
+                && (sampler.pmf(&at, light) > 0.0) == (answer[0] > 0.0);
             if !is_alike {
                 wrong.push(format!("round {round}: {query:?} is {light:?}: {answer:?}"));
             }

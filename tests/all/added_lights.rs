@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use girandole::glam::{DVec3, Vec3};
+use girandole::glam::Vec3;
 use girandole::gpu::{GpuLights, UploadReport};
 use girandole::scheduler::VirtualClock;
 use girandole::tree::{NO_LEAF, NO_PARENT, WIDTH};
@@ -15,13 +15,9 @@ use girandole::{
 };
 use proptest::prelude::*;
 
-use crate::gpu::{ask, gpu, requests, sample};
+use crate::gpu::gpu_lights;
 use testbed::measuring::sigma::{Noise, Summary};
-use testbed::testing::support::{Rng, SPLITS, all_pmfs};
-
-fn below(rng: &mut Rng, end: usize) -> usize {
-    (rng.bits() % end as u64) as usize
-}
+use testbed::testing::support::{Rng, SPLITS, all_pmfs, assert_probabilities, place_tree, world_of};
 
 fn lamp(x: f32) -> Light {
     Light::point(Vec3::new(x, 0.0, 0.0), Vec3::ONE)
@@ -34,13 +30,6 @@ fn any_lamp(rng: &mut Rng) -> Light {
 
 fn lamps(rng: &mut Rng, count: usize) -> Vec<Light> {
     (0..count).map(|_| any_lamp(rng)).collect()
-}
-
-fn world_of(lights: Vec<Light>, policy: Policy) -> (LightWorld, TreeKey, InstanceKey) {
-    let mut world = LightWorld::new();
-    let tree = world.add_tree(LightTree::new(lights).expect("valid"));
-    let instance = world.add_instance(tree, Placement::IDENTITY, policy).expect("valid");
-    (world, tree, instance)
 }
 
 fn frame(world: &mut LightWorld, lights: &mut GpuLights) -> (FrameReport, UploadReport) {
@@ -154,38 +143,11 @@ fn each_refused_call_has_its_error_and_changes_nothing() {
 }
 
 #[test]
-fn a_removed_light_has_no_pmf_no_sample_and_no_effect() {
-    let (mut world, tree, instance) = world_of(lamps(&mut Rng(402), 30), Policy::Budgeted);
-    let spot = Light::spot(Vec3::Y, Vec3::NEG_Y, 0.1, 1.0, Vec3::ONE).with_range(50.0);
-    let indices = world.add_lights(tree, &[spot, spot.with_range(9.0)]).expect("valid");
-    assert_eq!(indices, [30, 31]);
-    world.update(FrameBudget::NONE);
-    let count = |world: &LightWorld| [Effects::CONES, Effects::RANGES].map(|e| world.effect_counts().of(e));
-    assert_eq!(count(&world), [2, 2]);
-    world.remove_lights(tree, &[31]).expect("it has the light");
-    world.update(FrameBudget::NONE);
-    assert_eq!(count(&world), [1, 1]);
-    world.remove_lights(tree, &[30]).expect("it has the light");
-    world.update(FrameBudget::NONE);
-    assert_eq!(count(&world), [0, 0]);
-    let at = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
-    let tree = world.tree(tree).expect("it lives");
-    for (light, splits) in [30, 31].into_iter().zip(SPLITS) {
-        let id = LightId::Local { instance, light };
-        assert_eq!(world.sampler().with_splits(splits).pmf(&at, id), 0.0);
-        assert_eq!(world.sampler().sample_light(&at, id, [0.5; 2]), None);
-        assert_eq!(tree.pmf(&at, light, splits), 0.0);
-        assert_eq!(tree.leaves()[light as usize], NO_LEAF);
-    }
-}
-
-#[test]
 fn adding_and_removing_a_light_costs_a_path_of_nodes_in_a_tree_of_any_size() {
-    let (device, queue) = gpu();
     let mut rng = Rng(403);
     for (count, edits, moves) in [(1_000, 400, 4), (100_000, 200, 1)] {
         let (mut world, tree, _) = world_of(lamps(&mut rng, count), Policy::RefitOnly);
-        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+        let mut lights = gpu_lights();
         frame(&mut world, &mut lights);
         let (mut resent, mut nodes, mut bytes, mut greatest) = (0, 0, 0, [0; 3]);
         let mut added = Vec::new();
@@ -214,7 +176,7 @@ fn adding_and_removing_a_light_costs_a_path_of_nodes_in_a_tree_of_any_size() {
         assert!(nodes <= 64 && lights_sent <= 400 && bytes <= 32_768, "{greatest:?}");
         let (mut nodes, mut bytes) = (0, 0);
         for _ in 0..edits {
-            let gone = added.swap_remove(below(&mut rng, added.len()));
+            let gone = added.swap_remove(rng.below(added.len()));
             world.remove_lights(tree, &[gone]).expect("it has the light");
             let (refit, sent) = frame(&mut world, &mut lights);
             nodes += refit.refit_nodes;
@@ -258,7 +220,7 @@ fn nodes_of_removed_lights_are_used_again() {
     let mut most = 0;
     for _ in 0..20_000 {
         let lights = present(&tree);
-        let gone = lights[below(&mut rng, lights.len())];
+        let gone = lights[rng.below(lights.len())];
         tree.remove_lights(&[gone]).expect("it has the light");
         assert_eq!(tree.add_lights(&[any_lamp(&mut rng)]), Ok(vec![gone]));
         most = most.max(tree.nodes().len());
@@ -313,27 +275,6 @@ fn a_tree_may_become_empty_and_be_filled_again() {
     }
 }
 
-#[test]
-fn changes_that_wait_go_along_with_a_copy_of_the_tree_and_not_with_a_replacement() {
-    let mut rng = Rng(406);
-    let (mut world, tree, instance) = world_of(lamps(&mut rng, 50), Policy::Budgeted);
-    world.add_instance(tree, Placement::at(DVec3::X), Policy::Budgeted).expect("valid");
-    let indices = world.add_lights(tree, &[lamp(1.0)]).expect("valid");
-    world.remove_lights(tree, &[3]).expect("it has the light");
-    let own = world.make_unique(instance).expect("it lives");
-    assert_eq!(world.add_lights(own, &[lamp(2.0)]), Ok(vec![51]));
-    world.update(FrameBudget::NONE);
-    let counts = [tree, own].map(|tree| world.tree(tree).map(|tree| (tree.light_count(), tree.lights().len())));
-    assert_eq!(counts, [Some((50, 51)), Some((51, 52))]);
-    assert!([tree, own].iter().all(|tree| world.tree(*tree).expect("it lives").lights()[3].is_removed()));
-    assert_eq!((indices[0], world.light_count()), (50, 101));
-    world.add_lights(tree, &[lamp(1.0)]).expect("valid");
-    world.replace_lights(tree, vec![lamp(5.0); 2]).expect("valid");
-    assert_eq!(world.update(FrameBudget::NONE).refit_trees, 0);
-    assert_eq!(world.tree(tree).map(|tree| tree.lights().len()), Some(2));
-    assert_eq!(world.add_lights(tree, &[lamp(1.0)]), Ok(vec![2]));
-}
-
 /// A model of a tree: what stands at each index.
 type Model = Vec<Option<Light>>;
 
@@ -352,34 +293,15 @@ fn check_world(world: &LightWorld, models: &[(TreeKey, InstanceKey, Model)], rng
     }
     let count: usize = models.iter().map(|(.., model)| model.iter().flatten().count()).sum();
     assert_eq!(world.light_count(), count);
-    let mut distribution = Vec::new();
     for splits in SPLITS {
         let sampler = world.sampler().with_splits(splits);
         let at = rng.shading_point(30.0);
-        let pmfs = all_pmfs(&sampler, &at);
-        sampler.distribution(&at, &mut distribution);
-        let sum: f64 = pmfs.iter().map(|(_, pmf)| f64::from(*pmf)).sum();
-        let (mut lost, draws) = (0, 2_000);
-        for _ in 0..draws {
-            match sampler.pick(&at, [rng.unit(), rng.unit()]) {
-                Some(pick) => assert!(pmfs.iter().any(|(light, pmf)| *light == pick.light && *pmf > 0.0)),
-                None => lost += 1,
-            }
-        }
-        // The sum and the chance of no light add up to 1. Six standard deviations: a false alarm in
-        // less than one of 10^8 checks.
-        let none = 1.0 - sum;
-        let tolerance =
-            6.0 * (none.max(0.0) * (1.0 - none).max(0.0) / f64::from(draws)).sqrt() + 6.0 / f64::from(draws);
-        assert!(sum < 1.0 + 1.0e-4 && (f64::from(lost) / f64::from(draws) - none).abs() <= tolerance, "{lost} {none}");
-        for ((light, pmf), listed) in pmfs.into_iter().zip(&distribution) {
-            assert!((pmf - listed).abs() <= 1.0e-4 * pmf + 1.0e-7, "{pmf} {listed}");
+        assert_probabilities(&sampler, &at, 2_000, rng);
+        for (light, pmf) in all_pmfs(&sampler, &at) {
             let LightId::Local { instance, light: index } = light else { continue };
             let (.., model) = models.iter().find(|(_, key, _)| *key == instance).expect("each has an instance");
-            let contributes =
-                sampler.sample_light(&at, light, [0.3, 0.6]).is_some_and(|in_| in_.radiance != Vec3::ZERO);
-            assert!(model[index as usize].is_some() || !contributes && pmf == 0.0, "a removed light has {pmf}");
-            assert!(!contributes || pmf > 0.0, "{light:?} contributes and is never chosen");
+            let is_dark = pmf == 0.0 && sampler.sample_light(&at, light, [0.3, 0.6]).is_none();
+            assert!(model[index as usize].is_some() || is_dark, "a removed light has {pmf}");
         }
     }
 }
@@ -388,13 +310,13 @@ fn check_world(world: &LightWorld, models: &[(TreeKey, InstanceKey, Model)], rng
 fn edit(world: &mut LightWorld, (key, instance, model): &mut (TreeKey, InstanceKey, Model), rng: &mut Rng) {
     let held: Vec<u32> = (0..).zip(&*model).filter(|(_, light)| light.is_some()).map(|(index, _)| index).collect();
     let some = |rng: &mut Rng, most: usize| -> Vec<u32> {
-        let chosen: BTreeSet<u32> = (0..below(rng, most + 1)).map(|_| held[below(rng, held.len())]).collect();
+        let chosen: BTreeSet<u32> = (0..rng.below(most + 1)).map(|_| held[rng.below(held.len())]).collect();
         chosen.into_iter().collect()
     };
-    match below(rng, 9) {
+    match rng.below(9) {
         0..3 => {
-            let most = [3, 20, 80][below(rng, 3)];
-            let count = below(rng, most);
+            let most = [3, 20, 80][rng.below(3)];
+            let count = rng.below(most);
             let lights = rng.lights(count, 12.0);
             let indices = world.add_lights(*key, &lights).expect("valid");
             for (index, light) in indices.into_iter().zip(lights) {
@@ -403,7 +325,7 @@ fn edit(world: &mut LightWorld, (key, instance, model): &mut (TreeKey, InstanceK
             }
         }
         3..5 if !held.is_empty() => {
-            let most = if below(rng, 6) == 0 { 3 * held.len() } else { 12 };
+            let most = if rng.below(6) == 0 { 3 * held.len() } else { 12 };
             let gone = some(rng, most);
             world.remove_lights(*key, &gone).expect("it has the lights");
             gone.into_iter().for_each(|index| model[index as usize] = None);
@@ -413,8 +335,8 @@ fn edit(world: &mut LightWorld, (key, instance, model): &mut (TreeKey, InstanceK
             world.set_lights(*key, &changes).expect("valid");
             changes.iter().for_each(|(index, light)| model[*index as usize] = Some(*light));
         }
-        6 if below(rng, 4) == 0 => {
-            let count = below(rng, 120);
+        6 if rng.below(4) == 0 => {
+            let count = rng.below(120);
             let lights = rng.lights(count, 12.0);
             *model = lights.iter().copied().map(Some).collect();
             world.replace_lights(*key, lights).expect("valid");
@@ -439,15 +361,15 @@ proptest! {
             let lights = rng.lights(count, 12.0);
             let model: Model = lights.iter().copied().map(Some).collect();
             let tree = world.add_tree(LightTree::new(lights).expect("valid"));
-            let policy = [Policy::Budgeted, Policy::RefitOnly, Policy::AlwaysRebuild][below(&mut rng, 3)];
+            let policy = [Policy::Budgeted, Policy::RefitOnly, Policy::AlwaysRebuild][rng.below(3)];
             models.push((tree, world.add_instance(tree, rng.affine(20.0), policy).expect("valid"), model));
         }
         for step in 0..steps {
-            let which = below(&mut rng, models.len());
+            let which = rng.below(models.len());
             edit(&mut world, &mut models[which], &mut rng);
             // An index is not used twice between two updates, so the model cannot tell.
-            if below(&mut rng, 2) == 0 {
-                world.update(FrameBudget::new(Duration::from_micros(below(&mut rng, 200) as u64)));
+            if rng.below(2) == 0 {
+                world.update(FrameBudget::new(Duration::from_micros(rng.below(200) as u64)));
                 // What the model has removed behind the last light was never added.
                 for (key, _, model) in &mut models {
                     let held = world.tree(*key).expect("it lives").lights().len();
@@ -477,15 +399,14 @@ fn a_build_that_is_open_while_lights_come_and_go_has_all_of_them_when_it_is_take
         let mut rng = Rng(407);
         let lights = rng.lights(3_000, 12.0);
         let model: Model = lights.iter().copied().map(Some).collect();
-        let tree = world.add_tree(LightTree::new(lights).expect("valid"));
-        let instance = world.add_instance(tree, Placement::IDENTITY, Policy::AlwaysRebuild).expect("valid");
+        let (tree, instance) = place_tree(&mut world, lights, Placement::IDENTITY, Policy::AlwaysRebuild);
         let mut models = vec![(tree, instance, model)];
         let mut finished = 0;
         for round in 0..150 {
             let (.., model) = &mut models[0];
             let held: Vec<u32> = (0..).zip(&*model).filter(|(_, l)| l.is_some()).map(|(index, _)| index).collect();
             // More go than come, so some indices that went during a build are vacant at its end.
-            let gone: BTreeSet<u32> = (0..4).map(|_| held[below(&mut rng, held.len())]).collect();
+            let gone: BTreeSet<u32> = (0..4).map(|_| held[rng.below(held.len())]).collect();
             let gone: Vec<u32> = gone.into_iter().collect();
             let lights = rng.lights(2, 12.0);
             for (index, light) in world.add_lights(tree, &lights).expect("valid").into_iter().zip(lights) {
@@ -509,69 +430,6 @@ fn a_build_that_is_open_while_lights_come_and_go_has_all_of_them_when_it_is_take
 }
 
 #[test]
-fn divided_and_open_trees_follow_additions_and_removals_on_both_sides() {
-    let (device, queue) = gpu();
-    let mut rng = Rng(408);
-    // Panels that face two ways make sides; lamps in overlapping instances make single lights.
-    let panel = |rng: &mut Rng, sign: f32| {
-        Light::rectangle(rng.position(3.0), Vec3::X * 0.2, Vec3::Y * (0.2 * sign), Vec3::splat(4.0))
-    };
-    let mut world = LightWorld::new();
-    let panels = (0..30).map(|i| panel(&mut rng, if i % 2 == 0 { 1.0 } else { -1.0 })).collect();
-    let divided = world.add_tree(LightTree::new(panels).expect("valid"));
-    let open = world.add_tree(
-        LightTree::new((0..100).map(|_| Light::point(rng.position(5.0), Vec3::ONE)).collect()).expect("valid"),
-    );
-    for i in 0..20 {
-        let at = |x: f64| Placement::at(DVec3::new(x, 0.0, 0.0));
-        world.add_instance(divided, at(8.0 * f64::from(i)), Policy::Budgeted).expect("valid");
-        world.add_instance(open, at(0.1 * f64::from(i)), Policy::Budgeted).expect("valid");
-    }
-    let requests = requests(&mut rng, 512, 20.0);
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    let sides = |world: &LightWorld| world.tree(divided).expect("it lives").sides().len();
-    let mut seen = BTreeSet::new();
-    for round in 0..24 {
-        seen.insert(sides(&world));
-        for (tree, is_divided) in [(divided, true), (open, false)] {
-            let held = present(world.tree(tree).expect("it lives"));
-            // The second half of the rounds empties one side, then fills it again.
-            let gone: Vec<u32> = if is_divided && round == 12 {
-                let lights = world.tree(tree).expect("it lives").lights();
-                held.iter().copied().filter(|index| lights[*index as usize].cluster().axis.z > 0.0).collect()
-            } else {
-                vec![held[below(&mut rng, held.len())]]
-            };
-            world.remove_lights(tree, &gone).expect("it has the lights");
-            let count = below(&mut rng, if round > 18 { 9 } else { 3 });
-            let new: Vec<_> = (0..count)
-                .map(|i| match is_divided {
-                    true => panel(&mut rng, if i % 2 == 0 || (12..18).contains(&round) { -1.0 } else { 1.0 }),
-                    false => Light::point(rng.position(5.0), Vec3::ONE),
-                })
-                .collect();
-            world.add_lights(tree, &new).expect("valid");
-        }
-        world.update(FrameBudget::NONE);
-        for tree in [divided, open] {
-            world.tree(tree).expect("it lives").check().expect("the tree is sound");
-        }
-        let records = sample(&mut lights, &mut world, &requests);
-        let mut fresh = GpuLights::new(&device, &queue).expect("default limits are enough");
-        fresh.upload(&world).expect("room enough");
-        assert!(records == sample(&mut fresh, &mut world, &requests), "round {round}");
-        let at = ShadingPoint::volume(rng.position(10.0));
-        let (sampler, mut distribution) = (world.sampler(), Vec::new());
-        sampler.distribution(&at, &mut distribution);
-        for ((light, pmf), listed) in all_pmfs(&sampler, &at).into_iter().zip(distribution) {
-            assert!((pmf - listed).abs() <= 1.0e-4 * pmf + 1.0e-7, "{light:?} {pmf} {listed}");
-            assert!(pmf > 0.0 || sampler.sample_light(&at, light, [0.5; 2]).is_none(), "{light:?} is lost");
-        }
-    }
-    assert!(seen.len() > 1 && seen.contains(&2), "sides {seen:?}");
-}
-
-#[test]
 fn a_tree_that_a_build_divides_while_lights_are_added_takes_the_rest_of_them() {
     let panel = |i: usize, up: Vec3| {
         let u = 0.2 * up.any_orthonormal_vector();
@@ -588,53 +446,6 @@ fn a_tree_that_a_build_divides_while_lights_are_added_takes_the_rest_of_them() {
     tree.add_lights(&[panel(19, Vec3::X), panel(20, Vec3::X)]).expect("valid");
     tree.check().expect("the tree is sound");
     assert_eq!((tree.sides().len(), tree.light_count()), (3, 21));
-}
-
-#[test]
-fn a_gpu_that_got_only_changes_samples_as_one_that_got_everything() {
-    let (device, queue) = gpu();
-    let mut rng = Rng(409);
-    let (mut world, tree, instance) = world_of(lamps(&mut rng, 2_000), Policy::RefitOnly);
-    let requests = requests(&mut rng, 512, 40.0);
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    let mut last_gone = Vec::new();
-    for round in 0..20 {
-        for _ in 0..1 + below(&mut rng, 3) {
-            let held = present(world.tree(tree).expect("it lives"));
-            let most = if round % 7 == 3 { 700 } else { 40 };
-            let gone: BTreeSet<u32> = (0..below(&mut rng, most)).map(|_| held[below(&mut rng, held.len())]).collect();
-            last_gone = gone.into_iter().collect();
-            world.remove_lights(tree, &last_gone).expect("it has the lights");
-            let count = below(&mut rng, most);
-            let new = lamps(&mut rng, count);
-            world.add_lights(tree, &new).expect("valid");
-            world.update(FrameBudget::NONE);
-        }
-        let records = sample(&mut lights, &mut world, &requests);
-        let mut fresh = GpuLights::new(&device, &queue).expect("default limits are enough");
-        fresh.upload(&world).expect("room enough");
-        let expected = sample(&mut fresh, &mut world, &requests);
-        assert!(expected.iter().filter(|record| record.pmf > 0.0).count() > 400);
-        assert!(records == expected, "round {round}");
-    }
-    // Asked for lights that went, the GPU answers that their probability is 0; for others not.
-    let held = present(world.tree(tree).expect("it lives"));
-    last_gone.truncate(30);
-    assert!(!last_gone.is_empty());
-    let slot = world.slot(instance).expect("it lives");
-    let questions: Vec<[u32; 2]> = last_gone.iter().chain(&held[..30]).map(|light| [slot, *light]).collect();
-    let text = lights.shader(1, Effects::all()).join(
-        "@group(0) @binding(0) var<storage, read> questions: array<vec2<u32>>;
-        @group(0) @binding(1) var<storage, read_write> answers: array<f32>;
-        @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
-            if id.x >= arrayLength(&questions) { return; }
-            let q = questions[id.x];
-            answers[id.x] = light_pmf(light_volume_point(vec3(0.0)), q.x, q.y);
-        }",
-    );
-    let answers: Vec<f32> = ask(&mut lights, text, &questions, questions.len());
-    let (of_gone, of_held) = answers.split_at(last_gone.len());
-    assert!(of_gone.iter().all(|pmf| *pmf == 0.0) && of_held.iter().all(|pmf| *pmf > 0.0), "{answers:?}");
 }
 
 /// The mean of sigma of a tree of points over some points in a volume.
@@ -666,7 +477,7 @@ fn a_tree_whose_lights_were_replaced_one_by_one_is_little_worse_and_a_rebuild_ma
                 if is_new && middles.len() == 40 {
                     middles = (0..41).map(|_| rng.position(45.0)).collect();
                 }
-                let middle = middles[below(rng, middles.len())];
+                let middle = middles[rng.below(middles.len())];
                 Light::point(middle + rng.position(2.0), Vec3::splat(rng.between(1.0, 9.0)))
             }
         };
@@ -676,7 +487,7 @@ fn a_tree_whose_lights_were_replaced_one_by_one_is_little_worse_and_a_rebuild_ma
         for _ in 0..count * 3 / 10 {
             tree.remove_lights(&[{
                 let held = present(&tree);
-                held[below(&mut rng, held.len())]
+                held[rng.below(held.len())]
             }])
             .expect("it has the light");
             let new = light(&mut rng, true);

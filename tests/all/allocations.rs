@@ -11,7 +11,7 @@ use girandole::{
 };
 
 use testbed::testing::counting::{Counting, held_bytes, live_bytes, requested_bytes, requests};
-use testbed::testing::support::Rng;
+use testbed::testing::support::{Rng, world_of};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -20,12 +20,6 @@ static ALLOCATOR: Counting = Counting;
 pub fn on_one_thread(work: impl FnOnce() + Send) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
     pool.install(work);
-}
-
-#[test]
-fn the_requests_of_a_build_are_counted() {
-    let lights = Rng(70).lights(100, 10.0);
-    assert!(requests(|| drop(LightTree::new(lights))) > 0);
 }
 
 #[test]
@@ -270,27 +264,6 @@ fn edits_that_wait_for_the_update_take_memory_for_each_light_once() {
 }
 
 #[test]
-fn an_update_of_a_world_at_rest_asks_for_no_memory() {
-    let mut world = Rng(72).world(3, 100, 4, 20.0);
-    let tree = world.trees().next().expect("a tree");
-    world.set_lights(tree, &[(0, Light::point(Vec3::ONE, Vec3::ONE))]).expect("valid");
-    world.add_instance(tree, Placement::at(DVec3::ONE), Policy::AlwaysRebuild).expect("valid");
-    world.update(FrameBudget::UNLIMITED);
-    let seen = world.revision();
-    // Before its trees are frozen, and after.
-    let tree_is_frozen = |world: &LightWorld| world.tree(tree).is_some_and(LightTree::is_frozen);
-    assert!(!tree_is_frozen(&world));
-    for _ in 0..2 * EFFECT_HOLD_UPDATES {
-        let asked = requests(|| {
-            world.update(FrameBudget::UNLIMITED);
-            assert!(world.changes_since(seen).is_empty());
-        });
-        assert_eq!(asked, 0);
-    }
-    assert!(tree_is_frozen(&world));
-}
-
-#[test]
 fn an_update_in_which_nothing_moves_asks_for_no_memory_while_100_000_trees_come_to_rest() {
     let lamp = |x: f32| Light::point(Vec3::new(x, 0.0, 0.0), Vec3::ONE);
     let mut world = LightWorld::new();
@@ -366,9 +339,7 @@ fn a_frame_asks_for_memory_by_what_it_changes_and_not_by_the_size_of_the_world()
         for (name, edit) in edits {
             let mut asked_before = None;
             for (lights, instances) in [(1_000, 300), (30_000, 20_000)] {
-                let mut world = LightWorld::new();
-                let tree = world.add_tree(LightTree::new((0..lights).map(lamp).collect()).expect("valid"));
-                world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+                let (mut world, tree, _) = world_of((0..lights).map(lamp).collect(), Policy::Budgeted);
                 let small = world.add_tree(LightTree::new(vec![lamp(0)]).expect("valid"));
                 // So far away that the large tree is whole: they are sent with what changes.
                 let place = |i: u32| Placement::at(DVec3::new(f64::from(i * i % 9973), 500.0, f64::from(i % 997)));

@@ -2,11 +2,11 @@
 //! and small balls, a shelf with LEDs.
 
 use girandole::glam::{DVec3, Vec3, vec3};
-use girandole::{CutOptions, CutTable, FrameBudget, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint};
+use girandole::{CutOptions, CutTable, FrameBudget, Light, Policy, ShadingPoint};
 use rayon::prelude::*;
 
 use testbed::measuring::sigma::Noise;
-use testbed::testing::support::Rng;
+use testbed::testing::support::{Rng, world_of};
 
 /// The height of one of 1080 pixels over its distance, with 60 degrees from the lowest to the highest.
 const PIXEL: f32 = 0.001_069;
@@ -18,9 +18,7 @@ type Trace = dyn Fn(Vec3, Vec3, usize) -> Option<ShadingPoint> + Sync;
 
 /// The rms of sigma over points of the picture, by cuts of their own and by those of cells.
 fn noise(lights: Vec<Light>, [eye, target]: [Vec3; 2], trace: &Trace) -> [f64; 2] {
-    let mut world = LightWorld::new();
-    let tree = world.add_tree(LightTree::new(lights).expect("valid"));
-    world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+    let (mut world, ..) = world_of(lights, Policy::Static);
     world.update(FrameBudget::UNLIMITED);
     let forward = (target - eye).normalize();
     let right = forward.cross(Vec3::Y).normalize();

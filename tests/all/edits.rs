@@ -1,30 +1,21 @@
 //! What an edit costs: nodes that are refitted and bytes that are sent. And that a GPU which got
 //! only these bytes samples as one that got the whole world.
 
+use std::collections::BTreeSet;
+
 use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Vec3};
 use girandole::gpu::{GpuLights, UploadReport};
 use girandole::tree::{NO_PARENT, WIDTH};
 use girandole::{FrameBudget, FrameReport, Light, LightWorld, Placement, Policy, TreeKey};
 
-use crate::gpu::{gpu, requests, sample};
-use girandole::LightTree;
-use testbed::testing::support::Rng;
+use crate::gpu::{gpu_lights, requests, sample, uploaded};
 
-fn below(rng: &mut Rng, end: usize) -> usize {
-    (rng.bits() % end as u64) as usize
-}
+use testbed::testing::support::{Rng, place_tree, world_of};
 
 /// Lamps that are spread over a square of 100 m.
 fn lamps(rng: &mut Rng, count: usize) -> Vec<Light> {
     (0..count).map(|_| Light::point(rng.position(50.0), Vec3::splat(rng.between(1.0, 9.0)))).collect()
-}
-
-fn world_of(lights: Vec<Light>) -> (LightWorld, TreeKey) {
-    let mut world = LightWorld::new();
-    let tree = world.add_tree(LightTree::new(lights).expect("valid"));
-    world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
-    (world, tree)
 }
 
 fn frame(world: &mut LightWorld, lights: &mut GpuLights) -> (FrameReport, UploadReport) {
@@ -41,15 +32,14 @@ fn depth(world: &LightWorld, tree: TreeKey, light: u32) -> usize {
 
 #[test]
 fn one_changed_light_sends_itself_and_the_nodes_above_it() {
-    let (device, queue) = gpu();
     let mut rng = Rng(300);
     let mut greatest = 0;
     for count in [1_000, 30_000, 1_000_000] {
-        let (mut world, tree) = world_of(lamps(&mut rng, count));
-        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+        let (mut world, tree, _) = world_of(lamps(&mut rng, count), Policy::Budgeted);
+        let mut lights = gpu_lights();
         frame(&mut world, &mut lights);
         for _ in 0..4 {
-            let light = below(&mut rng, count) as u32;
+            let light = rng.below(count) as u32;
             world.set_emission(tree, light, Vec3::splat(rng.between(10.0, 20.0))).expect("valid");
             let (refit, sent) = frame(&mut world, &mut lights);
             let nodes = depth(&world, tree, light);
@@ -67,9 +57,8 @@ fn one_changed_light_sends_itself_and_the_nodes_above_it() {
 
 #[test]
 fn a_tree_that_was_at_rest_sends_no_more_for_its_first_change() {
-    let (device, queue) = gpu();
-    let (mut world, tree) = world_of(lamps(&mut Rng(301), 2_000));
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let (mut world, tree, _) = world_of(lamps(&mut Rng(301), 2_000), Policy::Budgeted);
+    let mut lights = gpu_lights();
     for _ in 0..=EFFECT_HOLD_UPDATES {
         frame(&mut world, &mut lights);
     }
@@ -83,9 +72,8 @@ fn a_tree_that_was_at_rest_sends_no_more_for_its_first_change() {
 
 #[test]
 fn an_edit_that_changes_nothing_or_is_taken_back_costs_nothing() {
-    let (device, queue) = gpu();
-    let (mut world, tree) = world_of(lamps(&mut Rng(302), 500));
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let (mut world, tree, _) = world_of(lamps(&mut Rng(302), 500), Policy::Budgeted);
+    let mut lights = gpu_lights();
     frame(&mut world, &mut lights);
     let present = world.tree(tree).expect("it lives").lights()[3];
     for edits in [vec![(3, present)], vec![(3, Light::point(Vec3::X, Vec3::ONE)), (3, present)]] {
@@ -98,7 +86,7 @@ fn an_edit_that_changes_nothing_or_is_taken_back_costs_nothing() {
 /// Changes some lights, or all, or the shape of a tree, and now and then lets it rest.
 fn change(world: &mut LightWorld, tree: TreeKey, rng: &mut Rng) {
     let count = world.tree(tree).expect("it lives").lights().len();
-    match below(rng, 8) {
+    match rng.below(9) {
         0 => drop(world.rebuild_tree(tree).expect("it lives")),
         1 => world.replace_lights(tree, lamps(rng, count)).expect("valid"),
         2 => {
@@ -110,13 +98,21 @@ fn change(world: &mut LightWorld, tree: TreeKey, rng: &mut Rng) {
                 world.update(FrameBudget::NONE);
             }
         }
+        // The vacant indices are used again.
         4 => {
+            let gone: BTreeSet<u32> = (0..700).map(|_| rng.below(count) as u32).collect();
+            let gone: Vec<u32> = gone.into_iter().collect();
+            world.remove_lights(tree, &gone).expect("it has the lights");
+            world.update(FrameBudget::NONE);
+            world.add_lights(tree, &lamps(rng, gone.len() + 9)).expect("valid");
+        }
+        5 => {
             let few = lamps(rng, 9);
-            world.set_light_range(tree, below(rng, count - 9) as u32, &few).expect("valid");
+            world.set_light_range(tree, rng.below(count - 9) as u32, &few).expect("valid");
         }
         _ => {
-            let few = 1 + below(rng, 20);
-            let some: Vec<_> = lamps(rng, few).into_iter().map(|lamp| (below(rng, count) as u32, lamp)).collect();
+            let few = 1 + rng.below(20);
+            let some: Vec<_> = lamps(rng, few).into_iter().map(|lamp| (rng.below(count) as u32, lamp)).collect();
             world.set_lights(tree, &some).expect("valid");
         }
     }
@@ -125,26 +121,22 @@ fn change(world: &mut LightWorld, tree: TreeKey, rng: &mut Rng) {
 
 #[test]
 fn a_gpu_that_got_only_changes_samples_as_one_that_got_everything() {
-    let (device, queue) = gpu();
     let mut rng = Rng(303);
-    let (mut world, first) = world_of(lamps(&mut rng, 3_000));
-    let second = world.add_tree(LightTree::new(lamps(&mut rng, 400)).expect("valid"));
-    world.add_instance(second, Placement::at(DVec3::X * 30.0), Policy::Budgeted).expect("valid");
+    let (mut world, first, _) = world_of(lamps(&mut rng, 3_000), Policy::Budgeted);
+    let (second, _) = place_tree(&mut world, lamps(&mut rng, 400), Placement::at(DVec3::X * 30.0), Policy::Budgeted);
     let requests = requests(&mut rng, 512, 40.0);
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    let mut behind = GpuLights::new(&device, &queue).expect("default limits are enough");
-    behind.upload(&world).expect("room enough");
+    let mut lights = gpu_lights();
+    let mut behind = uploaded(&world);
     for round in 0..24 {
         for tree in [first, second] {
             change(&mut world, tree, &mut rng);
-            if below(&mut rng, 4) == 0 {
+            if rng.below(4) == 0 {
                 change(&mut world, tree, &mut rng);
                 lights.upload(&world).expect("room enough");
             }
         }
         let records = sample(&mut lights, &mut world, &requests);
-        let mut fresh = GpuLights::new(&device, &queue).expect("default limits are enough");
-        fresh.upload(&world).expect("room enough");
+        let mut fresh = uploaded(&world);
         let expected = sample(&mut fresh, &mut world, &requests);
         assert!(expected.iter().filter(|record| record.pmf > 0.0).count() > 400);
         assert!(records == expected, "round {round}");
@@ -155,23 +147,4 @@ fn a_gpu_that_got_only_changes_samples_as_one_that_got_everything() {
             assert!(late == expected, "round {round}");
         }
     }
-}
-
-#[test]
-fn the_first_upload_after_frames_without_one_sends_what_changed_in_all_of_them() {
-    let (device, queue) = gpu();
-    let mut rng = Rng(304);
-    let (mut world, tree) = world_of(lamps(&mut rng, 1_000));
-    let requests = requests(&mut rng, 512, 40.0);
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    frame(&mut world, &mut lights);
-    world.set_lights(tree, &[(1, Light::point(Vec3::X, Vec3::splat(900.0)))]).expect("valid");
-    world.update(FrameBudget::NONE);
-    world.set_lights(tree, &[(2, Light::point(Vec3::Y, Vec3::ONE))]).expect("valid");
-    let (_, sent) = frame(&mut world, &mut lights);
-    assert_eq!(sent.lights, 2);
-    let mut fresh = GpuLights::new(&device, &queue).expect("default limits are enough");
-    fresh.upload(&world).expect("room enough");
-    let [records, expected] = [&mut lights, &mut fresh].map(|lights| sample(lights, &mut world, &requests));
-    assert!(records == expected);
 }

@@ -5,12 +5,12 @@ use std::collections::HashMap;
 use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::{
-    DirectionalKey, DirectionalLight, EffectCounts, Effects, FrameBudget, InstanceKey, Light, LightTree, LightWorld,
-    Placement, Policy,
+    DirectionalKey, DirectionalLight, EffectCounts, Effects, FrameBudget, Instance, InstanceKey, Light, LightTree,
+    LightWorld, Placement, Policy,
 };
 use proptest::prelude::*;
 
-use testbed::testing::support::Rng;
+use testbed::testing::support::{Rng, place_tree, world_of};
 
 fn moon() -> DirectionalLight {
     DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::ONE }
@@ -26,20 +26,17 @@ fn counted(world: &LightWorld) -> HashMap<Effects, u64> {
         tree.lights().iter().for_each(|light| add(light.effects()));
     }
     for instance in world.instances() {
-        let linear = world.instance(instance).expect("it lives").placement.linear;
+        let Instance { placement, appearance, .. } = world.instance(instance).expect("it lives");
+        let linear = placement.linear;
         let gram = linear.transpose() * linear;
         let is_rigid = gram.abs_diff_eq(Mat3::IDENTITY, 4.0e-6) && linear.determinant() > 0.0;
-        let factor = world.instance(instance).expect("it lives").appearance.factor;
-        if world.instance(instance).map(|i| i.appearance.is_enabled) == Some(false)
-            || factor == Vec3::ZERO
-            || linear == Mat3::ZERO
-        {
+        if !appearance.is_enabled || appearance.factor == Vec3::ZERO || linear == Mat3::ZERO {
             continue;
         }
-        if factor != Vec3::ONE {
+        if appearance.factor != Vec3::ONE {
             add(Effects::FACTORS);
         }
-        if world.instance(instance).map(|i| i.appearance.mask) != Some(u32::MAX) {
+        if appearance.mask != u32::MAX {
             add(Effects::MASKS);
         }
         if !is_rigid {
@@ -75,37 +72,23 @@ fn each_kind_of_light_has_its_effects_even_if_it_is_dark() {
 }
 
 #[test]
-fn a_lamp_that_flickers_changes_the_set_of_effects_once() {
-    let lamp = |frame: u32| {
-        let plain = Light::point(Vec3::ZERO, Vec3::ONE);
-        if (frame / 10).is_multiple_of(2) { plain } else { plain.with_range(5.0) }
-    };
-    let mut world = LightWorld::new();
-    let tree = world.add_tree(LightTree::new(vec![lamp(0)]).expect("valid"));
-    world.add_instance(tree, Placement::IDENTITY, Policy::RefitOnly).expect("valid");
-    let mut sets = vec![world.effects()];
-    let mut exact_changes = 0;
-    for frame in 0..1000 {
-        let before = world.active_effects();
-        world.set_lights(tree, &[(0, lamp(frame))]).expect("valid");
-        assert_eq!(world.active_effects(), before, "edits count from the update on");
-        world.update(FrameBudget::NONE);
-        // The set grows in the same frame. The first ten frames set the light to what it is.
-        let moving = if frame < 10 { Effects::empty() } else { Effects::MOVING };
-        assert_eq!(world.active_effects(), lamp(frame).effects() | moving);
-        assert!(world.effects().contains(world.active_effects() - Effects::MOVING), "frame {frame}");
-        exact_changes += u32::from(world.active_effects() != before);
-        if sets.last() != Some(&world.effects()) {
-            sets.push(world.effects());
+fn each_setting_adds_its_effect_and_nothing_else() {
+    type Set = fn(&mut LightWorld, bool);
+    let settings: [(Effects, Set); 3] = [
+        (Effects::SEGMENTS, LightWorld::set_segment_sampling),
+        (Effects::GLOSSY, LightWorld::set_glossy_sampling),
+        (Effects::SOLID_ANGLES, LightWorld::set_solid_angle_sampling),
+    ];
+    for (effect, set) in settings {
+        let (mut world, ..) = world_of(vec![Light::point(Vec3::Y, Vec3::ONE)], Policy::Static);
+        assert!(world.active_effects().is_empty() && world.effects().is_empty());
+        for _ in 0..2 {
+            set(&mut world, true);
+            assert_eq!((world.effects(), world.effect_counts().of(effect)), (effect, 1));
         }
+        set(&mut world, false);
+        assert_eq!(world.effect_counts().of(effect), 0);
     }
-    assert_eq!(sets, [Effects::empty(), Effects::RANGES], "and never `Effects::MOVING`, which changes no shader");
-    assert_eq!(exact_changes, 99);
-    // In the last frame the lamp has a range, so that effect stays after the flicker.
-    for _ in 0..EFFECT_HOLD_UPDATES {
-        world.update(FrameBudget::NONE);
-    }
-    assert_eq!(world.effects(), Effects::RANGES);
 }
 
 #[test]
@@ -140,8 +123,7 @@ fn trees_at_rest_are_frozen_once_and_thaw_when_they_are_edited() {
     let lights = rng.lights(200, 10.0);
     let mut world = LightWorld::new();
     let [resting, flickering] = [0, 1].map(|_| {
-        let tree = world.add_tree(LightTree::new(lights.clone()).expect("valid"));
-        world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+        let (tree, _) = place_tree(&mut world, lights.clone(), Placement::IDENTITY, Policy::Budgeted);
         tree
     });
     let is_frozen = |world: &LightWorld, tree| world.tree(tree).expect("it lives").is_frozen();
@@ -151,9 +133,8 @@ fn trees_at_rest_are_frozen_once_and_thaw_when_they_are_edited() {
         world.update(FrameBudget::UNLIMITED);
     }
     assert!(is_frozen(&world, resting) && is_frozen(&world, flickering));
-    // Three edits, each of a frozen tree: after each, the delay before the next freeze is twice as
-    // long.
-    for delay in [2 * EFFECT_HOLD_UPDATES, 4 * EFFECT_HOLD_UPDATES, 8 * EFFECT_HOLD_UPDATES] {
+    // After each edit of a frozen tree, the delay before the next freeze is twice as long, up to a limit.
+    for delay in [2, 4, 8, 16, 32, 64, 64].map(|factor| factor * EFFECT_HOLD_UPDATES) {
         world.set_lights(flickering, &[(3, rng.light(10.0))]).expect("valid");
         for frame in 0..delay {
             world.update(FrameBudget::UNLIMITED);
@@ -167,33 +148,9 @@ fn trees_at_rest_are_frozen_once_and_thaw_when_they_are_edited() {
 }
 
 #[test]
-fn the_delay_before_a_freeze_doubles_up_to_a_limit() {
-    let lamp = |x: u32| Light::point(Vec3::new(x as f32, 0.0, 0.0), Vec3::ONE);
-    let mut world = LightWorld::new();
-    let tree = world.add_tree(LightTree::new(vec![lamp(0)]).expect("valid"));
-    world.add_instance(tree, Placement::IDENTITY, Policy::RefitOnly).expect("valid");
-    let updates_until_frozen = |world: &mut LightWorld| {
-        let update = |world: &mut LightWorld| {
-            world.update(FrameBudget::NONE);
-            world.tree(tree).expect("it lives").is_frozen()
-        };
-        (0..100 * EFFECT_HOLD_UPDATES).position(|_| update(world)).expect("it freezes")
-    };
-    let mut delays = vec![updates_until_frozen(&mut world)];
-    for edit in 1..10 {
-        world.set_lights(tree, &[(0, lamp(edit))]).expect("valid");
-        delays.push(updates_until_frozen(&mut world));
-    }
-    let expected = [1, 2, 4, 8, 16, 32, 64, 64, 64, 64].map(|factor| factor * EFFECT_HOLD_UPDATES as usize);
-    assert_eq!(delays, expected);
-}
-
-#[test]
 fn trees_freeze_again_after_a_late_rebuild_and_at_most_64_in_one_update() {
     let mut rng = Rng(92);
-    let mut world = LightWorld::new();
-    let tree = world.add_tree(LightTree::new(rng.lights(100, 10.0)).expect("valid"));
-    world.add_instance(tree, Placement::IDENTITY, Policy::AlwaysRebuild).expect("valid");
+    let (mut world, tree, _) = world_of(rng.lights(100, 10.0), Policy::AlwaysRebuild);
     world.set_lights(tree, &[(3, rng.light(10.0))]).expect("valid");
     let is_frozen = |world: &LightWorld| world.tree(tree).expect("it lives").is_frozen();
     let updates = |world: &mut LightWorld, count: u32, budget| {

@@ -2,16 +2,14 @@
 //! highlight are probable.
 
 use girandole::glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
-use girandole::gpu::{GpuLights, wgsl};
 use girandole::light::luminance;
-use girandole::{
-    DirectionalLight, Effects, Gloss, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy,
-    ShadingPoint,
-};
+use girandole::{DirectionalLight, Effects, Gloss, Light, LightId, LightWorld, Placement, Policy, ShadingPoint};
 
-use crate::gpu::{ask, gpu};
+use crate::gpu::{ask, name_of, uploaded};
 use testbed::measuring::reflection::brdf;
-use testbed::testing::support::{Rng, SPLITS, all_pmfs, assert_frequencies};
+use testbed::testing::support::{
+    Rng, SPLITS, assert_frequencies, assert_probabilities, distribution, mean, place_tree,
+};
 
 /// A gloss of any kind: coated or metal, nearly a mirror or rough, seen from anywhere above or
 /// below.
@@ -38,17 +36,10 @@ fn without_highlight() -> [Gloss; 7] {
     ]
 }
 
-fn distribution(sampler: &LightSampler, at: &ShadingPoint) -> Vec<f32> {
-    let mut pmfs = Vec::new();
-    sampler.distribution(at, &mut pmfs);
-    pmfs
-}
-
 /// A world of one tree in one instance.
 fn world_of(lights: Vec<Light>, placement: Placement) -> LightWorld {
     let mut world = LightWorld::new();
-    let tree = world.add_tree(LightTree::new(lights).expect("valid lights"));
-    world.add_instance(tree, placement, Policy::Static).expect("a valid placement");
+    place_tree(&mut world, lights, placement, Policy::Static);
     world
 }
 
@@ -56,28 +47,12 @@ fn world_of(lights: Vec<Light>, placement: Placement) -> LightWorld {
 fn every_light_that_contributes_is_chosen_with_the_probability_that_pmf_returns() {
     let mut rng = Rng(501);
     let world = rng.world(4, 40, 4, 15.0);
-    let mut chosen = 0;
     for splits in SPLITS {
-        let sampler = world.sampler().with_splits(splits);
         for _ in 0..25 {
             let at = rng.shading_point(20.0).with_gloss(gloss(&mut rng));
-            let pmfs = all_pmfs(&sampler, &at);
-            let sum: f64 = pmfs.iter().map(|(_, pmf)| f64::from(*pmf)).sum();
-            assert!(sum <= 1.0 + 1.0e-4, "{sum} {at:?}");
-            for ((light, pmf), all) in pmfs.iter().zip(distribution(&sampler, &at)) {
-                let lit = sampler.sample_light(&at, *light, [rng.unit(), rng.unit()]);
-                assert!(*pmf > 0.0 || lit.is_none(), "{light:?} is never chosen at {at:?}");
-                assert!((pmf - all).abs() <= 1.0e-5 * pmf.max(all), "{pmf} {all}");
-            }
-            for _ in 0..20 {
-                let Some(pick) = sampler.pick(&at, [rng.unit(), rng.unit()]) else { continue };
-                let pmf = sampler.pmf(&at, pick.light);
-                assert!((pick.pmf - pmf).abs() <= 1.0e-4 * pmf, "{pick:?} {pmf}");
-                chosen += 1;
-            }
+            assert_probabilities(&world.sampler().with_splits(splits), &at, 200, &mut rng);
         }
     }
-    assert!(chosen > 500, "only {chosen} picks");
 }
 
 /// Draws of [`frequencies_are_the_probabilities`] at each shading point.
@@ -203,34 +178,17 @@ fn candidates_are_kept_in_proportion_to_what_is_reflected_of_them() {
         .map(|i| reflected(&i))
         .sum();
     let [one, eight] = [1, 8].map(|candidates| {
-        let (mut sum, mut squares) = (0.0, 0.0);
-        for _ in 0..4000 {
+        mean(4000, || {
             let u = std::array::from_fn(|_| rng.unit());
             let kept = sampler.reservoir_sample(&at, &sampler.resample(&at, u, candidates));
-            let value = kept.map_or(0.0, |kept| reflected(&kept.incident) / f64::from(kept.pmf * kept.incident.pdf));
-            sum += value / 4000.0;
-            squares += value * value / 4000.0;
-        }
-        (sum, (squares - sum * sum).max(0.0).sqrt())
+            kept.map_or(0.0, |kept| reflected(&kept.incident) / f64::from(kept.pmf * kept.incident.pdf))
+        })
     });
-    for (mean, deviation) in [one, eight] {
+    for [mean, error] in [one, eight] {
         // Five standard errors: a false alarm in less than one of 10^6 runs.
-        assert!((mean - exact).abs() <= 5.0 * deviation / 4000.0_f64.sqrt(), "{mean} {exact} {deviation}");
+        assert!((mean - exact).abs() <= 5.0 * error, "{mean} {exact} {error}");
     }
-    assert!(eight.1 < 0.8 * one.1, "{one:?} {eight:?}");
-}
-
-#[test]
-fn the_setting_adds_the_effect_and_nothing_else() {
-    let mut world = world_of(vec![Light::point(Vec3::Y, Vec3::ONE)], Placement::IDENTITY);
-    assert!(!world.active_effects().contains(Effects::GLOSSY) && world.effects().is_empty());
-    for _ in 0..2 {
-        world.set_glossy_sampling(true);
-        assert_eq!(world.effects(), Effects::GLOSSY);
-        assert_eq!(world.effect_counts().of(Effects::GLOSSY), 1);
-    }
-    world.set_glossy_sampling(false);
-    assert_eq!(world.effect_counts().of(Effects::GLOSSY), 0);
+    assert!(eight[1] < 0.8 * one[1], "{one:?} {eight:?}");
 }
 
 /// A stage that answers with the probability of a light. Its arguments are laid out as
@@ -240,24 +198,14 @@ const STAGE: &str = "
         position: vec3<f32>, instance: u32, normal: vec3<f32>, light: u32,
         view: vec3<f32>, roughness: f32, specular: f32, diffuse: f32, is_matte: u32, padding: u32,
     }
-    @group(0) @binding(0) var<storage, read> questions: array<Question>;
-    @group(0) @binding(1) var<storage, read_write> answers: array<f32>;
-    @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
-        if id.x >= arrayLength(&questions) { return; }
-        let q = questions[id.x];
+    fn answer(q: Question) -> f32 {
         var at = light_glossy_point(q.position, q.normal, q.view, q.roughness, q.specular, q.diffuse);
         if q.is_matte != 0u { at = light_surface_point(q.position, q.normal); }
-        answers[id.x] = light_pmf(at, q.instance, q.light);
+        return light_pmf(at, q.instance, q.light);
     }";
 
 fn question(world: &LightWorld, at: &ShadingPoint, light: LightId) -> [u32; 16] {
-    let (instance, index) = match light {
-        LightId::Local { instance, light } => (world.slot(instance).expect("it lives"), light),
-        LightId::Directional(key) => {
-            (u32::MAX, world.directionals().position(|other| other == key).expect("listed") as u32)
-        }
-        _ => unreachable!("this version has no others"),
-    };
+    let [instance, index] = name_of(world, light);
     let none = Gloss { view: Vec3::ZERO, roughness: 0.0, specular: 0.0, diffuse: 0.0 };
     let gloss = at.gloss.unwrap_or(none);
     let [x, y, z] = at.position.to_array().map(f32::to_bits);
@@ -270,11 +218,9 @@ fn question(world: &LightWorld, at: &ShadingPoint, light: LightId) -> [u32; 16] 
 
 #[test]
 fn the_shader_gives_the_probabilities_of_the_cpu_and_drops_the_gloss_without_the_effect() {
-    let (device, queue) = gpu();
     let mut rng = Rng(507);
     let world = rng.world(4, 25, 3, 15.0);
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    lights.upload(&world).expect("room enough");
+    let mut lights = uploaded(&world);
     let sampler = world.sampler().from_roots();
     let (mut questions, mut expected, mut matte) = (Vec::new(), Vec::new(), Vec::new());
     let unlit = without_highlight();
@@ -292,8 +238,7 @@ fn the_shader_gives_the_probabilities_of_the_cpu_and_drops_the_gloss_without_the
             matte.push(sampler.pmf(&plain, light));
         }
     }
-    let mut with =
-        |effects: Effects| -> Vec<f32> { ask(&mut lights, wgsl(1, effects) + STAGE, &questions, expected.len()) };
+    let mut with = |effects: Effects| -> Vec<f32> { ask(&mut lights, effects, STAGE, &questions) };
     let (glossy, dropped) = (with(Effects::all()), with(Effects::all() - Effects::GLOSSY));
     let mut changed = 0;
     for (i, (cpu, gpu)) in expected.iter().zip(&glossy).enumerate() {

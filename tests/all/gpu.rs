@@ -4,15 +4,16 @@
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock, Mutex, OnceLock};
 
+use bytemuck::Pod;
 use girandole::glam::{DVec3, Mat3, Vec3};
-use girandole::gpu::{GpuError, GpuLights, wgsl};
-use girandole::{Effects, FrameBudget, Light, LightId, LightWorld, Placement, Policy, ShadingPoint};
+use girandole::gpu::{GpuError, GpuLights};
+use girandole::{DirectionalLight, Effects, FrameBudget, Light, LightId, LightWorld, Placement, Policy, ShadingPoint};
 use testbed::common::batch::{self, SampleRecord, SampleRequest};
 
 use girandole::LightTree;
-use girandole::tree::WIDTH;
+
 use testbed::common::gpu as device;
-use testbed::testing::support::Rng;
+use testbed::testing::support::{Rng, place_tree};
 
 /// The share of samples that may name another light. Where a random number falls within rounding of
 /// the border between two lights, the GPU may choose the other one: WGSL allows division an error
@@ -28,15 +29,17 @@ const TOLERANCE: f32 = 2.0e-3;
 /// 2e-7 times the slope of the falloff, which is below 70 for the spots of these tests.
 const RIM: f32 = 1.0e-7;
 
+pub(crate) type Gpu = (wgpu::Device, wgpu::Queue);
+
 /// The device that the tests share. A GPU test fails without an adapter: it never passes without
 /// running.
-pub fn gpu() -> (wgpu::Device, wgpu::Queue) {
-    static GPU: OnceLock<(wgpu::Device, wgpu::Queue)> = OnceLock::new();
+pub fn gpu() -> Gpu {
+    static GPU: OnceLock<Gpu> = OnceLock::new();
     GPU.get_or_init(|| limited_gpu(wgpu::Limits::default().max_storage_buffer_binding_size)).clone()
 }
 
 /// A new device that binds storage buffers of at most so many bytes.
-pub(crate) fn limited_gpu(bytes: u64) -> (wgpu::Device, wgpu::Queue) {
+pub(crate) fn limited_gpu(bytes: u64) -> Gpu {
     let limits = wgpu::Limits { max_storage_buffer_binding_size: bytes, ..wgpu::Limits::default() };
     let opened =
         device::find_adapter(None).and_then(|adapter| device::open_device(&adapter, wgpu::Features::empty(), limits));
@@ -52,10 +55,6 @@ pub(crate) fn buffer(device: &wgpu::Device, queue: &wgpu::Queue, content: &[u8])
     });
     queue.write_buffer(&buffer, 0, content);
     buffer
-}
-
-pub(crate) fn read<T: bytemuck::Pod>(device: &wgpu::Device, queue: &wgpu::Queue, buffer: &wgpu::Buffer) -> Vec<T> {
-    device::read(device, queue, buffer).expect("the device works and the buffer maps")
 }
 
 pub(crate) fn requests(rng: &mut Rng, count: usize, size: f32) -> Vec<SampleRequest> {
@@ -88,31 +87,73 @@ pub(crate) fn sample(lights: &mut GpuLights, world: &mut LightWorld, requests: &
     sample_again(&gpu(), lights, requests)
 }
 
-/// Samples the lights of the last upload.
-fn sample_again(
-    (device, queue): &(wgpu::Device, wgpu::Queue),
-    lights: &mut GpuLights,
-    requests: &[SampleRequest],
-) -> Vec<SampleRecord> {
-    let shader = lights.shader(0, lights.effects());
-    let pipeline = batch::pipeline(device, &shader.join(batch::STAGE), &shader.layout);
-    sample_by_pipeline((device, queue), &pipeline, lights, requests)
+/// A view of no world, on the shared device.
+pub(crate) fn gpu_lights() -> GpuLights {
+    let (device, queue) = gpu();
+    GpuLights::new(&device, &queue).expect("default limits are enough")
 }
 
-fn sample_by_pipeline(
-    (device, queue): (&wgpu::Device, &wgpu::Queue),
+/// A view of a world.
+pub(crate) fn uploaded(world: &LightWorld) -> GpuLights {
+    let mut lights = gpu_lights();
+    lights.upload(world).expect("room enough");
+    lights
+}
+
+/// Samples the lights of the last upload.
+fn sample_again(gpu: &Gpu, lights: &mut GpuLights, requests: &[SampleRequest]) -> Vec<SampleRecord> {
+    let shader = lights.shader(0, lights.effects());
+    let pipeline = batch::pipeline(&gpu.0, &shader.join(batch::STAGE), &shader.layout);
+    answers(gpu, &pipeline, lights, requests)
+}
+
+/// The answers of a pipeline of [`batch`] to questions, after a build of the top level if that is due.
+pub(crate) fn answers<Q: Pod, A: Pod>(
+    gpu: &Gpu,
     pipeline: &wgpu::ComputePipeline,
     lights: &mut GpuLights,
-    requests: &[SampleRequest],
-) -> Vec<SampleRecord> {
-    let input = buffer(device, queue, bytemuck::cast_slice(requests));
-    let output = buffer(device, queue, &vec![0; size_of_val(requests)]);
-    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    questions: &[Q],
+) -> Vec<A> {
+    let mut encoder = gpu.0.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     lights.build_top(&mut encoder);
-    let count = requests.len() as u32;
+    answers_after(encoder, gpu, pipeline, lights, questions)
+}
+
+pub(crate) fn answers_after<Q: Pod, A: Pod>(
+    mut encoder: wgpu::CommandEncoder,
+    (device, queue): &Gpu,
+    pipeline: &wgpu::ComputePipeline,
+    lights: &GpuLights,
+    questions: &[Q],
+) -> Vec<A> {
+    let input = buffer(device, queue, bytemuck::cast_slice(questions));
+    let output = buffer(device, queue, &vec![0; questions.len() * size_of::<A>()]);
+    let count = questions.len() as u32;
     batch::record(device, &mut encoder, pipeline, lights.bind_group(), [&input, &output], count);
     queue.submit([encoder.finish()]);
-    read(device, queue, &output)
+    device::read(device, queue, &output).expect("the device works and the buffer maps")
+}
+
+/// The answers of a text with a function `answer`: see [`asker`].
+pub(crate) fn ask<Q: Pod, A: Pod>(lights: &mut GpuLights, effects: Effects, text: &str, questions: &[Q]) -> Vec<A> {
+    let pipeline = asker(&gpu(), lights, effects, text);
+    answers(&gpu(), &pipeline, lights, questions)
+}
+
+/// A pipeline that calls `fn answer(q: Question) -> Answer` of an engine's text for each question.
+pub(crate) fn asker(gpu: &Gpu, lights: &GpuLights, effects: Effects, text: &str) -> wgpu::ComputePipeline {
+    let signature = text.split_once("fn answer(q: ").and_then(|(_, rest)| rest.split_once(" {")).expect("`answer`").0;
+    let (question, answer) = signature.split_once(") -> ").expect("a question and an answer");
+    let stage = format!(
+        "@group(1) @binding(0) var<storage, read> questions: array<{question}>;
+        @group(1) @binding(1) var<storage, read_write> answers: array<{answer}>;
+        @compute @workgroup_size(64) fn batch(@builtin(global_invocation_id) id: vec3<u32>) {{
+            if id.x >= arrayLength(&questions) {{ return; }}
+            answers[id.x] = answer(questions[id.x]);
+        }}"
+    );
+    let shader = lights.shader(0, effects);
+    batch::pipeline(&gpu.0, &shader.join(&(text.to_owned() + &stage)), &shader.layout)
 }
 
 /// Samples the lights of the last upload with a pipeline for these effects, which is compiled once for all
@@ -130,15 +171,35 @@ fn sample_with(
 ) -> Vec<SampleRecord> {
     type Pipelines = HashMap<(&'static str, Effects), Arc<OnceLock<wgpu::ComputePipeline>>>;
     static PIPELINES: LazyLock<Mutex<Pipelines>> = LazyLock::new(Mutex::default);
-    let (device, queue) = gpu();
+    let (device, _) = gpu();
     let place = PIPELINES.lock().expect("no panic before").entry((stage, effects)).or_default().clone();
     let shader = lights.shader(0, effects);
     let pipeline = place.get_or_init(|| batch::pipeline(&device, &shader.join(stage), &shader.layout));
-    sample_by_pipeline((&device, &queue), pipeline, lights, requests)
+    answers(&gpu(), pipeline, lights, requests)
 }
 
 pub(crate) fn close(a: f32, b: f32) -> bool {
     (a - b).abs() <= TOLERANCE * a.abs().max(b.abs()).max(1.0e-20)
+}
+
+/// The numbers by which shaders name a light: the slot of its instance and its index, `u32::MAX` and its place for a
+/// directional light.
+pub(crate) fn name_of(world: &LightWorld, light: LightId) -> [u32; 2] {
+    match light {
+        LightId::Local { instance, light } => [world.slot(instance).expect("it lives"), light],
+        LightId::Directional(key) => {
+            [u32::MAX, world.directionals().position(|other| other == key).expect("it lives") as u32]
+        }
+        _ => unreachable!("this version has no others"),
+    }
+}
+
+/// The light that a shader names.
+pub(crate) fn named(world: &LightWorld, instance: u32, light: u32) -> LightId {
+    match instance {
+        u32::MAX => LightId::Directional(world.directionals().nth(light as usize).expect("a live light")),
+        slot => LightId::Local { instance: world.instance_at(slot).expect("a live slot"), light },
+    }
 }
 
 /// The length of a light's emission.
@@ -159,15 +220,11 @@ fn emission(world: &LightWorld, light: LightId) -> f32 {
 pub(crate) fn compare(world: &LightWorld, requests: &[SampleRequest], records: &[SampleRecord]) -> usize {
     // No cell is built in these tests.
     let sampler = world.sampler().from_roots();
-    let directionals: Vec<_> = world.directionals().collect();
     let mut mismatches = 0;
     for (request, record) in requests.iter().zip(records) {
         let shading_point = shading_point(request);
         let twin = sampler.sample(&shading_point, request.u);
-        let named = (record.pmf > 0.0).then(|| match record.instance {
-            u32::MAX => LightId::Directional(directionals[record.light as usize]),
-            slot => LightId::Local { instance: world.instance_at(slot).expect("a live slot"), light: record.light },
-        });
+        let named = (record.pmf > 0.0).then(|| named(world, record.instance, record.light));
         match (named, twin) {
             (None, None) => {}
             (Some(light), Some(twin)) if light == twin.light => {
@@ -191,11 +248,10 @@ pub(crate) fn compare(world: &LightWorld, requests: &[SampleRequest], records: &
 
 #[test]
 fn the_gpu_chooses_the_same_lights_with_the_same_probabilities() {
-    let (device, queue) = gpu();
     for (seed, trees, count, instances) in [(40, 6, 60, 5), (41, 1, 1, 1), (42, 1, 300, 9), (43, 90, 3, 2)] {
         let mut rng = Rng(seed);
         let mut world = rng.varied_world(trees, count, instances, 30.0);
-        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+        let mut lights = gpu_lights();
         let requests = requests(&mut rng, 4096, 40.0);
         for has_directionals in [true, false] {
             if !has_directionals {
@@ -213,20 +269,22 @@ fn the_gpu_chooses_the_same_lights_with_the_same_probabilities() {
 
 #[test]
 fn numbers_outside_the_unit_interval_choose_alike_on_both_sides() {
-    let (device, queue) = gpu();
     let mut rng = Rng(48);
     let mut world = rng.varied_world(6, 60, 5, 30.0);
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut lights = gpu_lights();
     let mut requests = requests(&mut rng, 2048, 40.0);
     for (i, request) in requests.iter_mut().enumerate() {
         let outside = [-0.0, -1.0, 1.0, 7.5, f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
         request.u[i % 4] = outside[i / 4 % 8];
     }
-    let records = sample(&mut lights, &mut world, &requests);
-    let mismatches = compare(&world, &requests, &records);
-    // A number that is clamped to an end lies at the border of the first or the last child, whose share may be within
-    // rounding: so many more than of random numbers name another light.
-    assert!(mismatches <= 2048 / 100, "{mismatches} of 2048");
+    for by_solid_angle in [false, true] {
+        world.set_solid_angle_sampling(by_solid_angle);
+        let records = sample(&mut lights, &mut world, &requests);
+        let mismatches = compare(&world, &requests, &records);
+        // A number that is clamped to an end lies at the border of the first or the last child, whose share may be
+        // within rounding: so many more than of random numbers name another light.
+        assert!(mismatches <= 2048 / 100, "{mismatches} of 2048");
+    }
 }
 
 /// Llvmpipe of Mesa 26.1.6 runs short branches that no invocation of a vector takes, and then reads the
@@ -247,11 +305,9 @@ fn a_shader_may_choose_lights_where_some_invocations_have_returned() {
             samples[id.x] = light_sample(light_surface_point(request.position, request.normal), request.u);
         }"
     );
-    let (device, queue) = gpu();
     let mut rng = Rng(47);
     let world = rng.varied_world(20, 60, 5, 30.0);
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    lights.upload(&world).expect("room enough");
+    let mut lights = uploaded(&world);
     let requests = requests(&mut rng, 512, 40.0);
     let effects = lights.effects();
     let all = sample_by(effects, &mut lights, &requests);
@@ -264,10 +320,9 @@ fn a_shader_may_choose_lights_where_some_invocations_have_returned() {
 
 #[test]
 fn an_empty_world_gives_no_light_and_no_error() {
-    let (device, queue) = gpu();
     let mut rng = Rng(44);
     let mut world = LightWorld::new();
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut lights = gpu_lights();
     let requests = requests(&mut rng, 64, 10.0);
     assert!(sample(&mut lights, &mut world, &requests).iter().all(|r| r.pmf == 0.0));
     // A tree without lights, a dark tree, and an instance that is removed.
@@ -276,19 +331,22 @@ fn an_empty_world_gives_no_light_and_no_error() {
     for tree in [empty, dark] {
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     }
-    let tree = world.add_tree(LightTree::new(rng.lights(5, 5.0)).expect("valid"));
-    let removed = world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+    let (_, removed) = place_tree(&mut world, rng.lights(5, 5.0), Placement::IDENTITY, Policy::Static);
     assert!(sample(&mut lights, &mut world, &requests).iter().any(|r| r.pmf > 0.0));
     world.remove_instance(removed).expect("it lives");
     assert!(sample(&mut lights, &mut world, &requests).iter().all(|r| r.pmf == 0.0));
+    // Nothing but a sun.
+    let sun = DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::ONE };
+    world.add_directional(sun).expect("valid");
+    let records = sample(&mut lights, &mut world, &requests);
+    assert!(compare(&world, &requests, &records) == 0 && records.iter().any(|r| r.pmf > 0.0));
 }
 
 #[test]
 fn a_world_that_changes_and_grows_is_sampled_alike_on_both_sides() {
-    let (device, queue) = gpu();
     let mut rng = Rng(45);
     let mut world = rng.varied_world(3, 30, 4, 20.0);
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut lights = gpu_lights();
     let requests = requests(&mut rng, 2048, 25.0);
     for round in 0..6 {
         let records = sample(&mut lights, &mut world, &requests);
@@ -304,6 +362,8 @@ fn a_world_that_changes_and_grows_is_sampled_alike_on_both_sides() {
         }
         let instances: Vec<_> = world.instances().collect();
         world.move_instance(instances[round], rng.affine(20.0)).expect("valid");
+        let hidden = Placement { linear: Mat3::ZERO, ..Placement::IDENTITY };
+        world.move_instance(instances[round + 3], hidden).expect("zero hides");
         world.remove_instance(instances[instances.len() / 2]).expect("it lives");
         world.set_lights(tree, &[(7, rng.light(3.0)), (99, rng.light(3.0))]).expect("valid");
         world
@@ -315,148 +375,6 @@ fn a_world_that_changes_and_grows_is_sampled_alike_on_both_sides() {
 }
 
 #[test]
-fn an_upload_sends_what_changed_and_nothing_else() {
-    let (device, queue) = gpu();
-    let mut world = Rng(41).world(3, 30, 4, 20.0);
-    // Apart, so that no tree is loose.
-    for (key, i) in world.instances().collect::<Vec<_>>().into_iter().zip(0..) {
-        let place = world.instance(key).expect("it lives").placement;
-        let place = Placement { translation: DVec3::X * 1000.0 * f64::from(i), ..place };
-        world.move_instance(key, place).expect("valid");
-    }
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    let mut upload = |world: &mut LightWorld| {
-        world.update(FrameBudget::NONE);
-        lights.upload(world).expect("room enough")
-    };
-    assert!(upload(&mut world).bytes > 3 * 30 * 64);
-    let unchanged = upload(&mut world);
-    assert_eq!((unchanged.bytes, unchanged.trees, unchanged.instances), (0, 0, 0));
-    let mover = world.instances().nth(5).expect("twelve instances");
-    // A move by a millimetre divides no space anew.
-    let place = world.instance(mover).expect("it lives").placement;
-    let place = Placement { translation: place.translation + DVec3::splat(1.0e-3), ..place };
-    world.move_instance(mover, place).expect("valid");
-    let moved = upload(&mut world);
-    assert_eq!((moved.bytes, moved.trees, moved.instances), (160, 0, 1));
-    let tree = world.trees().next().expect("a tree");
-    // A light that moves far would get another place in the tree.
-    let light = world.tree(tree).expect("it lives").lights()[0];
-    world.set_lights(tree, &[(0, light.with_emission(light.emission * 2.0))]).expect("valid");
-    let edited = upload(&mut world);
-    let tree = world.tree(tree).expect("it lives");
-    let (nodes, sides) = (tree.nodes(), tree.sides().len() as u64);
-    assert!(sides > 1 && nodes.len() > 3, "lights of all kinds shine to several sides");
-    let node_of = |place: u32| nodes.get(place as usize / WIDTH);
-    let path = std::iter::successors(node_of(tree.leaves()[0]), |node| node_of(node.parent)).count() as u64;
-    // The nodes from the light up to the root, the light, and the openings below the root.
-    assert_eq!((edited.bytes, edited.trees, edited.instances), (path * 224 + 64 + sides * 80, 1, 0));
-    assert!(path > 1 && path < nodes.len() as u64, "{path}");
-}
-
-#[test]
-fn a_gpu_that_is_added_late_gets_everything() {
-    let (device, queue) = gpu();
-    let mut rng = Rng(47);
-    let mut world = rng.world(2, 20, 3, 10.0);
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    lights.upload(&world).expect("room enough");
-    let requests = requests(&mut rng, 512, 10.0);
-    let records = sample(&mut lights, &mut world, &requests);
-    assert!(compare(&world, &requests, &records) <= 2);
-}
-
-#[test]
-fn changes_that_do_not_fit_are_refused_and_sent_with_the_next_upload_that_fits() {
-    let (device, queue) = limited_gpu(1 << 20);
-    let mut rng = Rng(50);
-    let mut world = rng.world(2, 20, 3, 10.0);
-    let mut lights = GpuLights::new(&device, &queue).expect("such limits are enough");
-    lights.upload(&world).expect("room enough");
-    // 20,000 lights of 64 bytes take more than a mebibyte, and trees of 16 lights have no stand-ins.
-    let trees: Vec<_> =
-        (0..1250).map(|_| world.add_tree(LightTree::new(rng.lights(16, 5.0)).expect("valid"))).collect();
-    let instance = world.add_instance(trees[0], Placement::IDENTITY, Policy::Static).expect("valid");
-    let mover = world.instances().next().expect("seven instances");
-    world.move_instance(mover, Placement::at(DVec3::X)).expect("valid");
-    for _ in 0..2 {
-        let refused = lights.upload(&world).err();
-        assert!(matches!(refused, Some(GpuError::Full { .. })), "{refused:?}");
-    }
-    world.remove_instance(instance).expect("it lives");
-    trees.into_iter().for_each(|tree| world.remove_tree(tree).expect("unused"));
-    let report = lights.upload(&world).expect("room enough again");
-    assert_eq!(report.instances, 2, "the removed one, and the one that moved before the refusal");
-}
-
-/// Runs an engine's own shader once: see [`Asker`].
-pub(crate) fn ask<Q: bytemuck::Pod, A: bytemuck::Pod>(
-    lights: &mut GpuLights,
-    text: String,
-    questions: &[Q],
-    count: usize,
-) -> Vec<A> {
-    ask_by(&asker(lights, text), lights, questions, count)
-}
-
-/// An engine's own shader, which has the lights at group 1 and runs `ask` once for each answer, in workgroups of
-/// 64. Group 0 has the questions at binding 0 and the answers at binding 1.
-pub(crate) struct Asker(wgpu::BindGroupLayout, wgpu::ComputePipeline);
-
-pub(crate) fn asker(lights: &GpuLights, text: String) -> Asker {
-    let (device, _) = gpu();
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: None,
-        source: wgpu::ShaderSource::Wgsl(text.into()),
-    });
-    let own = batch::in_and_out(&device);
-    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        bind_group_layouts: &[Some(&own), Some(lights.bind_group_layout())],
-        ..Default::default()
-    });
-    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: None,
-        layout: Some(&layout),
-        module: &module,
-        entry_point: Some("ask"),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
-    });
-    Asker(own, pipeline)
-}
-
-/// Uploads nothing, builds the top level if that is due, and returns the shader's answers.
-pub(crate) fn ask_by<Q: bytemuck::Pod, A: bytemuck::Pod>(
-    Asker(own, pipeline): &Asker,
-    lights: &mut GpuLights,
-    questions: &[Q],
-    count: usize,
-) -> Vec<A> {
-    let (device, queue) = gpu();
-    let input = buffer(&device, &queue, bytemuck::cast_slice(questions));
-    let output = buffer(&device, &queue, &vec![0; count * size_of::<A>()]);
-    let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: None,
-        layout: own,
-        entries: &[
-            wgpu::BindGroupEntry { binding: 0, resource: input.as_entire_binding() },
-            wgpu::BindGroupEntry { binding: 1, resource: output.as_entire_binding() },
-        ],
-    });
-    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    lights.build_top(&mut encoder);
-    {
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, &group, &[]);
-        pass.set_bind_group(1, lights.bind_group(), &[]);
-        pass.dispatch_workgroups(count.div_ceil(64) as u32, 1, 1);
-    }
-    queue.submit([encoder.finish()]);
-    read(&device, &queue, &output)
-}
-
-#[test]
 fn an_upload_that_does_not_fit_in_its_longer_layout_leaves_the_last_one_in_place() {
     let limited = limited_gpu(1 << 20);
     let mut rng = Rng(52);
@@ -464,8 +382,7 @@ fn an_upload_that_does_not_fit_in_its_longer_layout_leaves_the_last_one_in_place
     for _ in 0..750 {
         // Trees of 16 lights have no stand-ins.
         let points = (0..16).map(|_| Light::point(rng.position(5.0), Vec3::ONE)).collect();
-        let tree = world.add_tree(LightTree::new(points).expect("valid"));
-        world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+        place_tree(&mut world, points, Placement::IDENTITY, Policy::Static);
     }
     let mut lights = GpuLights::new(&limited.0, &limited.1).expect("such limits are enough");
     lights.upload(&world).expect("room enough");
@@ -483,79 +400,4 @@ fn an_upload_that_does_not_fit_in_its_longer_layout_leaves_the_last_one_in_place
     spots.into_iter().for_each(|tree| world.remove_tree(tree).expect("unused"));
     lights.upload(&world).expect("room enough again");
     assert_eq!(sample_again(&limited, &mut lights, &requests), before);
-}
-
-#[test]
-fn the_shader_function_for_a_pmf_gives_the_probabilities_of_the_cpu() {
-    let (device, queue) = gpu();
-    let mut rng = Rng(48);
-    let mut world = rng.varied_world(4, 25, 3, 15.0);
-    // Strings that cross each other, whose lights are leaves of the top level.
-    for i in 0..6 {
-        let lights = (0..9).map(|i| Light::point(Vec3::X * (i as f32 - 4.0), Vec3::ONE)).collect();
-        let tree = world.add_tree(LightTree::new(lights).expect("valid"));
-        let placement = Placement { linear: Mat3::from_rotation_y(i as f32), ..Placement::IDENTITY };
-        world.add_instance(tree, placement, Policy::Budgeted).expect("valid");
-    }
-    world.update(FrameBudget::NONE);
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    lights.upload(&world).expect("room enough");
-
-    // Every light at a few shading points, as position, instance, normal and light.
-    let sampler = world.sampler().from_roots();
-    let directionals: Vec<_> = world.directionals().collect();
-    let mut questions: Vec<[u32; 8]> = Vec::new();
-    let mut expected: Vec<f32> = Vec::new();
-    for _ in 0..6 {
-        let shading_point = rng.shading_point(20.0);
-        for light in sampler.all_lights() {
-            let (instance, index) = match light {
-                LightId::Local { instance, light } => (world.slot(instance).expect("it lives"), light),
-                LightId::Directional(key) => {
-                    (u32::MAX, directionals.iter().position(|k| *k == key).expect("listed") as u32)
-                }
-                _ => unreachable!("this version has no others"),
-            };
-            let [x, y, z] = shading_point.position.to_array().map(f32::to_bits);
-            let [p, q, r] = shading_point.normal.to_array().map(f32::to_bits);
-            questions.push([x, y, z, instance, p, q, r, index]);
-            expected.push(sampler.pmf(&shading_point, light));
-        }
-    }
-    let text = wgsl(1, Effects::all())
-        + "struct Question { position: vec3<f32>, instance: u32, normal: vec3<f32>, light: u32 }
-        @group(0) @binding(0) var<storage, read> questions: array<Question>;
-        @group(0) @binding(1) var<storage, read_write> answers: array<f32>;
-        @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
-            if id.x >= arrayLength(&questions) { return; }
-            let q = questions[id.x];
-            answers[id.x] = light_pmf(light_surface_point(q.position, q.normal), q.instance, q.light);
-        }";
-    let answers: Vec<f32> = ask(&mut lights, text, &questions, expected.len());
-    for (cpu, gpu) in expected.iter().zip(&answers) {
-        assert!(close(*cpu, *gpu), "{cpu} {gpu}");
-    }
-    assert!(expected.iter().filter(|p| **p > 0.0).count() > 300);
-}
-
-#[test]
-fn a_build_whose_encoder_is_dropped_is_recorded_again() {
-    let (device, queue) = gpu();
-    let mut world = LightWorld::new();
-    let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid"));
-    world.add_instance(lamp, Placement::IDENTITY, Policy::Static).expect("valid");
-    let request = SampleRequest { normal: [0.0, 1.0, 0.0], u: [0.5; 4], ..SampleRequest::default() };
-    for is_finished in [false, true] {
-        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-        lights.upload(&world).expect("room enough");
-        for _ in 0..2 {
-            let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            lights.build_top(&mut encoder);
-            if is_finished {
-                drop(encoder.finish());
-            }
-        }
-        let records = sample_by(Effects::all(), &mut lights, &[request]);
-        assert!(records[0].pmf > 0.0, "the top level was never built: {records:?}");
-    }
 }

@@ -1,14 +1,14 @@
 //! The first light that a ray hits, against all lights in turn, in f64.
 
 use girandole::glam::{DMat3, DVec3, Mat3, Vec2, Vec3};
-use girandole::gpu::GpuLights;
 use girandole::{
-    Effects, FrameBudget, Light, LightId, LightSample, LightTree, LightWorld, Placement, Policy, ShadingPoint, Shape,
+    Effects, FrameBudget, Instance, Light, LightId, LightSample, LightTree, LightWorld, Placement, Policy,
+    ShadingPoint, Shape,
 };
 
-use crate::gpu::{ask, close, gpu};
+use crate::gpu::{ask, close, uploaded};
 use crate::pdf::{hit, tolerance};
-use testbed::testing::support::{Rng, SPLITS};
+use testbed::testing::support::{Rng, SPLITS, place_tree};
 
 /// Roundings of coordinates of up to some forty metres in a distance.
 const ROUNDING: f64 = 1.0e-4;
@@ -18,15 +18,15 @@ const RAYS_PER_EDGE: usize = 500;
 /// The first light that sends light back along a ray, by all lights in turn: its distance and its radiance.
 fn first_of_all(world: &LightWorld, at: &ShadingPoint, direction: Vec3, max_dist: f64) -> Option<(LightId, f64, Vec3)> {
     let mut first: Option<(LightId, f64, Vec3)> = None;
-    for instance in world.instances().filter(|i| {
-        world.instance(*i).map(|i| i.appearance.is_enabled) == Some(true)
-            && world.instance(*i).map_or(0, |i| i.appearance.mask) & at.mask != 0
-    }) {
-        let placement = world.instance(instance).expect("a live instance").placement;
+    for instance in world.instances() {
+        let Instance { placement, appearance, tree, .. } = world.instance(instance).expect("a live instance");
+        if !appearance.is_enabled || appearance.mask & at.mask == 0 {
+            continue;
+        }
         let to_local: DMat3 = placement.linear.as_dmat3().inverse();
         let origin = to_local * (at.position.as_dvec3() - placement.translation);
         let local = to_local * direction.as_dvec3();
-        let tree = world.instance(instance).and_then(|i| world.tree(i.tree)).expect("a live tree");
+        let tree = world.tree(*tree).expect("a live tree");
         for (index, light) in tree.lights().iter().enumerate().filter(|(_, light)| light.flux() > 0.0) {
             let Some(dist) = hit(light, origin, local) else { continue };
             let (normal, two_sided) = match light.shape {
@@ -38,9 +38,7 @@ fn first_of_all(world: &LightWorld, at: &ShadingPoint, direction: Vec3, max_dist
             let window =
                 if f64::from(light.range) < 1.0e18 { 1.0 - (dist / f64::from(light.range)).powi(4) } else { 1.0 };
             if is_lit && window > 0.0 && dist < first.map_or(max_dist, |(_, nearest, _)| nearest) {
-                let radiance = light.emission
-                    * window as f32
-                    * world.instance(instance).map_or(Vec3::ONE, |i| i.appearance.factor);
+                let radiance = light.emission * window as f32 * appearance.factor;
                 first = Some((LightId::Local { instance, light: index as u32 }, dist, radiance));
             }
         }
@@ -152,8 +150,7 @@ fn rays_that_meet_nothing_that_shines_hit_nothing() {
         Light::sphere(Vec3::new(20.0, 0.0, 0.0), 1.0, Vec3::ZERO),
     ];
     assert!(world.sampler().hit(&ShadingPoint::volume(Vec3::ZERO), Vec3::X, f32::INFINITY).is_none(), "no lights");
-    let tree = world.add_tree(LightTree::new(lights).expect("valid"));
-    let instance = world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+    let (_, instance) = place_tree(&mut world, lights, Placement::IDENTITY, Policy::Static);
     let hits = |world: &LightWorld, from: Vec3, direction: Vec3, max_dist: f32| {
         world.sampler().hit(&ShadingPoint::volume(from), direction, max_dist).is_some()
     };
@@ -194,7 +191,6 @@ fn a_light_that_a_factor_makes_black_hides_none_behind_it() {
 
 #[test]
 fn rays_in_an_engines_shader_hit_what_they_hit_on_the_cpu() {
-    let (device, queue) = gpu();
     let mut rng = Rng(901);
     let mut world = rng.varied_world(5, 60, 6, 15.0);
     // Crossing strings of panels, which are parts of the top level.
@@ -205,8 +201,7 @@ fn rays_in_an_engines_shader_hit_what_they_hit_on_the_cpu() {
         world.add_instance(tree, Placement { linear, ..Placement::IDENTITY }, Policy::Budgeted).expect("valid");
     }
     world.update(FrameBudget::NONE);
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    lights.upload(&world).expect("room enough");
+    let mut lights = uploaded(&world);
     let sampler = world.sampler().from_roots();
     let mut questions: Vec<[f32; 12]> = Vec::new();
     let (mut expected, mut places) = (Vec::new(), Vec::new());
@@ -220,20 +215,15 @@ fn rays_in_an_engines_shader_hit_what_they_hit_on_the_cpu() {
         places.push(hit.and_then(|hit| sampler.place_on_light(&at, &hit)));
         expected.push(hit);
     }
-    let text = lights.shader(1, Effects::all()).join(
+    let text =
         "struct Question { position: vec3<f32>, mask: u32, normal: vec3<f32>, max_dist: f32, direction: vec3<f32> }
-        @group(0) @binding(0) var<storage, read> questions: array<Question>;
         struct Answer { hit: LightSample, place: vec2<f32> }
-        @group(0) @binding(1) var<storage, read_write> answers: array<Answer>;
-        @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
-            if id.x >= arrayLength(&questions) { return; }
-            let q = questions[id.x];
+        fn answer(q: Question) -> Answer {
             let point = light_masked_point(light_surface_point(q.position, q.normal), q.mask);
             let hit = light_hit(point, q.direction, q.max_dist);
-            answers[id.x] = Answer(hit, light_place_on(point, hit));
-        }",
-    );
-    let answers: Vec<[f32; 16]> = ask(&mut lights, text, &questions, expected.len());
+            return Answer(hit, light_place_on(point, hit));
+        }";
+    let answers: Vec<[f32; 16]> = ask(&mut lights, Effects::all(), text, &questions);
     let (mut hits, mut edges) = (0, 0);
     for ((cpu, gpu), place) in expected.iter().zip(&answers).zip(&places) {
         let [_, _, _, dist, red, green, blue, pdf, pmf, instance, light, _, x, y, ..] = *gpu;

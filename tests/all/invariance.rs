@@ -4,7 +4,7 @@
 use girandole::glam::{Mat3, Quat, Vec3};
 use girandole::{DirectionalLight, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint, Shape};
 
-use testbed::testing::support::{Rng, SPLITS, all_pmfs};
+use testbed::testing::support::{Rng, SPLITS, all_pmfs, place_tree};
 
 /// What a world is made of.
 struct Scene {
@@ -128,8 +128,7 @@ fn pmfs(world: &LightWorld, at: &ShadingPoint, splits: usize) -> Vec<f32> {
 /// A world with one instance.
 fn one(lights: Vec<Light>, placement: Placement) -> LightWorld {
     let mut world = LightWorld::new();
-    let tree = world.add_tree(LightTree::new(lights).expect("valid"));
-    world.add_instance(tree, placement, Policy::Static).expect("valid");
+    place_tree(&mut world, lights, placement, Policy::Static);
     world
 }
 

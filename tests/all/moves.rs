@@ -4,21 +4,17 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Vec3};
-use girandole::gpu::{GpuLights, UploadReport};
+use girandole::gpu::UploadReport;
 use girandole::{
     FrameBudget, InstanceKey, LightTree, LightWorld, MAX_DISTANCE, OriginMode, Placement, Policy, Revision, WorldError,
 };
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
-use crate::gpu::gpu;
-use testbed::testing::support::{Rng, SPLITS, vary};
+use crate::gpu::gpu_lights;
+use testbed::testing::support::{Rng, SPLITS, distribution, place_tree, vary};
 
 type Moves = Vec<(InstanceKey, Placement)>;
-
-fn below(rng: &mut Rng, end: usize) -> usize {
-    (rng.bits() % end as u64) as usize
-}
 
 /// A world of small trees, which may have light parts, and of trees that are divided by side. The first
 /// instance of a tree of each kind is stretched. Half of the worlds have sectors.
@@ -30,8 +26,7 @@ fn world(seed: u64) -> LightWorld {
     }
     for lights in [5, 12, 12, 40] {
         for first in [Placement::IDENTITY, stretched(&mut rng)] {
-            let tree = world.add_tree(LightTree::new(rng.lights(lights, 2.0)).expect("valid"));
-            world.add_instance(tree, first, Policy::Budgeted).expect("valid");
+            let (tree, _) = place_tree(&mut world, rng.lights(lights, 2.0), first, Policy::Budgeted);
             for _ in 0..4 {
                 world.add_instance(tree, rng.affine(10.0), Policy::Budgeted).expect("valid");
             }
@@ -51,7 +46,7 @@ fn stretched(rng: &mut Rng) -> Placement {
 /// are, and out of sight.
 fn random_moves(world: &LightWorld, rng: &mut Rng, count: usize) -> Moves {
     let keys: Vec<_> = world.instances().collect();
-    let place = |key, rng: &mut Rng| match below(rng, 8) {
+    let place = |key, rng: &mut Rng| match rng.below(8) {
         0 => world.instance(key).expect("it lives").placement,
         1 => Placement { linear: Mat3::ZERO, translation: rng.position(10.0).as_dvec3() },
         2 => stretched(rng),
@@ -59,7 +54,7 @@ fn random_moves(world: &LightWorld, rng: &mut Rng, count: usize) -> Moves {
         _ => rng.affine(20.0).into(),
     };
     let mut one = |_| {
-        let key = keys[below(rng, keys.len())];
+        let key = keys[rng.below(keys.len())];
         (key, place(key, rng))
     };
     (0..count).map(&mut one).collect()
@@ -85,9 +80,8 @@ fn state(world: &LightWorld, seed: u64) -> impl PartialEq + std::fmt::Debug + us
     let mut rng = Rng(seed);
     let mut pmfs = Vec::new();
     for splits in SPLITS {
-        let mut distribution = Vec::new();
-        world.sampler().with_splits(splits).distribution(&rng.masked_point(12.0), &mut distribution);
-        pmfs.extend(distribution.iter().map(|pmf| pmf.to_bits()));
+        let of_all = distribution(&world.sampler().with_splits(splits), &rng.masked_point(12.0));
+        pmfs.extend(of_all.iter().map(|pmf| pmf.to_bits()));
     }
     (placements, trees, pmfs, *world.effect_counts())
 }
@@ -95,7 +89,13 @@ fn state(world: &LightWorld, seed: u64) -> impl PartialEq + std::fmt::Debug + us
 /// The slots of instances that were moved, added and removed.
 fn lists(world: &LightWorld, since: Revision) -> [Vec<u32>; 3] {
     let changes = world.changes_since(since);
-    [changes.moved_instances().collect(), changes.added_instances().collect(), changes.removed_instances().collect()]
+    let lists: [Vec<u32>; 3] = [
+        changes.moved_instances().collect(),
+        changes.added_instances().collect(),
+        changes.removed_instances().collect(),
+    ];
+    assert!(lists.iter().all(|list| list.is_sorted()));
+    lists
 }
 
 /// An update without its times.
@@ -120,7 +120,7 @@ proptest! {
         let mut rng = Rng(seed ^ 1);
         for _ in 0..steps {
             // Few, or more than one thread takes.
-            let count = [1, 7, 1500][below(&mut rng, 3)];
+            let count = [1, 7, 1500][rng.below(3)];
             let moves = random_moves(&together, &mut rng, count);
             together.move_instances(&moves).expect("valid");
             one_by_one(&mut last, &last_ones(&moves));
@@ -130,7 +130,7 @@ proptest! {
                 prop_assert_eq!(lists(&together, seen[0]), lists(&last, seen[1]));
                 seen = [together.revision(), last.revision()];
             }
-            let updates = if rng.bits().is_multiple_of(6) { EFFECT_HOLD_UPDATES as usize + 2 } else { below(&mut rng, 3) };
+            let updates = if rng.bits().is_multiple_of(6) { EFFECT_HOLD_UPDATES as usize + 2 } else { rng.below(3) };
             for _ in 0..updates {
                 prop_assert_eq!(update(&mut together), update(&mut last));
                 all.update(FrameBudget::NONE);
@@ -151,12 +151,15 @@ proptest! {
         for _ in 0..80 {
             world.add_instance(tree, rng.affine(9.0), Policy::Budgeted).expect("valid");
         }
+        let whole = world.changes_since(Revision::default());
+        prop_assert!(whole.added_instances().eq(world.instances().filter_map(|key| world.slot(key))));
+        prop_assert!(whole.moved_instances().next().is_none() && whole.origin_shift().is_none());
         let mut readers = [Reader::of(&world), Reader::of(&world)];
         for _ in 0..12 {
-            for _ in 0..below(&mut rng, 30) {
+            for _ in 0..rng.below(30) {
                 let keys: Vec<_> = world.instances().collect();
-                let key = keys[below(&mut rng, keys.len())];
-                match below(&mut rng, 7) {
+                let key = keys[rng.below(keys.len())];
+                match rng.below(7) {
                     0 => drop(world.add_instance(tree, rng.affine(9.0), Policy::Budgeted).expect("valid")),
                     1 => {
                         let slot = world.slot(key).expect("it lives");
@@ -223,24 +226,6 @@ impl Reader {
 }
 
 #[test]
-fn lists_of_changes_are_sorted_and_a_reader_that_has_seen_nothing_finds_all_instances_new() {
-    let mut world = Rng(560).world(3, 4, 300, 50.0);
-    let seen = world.revision();
-    let mut moves = random_moves(&world, &mut Rng(561), 5000);
-    moves.reverse();
-    world.move_instances(&moves).expect("valid");
-    let gone: Vec<_> = world.instances().step_by(50).collect();
-    gone.iter().rev().for_each(|key| world.remove_instance(*key).expect("it lives"));
-    let changes = world.changes_since(seen);
-    let [moved, removed]: [Vec<u32>; 2] = [changes.moved_instances().collect(), changes.removed_instances().collect()];
-    assert!(moved.len() > 500 && removed.len() == gone.len());
-    assert!(moved.is_sorted() && removed.is_sorted());
-    let whole = world.changes_since(Revision::default());
-    assert!(whole.added_instances().eq(world.instances().filter_map(|key| world.slot(key))));
-    assert!(whole.moved_instances().next().is_none() && whole.origin_shift().is_none() && !whole.is_empty());
-}
-
-#[test]
 fn a_refused_move_is_named_and_no_other_move_is_done() {
     let mut world = world(562);
     let gone = world.instances().last().expect("some instance");
@@ -278,9 +263,8 @@ fn a_refused_move_is_named_and_no_other_move_is_done() {
 
 #[test]
 fn moves_to_where_instances_are_cost_nothing() {
-    let (device, queue) = gpu();
     let mut world = world(564);
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut lights = gpu_lights();
     let mut sent = |world: &mut LightWorld| {
         let moved = world.update(FrameBudget::NONE).moved_instances;
         let is_empty = world.changes_since(lights.revision()).is_empty();

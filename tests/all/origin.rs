@@ -1,16 +1,15 @@
 //! The origin of large worlds: sampling far from zero, and across moves of the origin.
 
 use girandole::glam::{DVec3, Mat3, Vec3};
-use girandole::gpu::GpuLights;
 use girandole::plan::{FramePlan, LightPlanner, PlanLimits};
 use girandole::{
     Changes, Effects, FrameBudget, InstanceKey, Light, LightId, LightSampler, LightWorld, MAX_DISTANCE, ORIGIN_GRID,
     OriginMode, Placement, Policy, Revision, ShadingPoint, WorldError,
 };
 
-use crate::gpu::{OTHER_PICKS, compare, gpu, requests, sample};
+use crate::gpu::{OTHER_PICKS, compare, gpu_lights, requests, sample};
 use girandole::LightTree;
-use testbed::testing::support::{Rng, all_pmfs};
+use testbed::testing::support::{Rng, all_pmfs, place_tree};
 
 /// 10,000 km from zero, on the grid.
 const FAR: DVec3 = DVec3::new(9_766.0 * ORIGIN_GRID, -8_000.0 * ORIGIN_GRID, 9_766.0 * ORIGIN_GRID);
@@ -267,9 +266,14 @@ fn an_origin_or_a_viewpoint_that_is_refused_changes_nothing() {
     assert_eq!(state(&world), before);
     // Instances that are near an origin far beyond the limit.
     let mut world = LightWorld::new();
+    assert!(matches!(world.set_origin(DVec3::NAN), Err(WorldError::Value(_))), "an empty world");
     world.set_origin(DVec3::X * 4.0 * MAX_DISTANCE).expect("no instances");
-    let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid"));
-    world.add_instance(tree, Placement::at(DVec3::X * 3.5 * MAX_DISTANCE), Policy::Static).expect("near the origin");
+    place_tree(
+        &mut world,
+        vec![Light::point(Vec3::ZERO, Vec3::ONE)],
+        Placement::at(DVec3::X * 3.5 * MAX_DISTANCE),
+        Policy::Static,
+    );
     assert!(matches!(world.set_origin_mode(OriginMode::Following), Err(WorldError::Value(_))));
     world.set_origin(DVec3::X * 2.5e6 * ORIGIN_GRID).expect("near the instance");
     let before = state(&world);
@@ -356,13 +360,12 @@ fn a_move_of_the_origin_sends_two_uniforms_whatever_the_size_of_the_world() {
 
 #[test]
 fn the_gpu_follows_every_move_of_the_origin() {
-    let (device, queue) = gpu();
     let size = 60.0;
     let mut world = world_at(FAR, size, OriginMode::Following);
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut lights = gpu_lights();
     // At zero without sectors, all bits are the same.
     let mut plain = world_at(DVec3::ZERO, size, OriginMode::Free);
-    let mut plain_lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut plain_lights = gpu_lights();
     let mut requests = requests(&mut Rng(92), 1024, size);
     for request in &mut requests {
         request.position = stepped(Vec3::from(request.position).as_dvec3()).as_vec3().to_array();

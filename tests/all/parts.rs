@@ -2,10 +2,9 @@
 //! are exact, no light is lost, and both sides agree, also while objects move, turn and change.
 
 use girandole::glam::{DVec3, Mat3, Vec3};
-use girandole::gpu::GpuLights;
 use girandole::{FrameBudget, InstanceKey, Light, LightId, LightTree, LightWorld, Placement, Policy, TreeKey};
 
-use crate::gpu::{OTHER_PICKS, compare, gpu, requests, sample};
+use crate::gpu::{OTHER_PICKS, compare, gpu_lights, requests, sample};
 use testbed::testing::support::{Rng, SPLITS, assert_probabilities};
 
 /// A string of lamps along x, one of them dark.
@@ -70,10 +69,14 @@ fn change(street: &mut Street, rng: &mut Rng, round: usize) {
             let lights = train(1.8);
             world.set_lights(*tree, &[(0, lights[0]), (3, lights[3])]).expect("valid");
             world.set_lights(string_trees[0], &[(3, Light::point(Vec3::Y, Vec3::ONE))]).expect("valid");
+            // No light shines to the back any more.
+            world.remove_lights(*tree, &[1, 5, 9, 13, 17]).expect("it has the lights");
         }
         2 => drop(world.rebuild_tree(*tree).expect("it lives")),
-        // The strings go apart, so that they become whole.
+        // The strings go apart, so that they become whole. The lamps at the back return.
         3 => {
+            let back: Vec<_> = (0..5).map(|i| train(0.0)[4 * i + 1]).collect();
+            world.add_lights(*tree, &back).expect("valid");
             for (i, key) in strings.iter().enumerate() {
                 world.move_instance(*key, Placement::at(DVec3::Z * 60.0 * i as f64)).expect("valid");
             }
@@ -144,10 +147,9 @@ fn dark_lights_of_divided_and_open_trees_are_never_chosen() {
 
 #[test]
 fn the_gpu_chooses_the_same_lights_while_parts_come_and_go() {
-    let (device, queue) = gpu();
     let mut rng = Rng(92);
     let mut street = street(&mut rng);
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut lights = gpu_lights();
     for round in 0..8 {
         change(&mut street, &mut rng, round);
         let requests = requests(&mut rng, 2048, 20.0);

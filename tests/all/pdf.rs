@@ -1,11 +1,10 @@
 //! The density of a point that a ray hit is the density that sampling has for it.
 
 use girandole::glam::{DMat3, DVec3, Mat3, Vec3};
-use girandole::gpu::GpuLights;
 use girandole::{Effects, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy, ShadingPoint, Shape};
 
-use crate::gpu::{ask, gpu};
-use testbed::testing::support::{Rng, SPLITS};
+use crate::gpu::{ask, uploaded};
+use testbed::testing::support::{Rng, SPLITS, place_tree};
 
 /// Rounding of products of some forty factors on both sides.
 const TOLERANCE: f32 = 1.0e-4;
@@ -225,8 +224,7 @@ fn points_that_sampling_never_returns_have_no_density() {
         Light::sphere(Vec3::new(5.0, 0.0, 0.0), 1.0, Vec3::ONE),
         Light::point(Vec3::new(9.0, 0.0, 0.0), Vec3::ONE),
     ];
-    let tree = world.add_tree(LightTree::new(lights).expect("valid"));
-    let instance = world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+    let (_, instance) = place_tree(&mut world, lights, Placement::IDENTITY, Policy::Static);
     let sampler = world.sampler();
     let pdf = |shading_point: ShadingPoint, light, point| {
         sampler.pdf(&shading_point, LightId::Local { instance, light }, point)
@@ -252,11 +250,9 @@ fn densities_in_an_engines_shader_are_those_of_the_cpu() {
 }
 
 fn compare_densities(rng: &mut Rng, far: f64, by_solid_angle: bool) {
-    let (device, queue) = gpu();
     let mut world = moved(rng.world(4, 25, 4, 12.0), far);
     world.set_solid_angle_sampling(by_solid_angle);
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    lights.upload(&world).expect("room enough");
+    let mut lights = uploaded(&world);
     let sampler = world.sampler().from_roots();
     let mut questions: Vec<[u32; 12]> = Vec::new();
     let mut expected = Vec::new();
@@ -280,17 +276,11 @@ fn compare_densities(rng: &mut Rng, far: f64, by_solid_angle: bool) {
         let tolerance = GPU_TOLERANCE + tolerance(&world, &shading_point, pick.light, point);
         expected.push((sampler.pdf(&shading_point, pick.light, point), tolerance));
     }
-    let text = lights.shader(1, Effects::all()).join(
-        "struct Question { position: vec3<f32>, instance: u32, normal: vec3<f32>, light: u32, point: vec3<f32> }
-        @group(0) @binding(0) var<storage, read> questions: array<Question>;
-        @group(0) @binding(1) var<storage, read_write> answers: array<f32>;
-        @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
-            if id.x >= arrayLength(&questions) { return; }
-            let q = questions[id.x];
-            answers[id.x] = light_pdf(light_surface_point(q.position, q.normal), q.instance, q.light, q.point);
-        }",
-    );
-    let answers: Vec<f32> = ask(&mut lights, text, &questions, expected.len());
+    let text = "struct Question { position: vec3<f32>, instance: u32, normal: vec3<f32>, light: u32, point: vec3<f32> }
+        fn answer(q: Question) -> f32 {
+            return light_pdf(light_surface_point(q.position, q.normal), q.instance, q.light, q.point);
+        }";
+    let answers: Vec<f32> = ask(&mut lights, Effects::all(), text, &questions);
     let (mut lit, mut dark) = (0, 0);
     for ((cpu, tolerance), gpu) in expected.iter().zip(&answers) {
         let is_comparable = *tolerance < 0.05;

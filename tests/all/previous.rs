@@ -8,27 +8,19 @@ use girandole::{
     DirectionalLight, Effects, FrameBudget, InstanceKey, Light, LightId, LightTree, LightWorld, ORIGIN_GRID,
     OriginMode, Placement, Policy, Sky, TreeKey, wgpu,
 };
-use wgpu::util::DeviceExt;
 
-use crate::gpu::read;
-use testbed::common::batch;
+use crate::gpu::{Gpu, answers_after, asker};
 use testbed::common::gpu as device;
-use testbed::testing::support::Rng;
+use testbed::testing::support::{Rng, place_tree};
 
 const TEXT: &str = "
     struct Query { position: vec3<f32>, instance: u32, light: u32, a: u32, b: u32, c: u32 }
-    @group(1) @binding(0) var<storage, read> queries: array<Query>;
-    @group(1) @binding(1) var<storage, read_write> answers: array<vec4<f32>>;
-    @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
-        if id.x >= arrayLength(&queries) {
-            return;
-        }
-        let q = queries[id.x];
+    fn answer(q: Query) -> vec4<f32> {
         let at = light_surface_point(q.position, vec3(0.0, 1.0, 0.0));
         let kept = light_reservoir_of(q.instance, q.light, vec2(0.5));
         let now = light_reservoir_sample(at, kept);
         let then = light_reservoir_sample_previous(at, kept);
-        answers[id.x] = vec4(
+        return vec4(
             now.pmf * now.radiance.y, then.pmf * then.radiance.y,
             f32(light_generation(q.instance, q.light)), 0.0,
         );
@@ -45,10 +37,8 @@ struct Query {
 }
 
 struct Asker {
-    device: wgpu::Device,
-    queue: wgpu::Queue,
+    gpu: Gpu,
     lights: GpuLights,
-    own: wgpu::BindGroupLayout,
     pipeline: wgpu::ComputePipeline,
 }
 
@@ -57,66 +47,27 @@ impl Asker {
         // Seven storage buffers of the lights, and two of the test.
         let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 9, ..wgpu::Limits::default() };
         let adapter = device::find_adapter(None).expect("an adapter");
-        let (device, queue) =
-            device::open_device(&adapter, wgpu::Features::empty(), limits).expect("nine storage buffers");
+        let gpu = device::open_device(&adapter, wgpu::Features::empty(), limits).expect("nine storage buffers");
         let options = GpuOptions::default().with_previous();
-        let lights = GpuLights::with_options(&device, &queue, options).expect("default limits are enough");
-        let shader = lights.shader(0, Effects::all());
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: None,
-            source: wgpu::ShaderSource::Wgsl(shader.join(TEXT).into()),
-        });
-        let own = batch::in_and_out(&device);
-        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: None,
-            bind_group_layouts: &[Some(&shader.layout), Some(&own)],
-            ..Default::default()
-        });
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: None,
-            layout: Some(&layout),
-            module: &module,
-            entry_point: Some("ask"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
-        Self { device, queue, lights, own, pipeline }
+        let lights = GpuLights::with_options(&gpu.0, &gpu.1, options).expect("default limits are enough");
+        let pipeline = asker(&gpu, &lights, Effects::all(), TEXT);
+        Self { gpu, lights, pipeline }
+    }
+
+    fn encoder(&self) -> wgpu::CommandEncoder {
+        self.gpu.0.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
     }
 
     /// Uploads a frame and asks for the radiance of lights: now, and in the last frame. Then for their generation.
     fn frame(&mut self, world: &mut LightWorld, queries: &[Query]) -> Vec<[f32; 4]> {
-        let Self { device, queue, lights, own, pipeline } = self;
-        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        lights.sync(world, FrameBudget::NONE, &mut encoder).expect("room enough");
-        let input = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: None,
-            contents: bytemuck::cast_slice(queries),
-            usage: wgpu::BufferUsages::STORAGE,
-        });
-        let output = device.create_buffer(&wgpu::BufferDescriptor {
-            label: None,
-            size: 16 * queries.len() as u64,
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
-            mapped_at_creation: false,
-        });
-        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: own,
-            entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: input.as_entire_binding() },
-                wgpu::BindGroupEntry { binding: 1, resource: output.as_entire_binding() },
-            ],
-        });
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, lights.bind_group(), &[]);
-            pass.set_bind_group(1, &group, &[]);
-            pass.dispatch_workgroups((queries.len() as u32).div_ceil(64), 1, 1);
-        }
-        queue.submit([encoder.finish()]);
-        read(device, queue, &output)
+        let mut encoder = self.encoder();
+        self.lights.sync(world, FrameBudget::NONE, &mut encoder).expect("room enough");
+        answers_after(encoder, &self.gpu, &self.pipeline, &self.lights, queries)
     }
+}
+
+fn query(position: Vec3, instance: u32, light: u32) -> Query {
+    Query { position: position.to_array(), instance, light, padding: [0; 3] }
 }
 
 fn light(rng: &mut Rng, round: u32) -> Light {
@@ -245,7 +196,7 @@ fn the_last_frames_lights_are_those_that_it_had() {
                 4..40 => (world.slot(key).expect("it lives"), lights.len() as u32 + light),
                 _ => (world.slot(key).expect("it lives"), light),
             };
-            Query { position: rng.position(30.0).to_array(), instance, light, padding: [0; 3] }
+            query(rng.position(30.0), instance, light)
         });
         let queries: Vec<Query> = before.iter().map(|(query, ..)| *query).chain(fresh).collect();
         let answers = asker.frame(&mut world, &queries);
@@ -278,8 +229,7 @@ fn the_sky_of_the_last_frame_is_as_bright_as_it_was() {
         let tree = world.instance(sky).expect("it lives").tree;
         (world.slot(sky).expect("it lives"), world.tree(tree).expect("it lives").lights().len() as u32)
     };
-    let queries: Vec<_> =
-        (0..count).map(|light| Query { position: [0.0; 3], instance, light, padding: [0; 3] }).collect();
+    let queries: Vec<_> = (0..count).map(|light| query(Vec3::ZERO, instance, light)).collect();
     let [first, second] = [(); 2].map(|()| asker.frame(&mut world, &queries));
     assert!(first.iter().filter(|answer| answer[0] > 0.0).count() as u32 > count / 3);
     assert!(first.iter().zip(&second).all(|(first, second)| first[1] == 0.0 && second[1] == first[0]));
@@ -290,34 +240,17 @@ fn the_sky_of_the_last_frame_is_as_bright_as_it_was() {
 }
 
 #[test]
-fn before_the_first_frame_there_were_no_lights() {
-    let (mut asker, mut world) = (Asker::new(), LightWorld::new());
-    let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid"));
-    let key = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
-    let query = Query { position: [0.0; 3], instance: world.slot(key).expect("it lives"), light: 0, padding: [0; 3] };
-    let answers: Vec<_> = (0..3).map(|_| asker.frame(&mut world, &[query])[0]).collect();
-    let radiances: Vec<_> = answers.iter().map(|answer| [answer[0], answer[1]]).collect();
-    assert_eq!(radiances, [[1.0, 0.0], [1.0, 1.0], [1.0, 1.0]]);
-}
-
-#[test]
 fn a_build_that_was_dropped_belongs_to_the_frame_in_which_it_is_made() {
     let (mut asker, mut world) = (Asker::new(), LightWorld::new());
     let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid"));
     let mut add = |x| world.add_instance(tree, Placement::at(Vec3::new(x, 1.0, 0.0).as_dvec3()), Policy::Budgeted);
     let keys: Vec<_> = (0..40).map(|i| add(3.0 * i as f32 - 60.0).expect("valid")).collect();
-    let query = |key: &InstanceKey| Query {
-        position: [0.0; 3],
-        instance: world.slot(*key).expect("it lives"),
-        light: 0,
-        padding: [0; 3],
-    };
-    let queries: Vec<_> = keys.iter().map(query).collect();
+    let queries: Vec<_> = keys.iter().map(|key| query(Vec3::ZERO, world.slot(*key).expect("it lives"), 0)).collect();
     let first = asker.frame(&mut world, &queries);
     for (key, x) in keys.iter().zip(0..) {
         world.move_instance(*key, Placement::at(Vec3::new(50.0 - x as f32, 2.0, 9.0).as_dvec3())).expect("valid");
     }
-    let mut encoder = asker.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let mut encoder = asker.encoder();
     asker.lights.sync(&mut world, FrameBudget::NONE, &mut encoder).expect("room enough");
     drop(encoder);
     // Nothing changes any more, but the build is recorded again.
@@ -339,11 +272,9 @@ fn the_last_frame_keeps_the_origin_that_it_had() {
         keys.push(world.add_instance(tree, at, Policy::Budgeted).expect("valid"));
     }
     let queries: Vec<Query> = (0..200)
-        .map(|i| Query {
-            position: (start + rng.position(50.0).as_dvec3() - world.origin()).as_vec3().to_array(),
-            instance: world.slot(keys[i % keys.len()]).expect("it lives"),
-            light: i as u32 % 4,
-            padding: [0; 3],
+        .map(|i| {
+            let position = (start + rng.position(50.0).as_dvec3() - world.origin()).as_vec3();
+            query(position, world.slot(keys[i % keys.len()]).expect("it lives"), i as u32 % 4)
         })
         .collect();
     let first = asker.frame(&mut world, &queries);
@@ -363,12 +294,9 @@ fn the_last_frame_keeps_the_origin_that_it_had() {
 fn lights_keep_their_generation_until_the_tree_that_replaces_theirs_has_come() {
     let (mut asker, mut world, mut rng) = (Asker::new(), LightWorld::new(), Rng(73));
     let lamps = |rng: &mut Rng| (0..3000).map(|_| light(rng, 0)).collect::<Vec<_>>();
-    let tree = world.add_tree(LightTree::new(lamps(&mut rng)).expect("valid"));
-    let key = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+    let (tree, key) = place_tree(&mut world, lamps(&mut rng), Placement::IDENTITY, Policy::Budgeted);
     let instance = world.slot(key).expect("it lives");
-    let queries: Vec<Query> = (0..64)
-        .map(|i| Query { position: rng.position(9.0).to_array(), instance, light: 45 * i, padding: [0; 3] })
-        .collect();
+    let queries: Vec<Query> = (0..64).map(|i| query(rng.position(9.0), instance, 45 * i)).collect();
     let old = asker.frame(&mut world, &queries);
     asker.lights.set_frame_bytes(Some(40_000));
     world.replace_lights(tree, lamps(&mut rng)).expect("valid");

@@ -2,11 +2,11 @@
 
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::{
-    Appearance, Effects, FrameBudget, InstanceKey, Light, LightTree, LightWorld, MAX_DISTANCE, Placement, Policy,
-    Region, RegionInstance, RegionKey, RegionTree, ShadingPoint, TreeKey, WorldError,
+    Appearance, FrameBudget, Light, LightTree, LightWorld, MAX_DISTANCE, Placement, Policy, Region, RegionInstance,
+    RegionKey, RegionTree, ShadingPoint, TreeKey, WorldError,
 };
 
-use testbed::testing::support::{Rng, all_pmfs, assert_frequencies};
+use testbed::testing::support::{Rng, all_pmfs, assert_frequencies, place_tree};
 
 /// A region of two built trees, a baked tree and a tree of the world, with two instances of each.
 fn region(rng: &mut Rng, of_world: TreeKey) -> Region {
@@ -34,8 +34,7 @@ fn region(rng: &mut Rng, of_world: TreeKey) -> Region {
 /// A world with one tree that has an instance.
 fn world(rng: &mut Rng) -> (LightWorld, TreeKey) {
     let mut world = LightWorld::new();
-    let tree = world.add_tree(LightTree::new(rng.lights(20, 5.0)).expect("valid"));
-    world.add_instance(tree, rng.affine(30.0), Policy::Budgeted).expect("valid");
+    let (tree, _) = place_tree(&mut world, rng.lights(20, 5.0), rng.affine(30.0), Policy::Budgeted);
     (world, tree)
 }
 
@@ -50,12 +49,7 @@ fn state(world: &LightWorld) -> String {
         world.regions().collect::<Vec<_>>()
     );
     for key in world.instances() {
-        let (tree, placement) = (world.instance(key).map(|i| i.tree), world.instance(key).map(|i| i.placement));
-        state += &format!(
-            "\n{key:?} {tree:?} {placement:?} {:?} {:?}",
-            world.instance(key).map(|i| i.policy),
-            world.instance(key).map(|i| i.appearance.factor)
-        );
+        state += &format!("\n{key:?} {:?}", world.instance(key));
     }
     let at = ShadingPoint::volume(Vec3::ONE);
     let sampler = world.sampler();
@@ -74,14 +68,11 @@ fn check_chances(world: &LightWorld, rng: &mut Rng) {
 
 #[test]
 fn a_region_is_sent_between_threads_and_so_is_what_is_left_of_it() {
-    fn is_send<T: Send + 'static>() {}
-    is_send::<Region>();
-    let mut rng = Rng(500);
-    let (mut world, tree) = world(&mut rng);
+    let (mut world, tree) = world(&mut Rng(500));
     let mut filled = std::thread::spawn(move || region(&mut Rng(501), tree)).join().expect("the thread ends");
     let key = world.add_region(&mut filled).expect("valid");
     let removed = world.remove_region(key).expect("it lives");
-    std::thread::spawn(move || drop(removed)).join().expect("the thread ends");
+    std::thread::spawn(move || drop((removed, filled))).join().expect("the thread ends");
 }
 
 #[test]
@@ -147,39 +138,6 @@ fn a_region_that_is_removed_leaves_the_world_as_it_was_and_hands_its_trees_back(
     assert_eq!(removed.len(), 3);
     assert_eq!(state(&world), before);
     assert!(trees[..3].iter().all(|tree| world.tree(*tree).is_none()) && world.tree(tree).is_some());
-}
-
-#[test]
-fn a_region_that_is_removed_twice_or_never_was_is_refused() {
-    let mut rng = Rng(505);
-    let (mut world, tree) = world(&mut rng);
-    let key = world.add_region(&mut region(&mut rng, tree)).expect("valid");
-    drop(world.remove_region(key).expect("it lives"));
-    let other = world.add_region(&mut region(&mut rng, tree)).expect("valid");
-    assert_ne!(key, other);
-    let before = state(&world);
-    for stale in [key, RegionKey::default(), RegionKey::from(77)] {
-        assert_eq!(world.remove_region(stale).err(), Some(WorldError::NoSuchRegion(stale)));
-        assert!(world.region(stale).is_none());
-    }
-    assert_eq!(state(&world), before);
-}
-
-#[test]
-fn an_empty_region_and_one_without_instances_are_ordinary() {
-    let mut world = LightWorld::new();
-    let mut region = Region::new();
-    assert!(region.is_empty());
-    let empty = world.add_region(&mut region).expect("nothing is wrong");
-    region = Region::new();
-    region.add_tree(LightTree::new(Rng(1).lights(30, 5.0)).expect("valid"));
-    assert!(!region.is_empty() && region.tree_count() == 1 && region.instance_count() == 0);
-    let alone = world.add_region(&mut region).expect("valid");
-    assert_eq!((world.regions().len(), world.trees().len(), world.light_count()), (2, 1, 0));
-    assert!(world.sampler().sample(&ShadingPoint::volume(Vec3::ZERO), [0.5; 4]).is_none());
-    assert_eq!(world.remove_region(empty).expect("it lives").len(), 0);
-    assert_eq!(world.remove_region(alone).expect("it lives").len(), 1);
-    assert_eq!((world.regions().len(), world.trees().len()), (0, 0));
 }
 
 #[test]
@@ -262,101 +220,6 @@ fn first_tree() -> RegionTree {
     Region::new().add_tree(LightTree::default())
 }
 
-/// A world with a region, its key, and the keys of its instances.
-fn with_region(seed: u64) -> (LightWorld, RegionKey, Vec<TreeKey>, Vec<InstanceKey>, Rng) {
-    let mut rng = Rng(seed);
-    let (mut world, tree) = world(&mut rng);
-    let key = world.add_region(&mut region(&mut rng, tree)).expect("valid");
-    let view = world.region(key).expect("it lives");
-    let (trees, instances) = (view.trees.clone(), view.instances.clone());
-    (world, key, trees, instances, rng)
-}
-
-#[test]
-fn instances_and_trees_that_were_removed_one_by_one_are_skipped() {
-    let (mut world, key, trees, instances, _) = with_region(510);
-    // Both instances of the second tree, the tree, one of the first tree, one of the world's tree.
-    for index in [1, 5, 0, 7] {
-        world.remove_instance(instances[index]).expect("it lives");
-    }
-    world.remove_tree(trees[1]).expect("unused");
-    assert_eq!(world.region(key).expect("it lives").trees, trees);
-    // New trees and instances take the slots.
-    let other = world.add_tree(LightTree::new(vec![Light::point(Vec3::ONE, Vec3::ONE)]).expect("valid"));
-    let others: Vec<_> =
-        (0..4).map(|_| world.add_instance(other, Placement::IDENTITY, Policy::Budgeted).expect("valid")).collect();
-    let removed = world.remove_region(key).expect("it lives");
-    assert_eq!(removed.iter().map(LightTree::light_count).collect::<Vec<_>>(), [60, 300]);
-    assert!(
-        others.iter().all(|key| world.instance(*key).map(|i| i.placement).is_some()) && world.tree(other).is_some()
-    );
-    assert_eq!((world.trees().len(), world.instances().len(), world.light_count()), (2, 5, 24));
-}
-
-#[test]
-fn a_region_whose_trees_are_used_elsewhere_is_not_removed() {
-    let (mut world, key, trees, instances, mut rng) = with_region(511);
-    let outside = [0, 1].map(|_| world.add_instance(trees[2], rng.affine(9.0), Policy::Budgeted).expect("valid"));
-    let mut second = Region::new();
-    let used = second.add_world_tree(trees[2]);
-    second.add_instance(RegionInstance::new(used, Placement::IDENTITY, Policy::Budgeted)).expect("valid");
-    let second = world.add_region(&mut second).expect("valid");
-    let before = state(&world);
-    let in_use = |instances| Some(WorldError::RegionInUse { region: key, tree: trees[2], instances });
-    assert_eq!(world.remove_region(key).err(), in_use(3));
-    assert_eq!(state(&world), before);
-    assert_eq!(world.region(key).expect("it lives").instances, instances);
-    outside.into_iter().for_each(|key| world.remove_instance(key).expect("it lives"));
-    assert_eq!(world.remove_region(key).err(), in_use(1));
-    assert_eq!(world.remove_region(second).expect("its tree is of the world").len(), 0);
-    assert_eq!(world.remove_region(key).expect("unused").len(), 3);
-}
-
-#[test]
-fn copies_for_single_instances_leave_with_the_region() {
-    let (mut world, key, trees, instances, mut rng) = with_region(512);
-    // Of a tree of the region, and of one of the world.
-    let copies = [instances[0], instances[3]].map(|key| world.make_unique(key).expect("it lives"));
-    assert_eq!(world.region(key).expect("it lives").own_trees[3..], copies);
-    // The other instance of the first tree is the only one now.
-    assert_eq!(world.make_unique(instances[4]), Ok(trees[0]));
-    // A copy outlives its instance, and still leaves with the region.
-    world.remove_instance(instances[3]).expect("it lives");
-    let outside = world.add_instance(copies[1], rng.affine(9.0), Policy::Budgeted).expect("valid");
-    let in_use = WorldError::RegionInUse { region: key, tree: copies[1], instances: 1 };
-    assert_eq!(world.remove_region(key).err(), Some(in_use));
-    world.remove_instance(outside).expect("it lives");
-    world.update(FrameBudget::UNLIMITED);
-    check_chances(&world, &mut rng);
-    let removed = world.remove_region(key).expect("unused");
-    assert_eq!(removed.iter().map(LightTree::light_count).collect::<Vec<_>>(), [60, 40, 300, 60, 20]);
-    assert_eq!((world.trees().len(), world.instances().len()), (1, 1));
-}
-
-#[test]
-fn edits_of_a_region_that_wait_are_dropped_with_it_and_others_are_in_the_trees() {
-    let (mut world, key, trees, ..) = with_region(513);
-    let lamp = Light::point(Vec3::splat(3.0), Vec3::ONE);
-    world.set_lights(trees[2], &[(7, lamp)]).expect("valid");
-    world.add_lights(trees[1], &[lamp]).expect("valid");
-    world.update(FrameBudget::NONE);
-    world.set_lights(trees[2], &[(8, lamp)]).expect("valid");
-    let removed = world.remove_region(key).expect("it lives");
-    assert_eq!(removed[1].light_count(), 41);
-    assert_eq!(removed[2].lights()[7], lamp);
-    assert_ne!(removed[2].lights()[8], lamp);
-    assert!(removed.iter().all(|tree| tree.check().is_ok()));
-    assert_eq!(world.update(FrameBudget::UNLIMITED).refit_trees, 0);
-    // They may come back as parts of another region.
-    let mut again = Region::new();
-    for tree in removed {
-        let tree = again.add_tree(tree);
-        again.add_instance(RegionInstance::new(tree, Placement::IDENTITY, Policy::Budgeted)).expect("valid");
-    }
-    world.add_region(&mut again).expect("valid");
-    assert_eq!(world.light_count(), 20 + 60 + 41 + 300);
-}
-
 #[test]
 fn trees_of_stretched_first_instances_are_divided_for_them() {
     let mut rng = Rng(514);
@@ -380,27 +243,4 @@ fn trees_of_stretched_first_instances_are_divided_for_them() {
     assert!((0..2).all(|index| nodes(&world, index) == expected.nodes()));
     assert!(nodes(&world, 2) == plain.nodes());
     assert_eq!(world.update(FrameBudget::UNLIMITED).rebuilt_trees, 0);
-}
-
-#[test]
-fn a_region_that_comes_and_goes_leaves_no_effect_and_no_memory() {
-    let mut world = LightWorld::new();
-    let mut rng = Rng(515);
-    for round in 0..20 {
-        let of_world = world.add_tree(LightTree::new(rng.lights(12, 5.0)).expect("valid"));
-        let key = world.add_region(&mut region(&mut rng, of_world)).expect("valid");
-        let instances = world.region(key).expect("it lives").instances.clone();
-        for step in 0..round {
-            world.make_unique(instances[step % instances.len()]).expect("it lives");
-            let trees: Vec<_> = world.trees().collect();
-            world.set_lights(trees[step % trees.len()], &[(0, rng.light(5.0))]).expect("valid");
-            world.update([FrameBudget::NONE, FrameBudget::UNLIMITED][step % 2]);
-        }
-        drop(world.remove_region(key).expect("it lives"));
-        world.remove_tree(of_world).expect("unused");
-        let memory = world.memory();
-        assert_eq!((memory.total(), memory.trees.total()), (memory.tables, 0));
-        assert_eq!(world.effect_counts().effects(), Effects::empty());
-        assert_eq!((world.light_count(), world.trees().len(), world.instances().len()), (0, 0, 0));
-    }
 }

@@ -1,16 +1,14 @@
 //! Resampling is unbiased, lowers the noise, and is the same on the GPU.
 
+use crate::gpu::{OTHER_PICKS, ask, close, named, requests, shading_point, uploaded};
 use girandole::glam::Vec3;
-use girandole::gpu::GpuLights;
 use girandole::light::luminance;
 use girandole::{
     Incident, Light, LightId, LightSample, LightSampler, LightTree, LightWorld, Placement, Policy, Reservoir,
     ShadingPoint, Shape,
 };
 use testbed::common::batch::{SampleRecord, SampleRequest};
-
-use crate::gpu::{OTHER_PICKS, ask, close, gpu, requests, shading_point};
-use testbed::testing::support::Rng;
+use testbed::testing::support::{Rng, mean};
 
 fn random_numbers(rng: &mut Rng) -> [f32; 5] {
     [rng.unit(), rng.unit(), rng.unit(), rng.unit(), rng.unit()]
@@ -82,16 +80,10 @@ fn the_mean_is_the_sum_over_all_lights() {
         let of = |light| Some(part(light, sampler.sample_light(&at, light, [0.5, 0.5])?));
         let exact: f64 = sampler.all_lights().filter_map(of).sum();
         for candidates in [1, 2, 3, 8, 100] {
-            let draws = 6000;
-            let (mut sum, mut squares) = (0.0, 0.0);
-            for _ in 0..draws {
+            let [mean, deviation] = mean(6000, || {
                 let kept = kept(&sampler, &at, random_numbers(&mut rng), candidates);
-                let value = kept.map_or(0.0, |kept| part(kept.light, kept.incident) / f64::from(kept.pmf));
-                sum += value;
-                squares += value * value;
-            }
-            let n = f64::from(draws);
-            let (mean, deviation) = (sum / n, ((squares / n - (sum / n).powi(2)) / n).sqrt());
+                kept.map_or(0.0, |kept| part(kept.light, kept.incident) / f64::from(kept.pmf))
+            });
             // Five standard deviations: a false alarm in one of 10^6 checks, of which there are 50.
             assert!((mean - exact).abs() <= 5.0 * deviation, "{candidates}: {mean} {exact} {deviation}");
             // Counts the checks that are precise.
@@ -104,17 +96,13 @@ fn the_mean_is_the_sum_over_all_lights() {
 /// The relative variance of the light that one sample estimates, surfaces included, without
 /// shadows.
 fn variance(sampler: &LightSampler<'_>, shading_point: &ShadingPoint, candidates: u32, rng: &mut Rng) -> f64 {
-    let draws = 3000;
-    let (mut sum, mut squares) = (0.0, 0.0);
-    for _ in 0..draws {
-        let value = kept(sampler, shading_point, random_numbers(rng), candidates).map_or(0.0, |sample| {
+    let [mean, error] = mean(3000, || {
+        kept(sampler, shading_point, random_numbers(rng), candidates).map_or(0.0, |sample| {
             let lux = luminance(sample.incident.radiance) * cosine(shading_point, sample.incident.direction);
             f64::from(lux) / f64::from(sample.pmf * sample.incident.pdf)
-        });
-        sum += value;
-        squares += value * value;
-    }
-    if sum > 0.0 { squares * f64::from(draws) / (sum * sum) - 1.0 } else { 0.0 }
+        })
+    });
+    if mean > 0.0 { 3000.0 * (error / mean).powi(2) } else { 0.0 }
 }
 
 #[test]
@@ -175,37 +163,30 @@ const ENGINE: &str = "
         position: vec3<f32>, padding: u32, normal: vec3<f32>, padding_after_normal: u32,
         u: vec4<f32>, choice: f32, candidates: u32,
     }
-    @group(0) @binding(0) var<storage, read> questions: array<Question>;
-    @group(0) @binding(1) var<storage, read_write> answers: array<LightSample>;
-    @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
-        if id.x >= arrayLength(&questions) { return; }
-        let q = questions[id.x];
+    fn answer(q: Question) -> LightSample {
         let at = light_surface_point(q.position, q.normal);
-        answers[id.x] = light_reservoir_sample(at, light_resample(at, q.u, q.choice, q.candidates));
+        return light_reservoir_sample(at, light_resample(at, q.u, q.choice, q.candidates));
     }";
 
 /// Counts the records with another light or another weight than the CPU's.
 fn others(world: &LightWorld, questions: &[Question], records: &[SampleRecord]) -> usize {
     let sampler = world.sampler().from_roots();
-    let directionals: Vec<_> = world.directionals().collect();
     let differs = |(question, record): (&Question, &SampleRecord)| {
         let [a, b, x, y] = question.request.u;
         let at = shading_point(&question.request);
         let twin = kept(&sampler, &at, [a, b, x, y, question.choice], question.candidates);
         let (Some(twin), true) = (twin, record.pmf > 0.0) else { return twin.is_some() != (record.pmf > 0.0) };
-        let light = match record.instance {
-            u32::MAX => LightId::Directional(directionals[record.light as usize]),
-            slot => LightId::Local { instance: world.instance_at(slot).expect("a live slot"), light: record.light },
-        };
         let turn = (Vec3::from(record.direction) - twin.incident.direction).length();
-        light != twin.light || turn > 2.0e-3 || !close(record.pmf, twin.pmf) || !close(record.pdf, twin.incident.pdf)
+        named(world, record.instance, record.light) != twin.light
+            || turn > 2.0e-3
+            || !close(record.pmf, twin.pmf)
+            || !close(record.pdf, twin.incident.pdf)
     };
     questions.iter().zip(records).filter(|pair| differs(*pair)).count()
 }
 
 #[test]
 fn the_gpu_keeps_the_same_candidates_with_the_same_weights() {
-    let (device, queue) = gpu();
     let mut rng = Rng(74);
     let count = 2048;
     let requests = requests(&mut rng, count, 25.0);
@@ -216,8 +197,7 @@ fn the_gpu_keeps_the_same_candidates_with_the_same_weights() {
             let keys: Vec<_> = world.directionals().collect();
             keys.into_iter().for_each(|key| world.remove_directional(key).expect("a live key"));
         }
-        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-        lights.upload(&world).expect("room enough");
+        let mut lights = uploaded(&world);
         for candidates in [1, 2, 5, 8, 32] {
             let question = |request: &SampleRequest| Question {
                 request: *request,
@@ -226,8 +206,7 @@ fn the_gpu_keeps_the_same_candidates_with_the_same_weights() {
                 padding: [0; 2],
             };
             let questions: Vec<_> = requests.iter().map(question).collect();
-            let text = lights.shader(1, world.effects()).join(ENGINE);
-            let records: Vec<SampleRecord> = ask(&mut lights, text, &questions, count);
+            let records: Vec<SampleRecord> = ask(&mut lights, world.effects(), ENGINE, &questions);
             let others = others(&world, &questions, &records);
             // Each candidate may fall on the other side of a border between two lights, which
             // changes the weight.

@@ -8,45 +8,16 @@ use girandole::{
     DirectionalLight, FrameBudget, Light, LightId, LightTree, LightWorld, MAX_SPLITS, Placement, Policy, ShadingPoint,
 };
 
-use testbed::testing::support::{Rng, SPLITS, all_pmfs};
-
-/// Probabilities are products of at most two dozen ratios of sums of eight; each rounds by a few
-/// 6e-8.
-const SUM_TOLERANCE: f64 = 1.0e-4;
+use testbed::testing::support::{Rng, SPLITS, assert_frequencies, assert_probabilities, place_tree, world_of};
 
 #[test]
-fn probabilities_sum_to_one_less_the_share_of_draws_without_a_light() {
+fn probabilities_are_those_of_draws_and_every_light_that_contributes_has_one() {
     let mut rng = Rng(10);
-    for _ in 0..10 {
-        let world = rng.varied_world(4, 40, 5, 40.0);
-        for round in 0..20 {
-            let shading_point = rng.masked_point(60.0);
-            let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
-            let sum: f64 = all_pmfs(&sampler, &shading_point).iter().map(|(_, p)| f64::from(*p)).sum();
-            assert!(sum <= 1.0 + SUM_TOLERANCE, "{sum}");
-            // The rest to 1 is the share of draws that end without a light: at most a few per cent
-            // here.
-            let draws = 2000;
-            let none = (0..draws).filter(|_| sampler.pick(&shading_point, [rng.unit(), rng.unit()]).is_none()).count();
-            let missing = 1.0 - sum;
-            // Five standard deviations of a binomial distribution and one draw: false alarms are
-            // below 1e-6 each.
-            let deviation = (missing.max(0.0) * sum.min(1.0) / f64::from(draws)).sqrt();
-            assert!((none as f64 / f64::from(draws) - missing).abs() < 5.0 * deviation + 1.0 / f64::from(draws));
-        }
-    }
-}
-
-#[test]
-fn picks_carry_the_probability_that_pmf_returns() {
-    let mut rng = Rng(11);
-    let world = rng.varied_world(5, 60, 4, 30.0);
-    for round in 0..4000 {
-        let shading_point = rng.masked_point(40.0);
-        let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
-        if let Some(pick) = sampler.pick(&shading_point, [rng.unit(), rng.unit()]) {
-            let pmf = sampler.pmf(&shading_point, pick.light);
-            assert!(pick.pmf > 0.0 && (pick.pmf / pmf - 1.0).abs() < 1.0e-4, "{} {pmf}", pick.pmf);
+    for _ in 0..20 {
+        let world = rng.varied_world(4, 50, 4, 30.0);
+        for splits in 0..=MAX_SPLITS {
+            let sampler = world.sampler().with_splits(splits);
+            assert_probabilities(&sampler, &rng.masked_point(40.0), 2000, &mut rng);
         }
     }
 }
@@ -56,34 +27,15 @@ fn frequencies_agree_with_the_probabilities() {
     let mut rng = Rng(12);
     let world = rng.varied_world(3, 15, 3, 10.0);
     for round in 0..10 {
-        let shading_point = rng.masked_point(12.0);
         let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
-        let draws = 100_000;
-        let mut counts: HashMap<Option<LightId>, u32> = HashMap::new();
-        for _ in 0..draws {
-            *counts.entry(sampler.pick(&shading_point, [rng.unit(), rng.unit()]).map(|p| p.light)).or_default() += 1;
-        }
-        let mut chi_sq = 0.0;
-        let mut cells = 0.0;
-        for (light, pmf) in all_pmfs(&sampler, &shading_point) {
-            let expected = f64::from(pmf) * f64::from(draws);
-            if expected >= 5.0 {
-                let observed = f64::from(counts.get(&Some(light)).copied().unwrap_or(0));
-                chi_sq += (observed - expected).powi(2) / expected;
-                cells += 1.0;
-            }
-        }
-        // Chi squared with at most `cells` degrees of freedom exceeds mean + 5 sqrt(2 cells) + 15
-        // with a probability below 1e-6.
-        assert!(chi_sq < cells + 5.0 * (2.0_f64 * cells).sqrt() + 15.0, "{chi_sq} over {cells}");
+        assert_frequencies(&sampler, &rng.masked_point(12.0), 100_000, &mut rng);
     }
 }
 
 #[test]
 fn each_of_several_suns_is_drawn_as_often_as_its_probability_says() {
     let mut world = LightWorld::new();
-    let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::Y, Vec3::splat(2.0))]).expect("a valid light"));
-    world.add_instance(lamp, Placement::at(DVec3::ZERO), Policy::Static).expect("a valid placement");
+    place_tree(&mut world, vec![Light::point(Vec3::Y, Vec3::splat(2.0))], Placement::at(DVec3::ZERO), Policy::Static);
     for lux in [1.0, 4.0, 2.0] {
         let sun = DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::splat(lux) };
         world.add_directional(sun).expect("a valid light");
@@ -104,47 +56,6 @@ fn each_of_several_suns_is_drawn_as_often_as_its_probability_says() {
 }
 
 #[test]
-fn every_light_that_reaches_a_shading_point_has_a_probability_above_zero() {
-    let mut rng = Rng(13);
-    let mut contributions = 0;
-    for _ in 0..20 {
-        let world = rng.varied_world(4, 50, 4, 20.0);
-        for round in 0..40 {
-            let shading_point = rng.masked_point(25.0);
-            let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
-            for (light, pmf) in all_pmfs(&sampler, &shading_point) {
-                let u = [rng.unit(), rng.unit()];
-                if let Some(incident) = sampler.sample_light(&shading_point, light, u) {
-                    assert!(incident.radiance.is_finite() && incident.pdf > 0.0 && incident.pdf.is_finite());
-                    assert!((incident.direction.length() - 1.0).abs() < 1e-4);
-                    assert!(pmf > 0.0, "{light:?} sends {incident:?} to {shading_point:?} but is never chosen");
-                    contributions += 1;
-                }
-            }
-        }
-    }
-    assert!(contributions > 100_000, "only {contributions} contributions were tested");
-}
-
-#[test]
-fn random_numbers_at_the_ends_of_the_unit_interval_give_valid_picks() {
-    let mut rng = Rng(14);
-    let world = rng.varied_world(3, 30, 3, 10.0);
-    let below_one = 1.0 - f32::EPSILON / 2.0;
-    for round in 0..200 {
-        let shading_point = rng.masked_point(10.0);
-        let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
-        for u in [0.0, below_one] {
-            for v in [0.0, below_one] {
-                if let Some(pick) = sampler.pick(&shading_point, [u, v]) {
-                    assert!(pick.pmf > 0.0 && sampler.pmf(&shading_point, pick.light) > 0.0);
-                }
-            }
-        }
-    }
-}
-
-#[test]
 fn area_lights_integrate_to_their_irradiance() {
     // A one-sided unit square lies 2 m above the shading point. The corner formula gives the form
     // factor F; E = L * F * pi.
@@ -155,9 +66,7 @@ fn area_lights_integrate_to_their_irradiance() {
         (a / p * (b / p).atan() + b / q * (a / q).atan()) / 2.0
     };
     let expected = 4.0 * corner(0.25, 0.25);
-    let mut world = LightWorld::new();
-    let key = world.add_tree(LightTree::new(tree).expect("valid"));
-    world.add_instance(key, Placement::IDENTITY, Policy::Static).expect("valid");
+    let (world, ..) = world_of(tree, Policy::Static);
     let estimate = irradiance(&world, &ShadingPoint::surface(Vec3::ZERO, Vec3::Y), 20_000);
     assert!((estimate / expected - 1.0).abs() < 0.01, "{estimate} {expected}");
 }

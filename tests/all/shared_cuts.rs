@@ -8,13 +8,7 @@ use girandole::{
 use rayon::prelude::*;
 
 use testbed::measuring::sigma::Noise;
-use testbed::testing::support::{Rng, all_pmfs, rounds};
-
-/// As in `sampling.rs`: rounding of products of two dozen ratios.
-const SUM_TOLERANCE: f64 = 1.0e-4;
-
-/// Two rounded products of as many ratios, one downward and one upward.
-const PMF_TOLERANCE: f32 = 1.0e-4;
+use testbed::testing::support::{Rng, all_pmfs, assert_frequencies, assert_probabilities, distribution, rounds};
 
 /// Few large cells, so that many points share one, each built for any single mark.
 fn table() -> CutTable {
@@ -50,27 +44,13 @@ fn assert_exact(world: &LightWorld, table: &CutTable, at: &[ShadingPoint], rng: 
     let (without, with) = (world.sampler(), world.sampler().with_cuts(table));
     let (mut changed, mut total) = (0, 0);
     for at in at {
-        let pmfs = all_pmfs(&with, at);
-        let sum: f64 = pmfs.iter().map(|(_, p)| f64::from(*p)).sum();
-        assert!(sum <= 1.0 + SUM_TOLERANCE, "{sum}");
-        let mut all = Vec::new();
-        with.distribution(at, &mut all);
-        assert_eq!(all.len(), pmfs.len());
-        for ((light, pmf), other) in pmfs.iter().zip(&all) {
-            assert!((pmf - other).abs() <= PMF_TOLERANCE * pmf, "{pmf} {other}");
-            let before = without.pmf(at, *light);
+        assert_probabilities(&with, at, 100, rng);
+        for (light, pmf) in all_pmfs(&with, at) {
+            let before = without.pmf(at, light);
             // Nothing that can be chosen without a table gets lost.
-            assert!(*pmf > 0.0 || before == 0.0, "{light:?} at {at:?}: {before}");
+            assert!(pmf > 0.0 || before == 0.0, "{light:?} at {at:?}: {before}");
             changed += usize::from((pmf - before).abs() > 0.1 * before);
             total += usize::from(before > 0.0);
-        }
-        for _ in 0..10 {
-            let pick = with.pick(at, [rng.unit(), rng.unit()]);
-            if let Some(pick) = pick {
-                assert!((pick.pmf / with.pmf(at, pick.light) - 1.0).abs() < PMF_TOLERANCE);
-            } else {
-                assert!(sum < 1.0 - SUM_TOLERANCE, "a draw ends without a light, though all add up to {sum}");
-            }
         }
     }
     f64::from(changed as u32) / f64::from(total as u32)
@@ -115,65 +95,6 @@ fn without_cells_and_after_a_change_the_bits_are_those_without_a_table() {
     assert_alike(&world, &cuts, &mut rng);
     build(&mut cuts, &world, &[]);
     assert_alike(&world, &cuts, &mut rng);
-}
-
-#[test]
-fn probabilities_are_exact_at_points_that_a_cut_does_not_know() {
-    let mut rng = Rng(171);
-    let mut changed = 0.0;
-    for round in 0..6 {
-        let mut world = rng.world(4, 30, 5, 20.0);
-        if round % 2 == 1 {
-            let sun = DirectionalLight { direction: Vec3::new(0.6, -0.8, 0.0), illuminance: Vec3::splat(0.4) };
-            world.add_directional(sun).expect("valid");
-        }
-        let at = points(&mut rng, 60, 20.0);
-        let mut cuts = table();
-        build(&mut cuts, &world, &at);
-        let report = cuts.report();
-        assert!(report.marked > 20 && report.built == report.marked && report.refused == 0, "{report:?}");
-        changed += assert_exact(&world, &cuts, &others(&at, &mut rng), &mut rng);
-    }
-    // Most of the points lie in cells that were not marked.
-    assert!(changed > 0.6, "the table matters: {changed}");
-}
-
-#[test]
-fn moving_worlds_keep_their_probabilities_with_marks_of_the_frame_before() {
-    let mut rng = Rng(172);
-    let mut world = rng.world(4, 30, 5, 20.0);
-    let at = points(&mut rng, 40, 20.0);
-    let mut cuts = table();
-    build(&mut cuts, &world, &at);
-    for frame in 0..8 {
-        let sampler = world.sampler().with_cuts(&cuts);
-        at.iter().for_each(|at| sampler.mark(at));
-        let instances: Vec<_> = world.instances().collect();
-        for instance in &instances {
-            let place = Placement::at(rng.position(20.0).as_dvec3());
-            world.move_instance(*instance, place).expect("valid");
-        }
-        if frame % 3 == 2 {
-            let tree = world.trees().next().expect("a tree");
-            world.rebuild_tree(tree).expect("a tree");
-            world.set_origin(DVec3::new(f64::from(frame), 3.0, -700.0)).expect("valid");
-        }
-        world.update(FrameBudget::UNLIMITED);
-        cuts.build(world.sampler());
-        assert!(cuts.report().built > 10);
-        let shift = world.origin().as_vec3();
-        let mut moved = at.clone();
-        moved.iter_mut().for_each(|at| at.position -= shift);
-        let sampler = world.sampler().with_cuts(&cuts);
-        let differs = |at: &&ShadingPoint| sampler.pick(at, [0.3, 0.6]) != world.sampler().pick(at, [0.3, 0.6]);
-        // Marks lie where they were in the world, whatever the origin is now.
-        assert!(frame % 3 == 2 || at.iter().filter(differs).count() > 10);
-        assert_exact(&world, &cuts, &others(&moved, &mut rng)[..10], &mut rng);
-        if frame % 3 == 2 {
-            assert!(moved.iter().filter(differs).count() > 10);
-            world.set_origin(DVec3::ZERO).expect("valid");
-        }
-    }
 }
 
 /// One change of a world, of any kind.
@@ -231,9 +152,12 @@ fn cuts_that_are_kept_stay_exact_whatever_is_edited() {
         let at: Vec<_> = (0..30).map(|_| rng.masked_point(20.0)).collect();
         let mut cuts = table();
         for frame in 0..60 {
+            // With marks of the frame before, and with those of this frame.
+            let is_late = frame % 4 < 2;
+            at[..if is_late { 30 } else { 0 }].iter().for_each(|at| world.sampler().with_cuts(&cuts).mark(at));
             (0..1 + frame % 3).for_each(|_| edit(&mut world, &mut rng));
             world.update(if frame % 2 == 0 { FrameBudget::UNLIMITED } else { FrameBudget::NONE });
-            build(&mut cuts, &world, &at);
+            build(&mut cuts, &world, if is_late { &[] } else { &at });
             assert_exact(&world, &cuts, &others(&at, &mut rng)[..4], &mut rng);
             kept += cuts.report().kept;
         }
@@ -245,8 +169,7 @@ fn cuts_that_are_kept_stay_exact_whatever_is_edited() {
 fn mean_sigma(sampler: &LightSampler<'_>, at: &[ShadingPoint]) -> f64 {
     let ids: Vec<_> = sampler.all_lights().collect();
     let sigma = |at: &ShadingPoint| {
-        let mut pmfs = Vec::new();
-        sampler.distribution(at, &mut pmfs);
+        let pmfs = distribution(sampler, at);
         let lux = |incident: Incident| incident.radiance.y * incident.direction.dot(at.normal) / incident.pdf;
         let contributions: Vec<f32> =
             ids.iter().map(|id| sampler.sample_light(at, *id, [0.5; 2]).map_or(0.0, lux)).collect();
@@ -276,20 +199,6 @@ fn a_coarser_cell_stands_in_where_a_cell_was_not_marked() {
     // Beyond all marked cells, points split for themselves.
     let far = ShadingPoint::surface(5.0 * Vec3::X, Vec3::Y);
     assert_eq!(with.pick(&far, [0.3, 0.7]), own.pick(&far, [0.3, 0.7]));
-}
-
-#[test]
-fn masked_lights_are_chosen_only_where_they_are_seen() {
-    let mut rng = Rng(173);
-    let mut world = rng.world(4, 20, 6, 20.0);
-    let instances: Vec<_> = world.instances().collect();
-    for (index, instance) in instances.iter().enumerate() {
-        world.set_appearance(*instance, |a| a.mask = 1 << (index % 3)).expect("an instance");
-    }
-    let at: Vec<_> = points(&mut rng, 60, 20.0).into_iter().map(|at| at.with_mask(1 + rng.bits() as u32 % 7)).collect();
-    let mut cuts = table();
-    build(&mut cuts, &world, &at);
-    assert_exact(&world, &cuts, &others(&at, &mut rng), &mut rng);
 }
 
 #[test]
@@ -419,47 +328,6 @@ fn a_table_keeps_the_cells_with_the_most_marks_at_its_cap_and_past_it() {
 }
 
 #[test]
-fn means_equal_the_sum_over_all_lights() {
-    let mut rng = Rng(177);
-    let world = rng.world(3, 10, 4, 8.0);
-    let at: Vec<_> = points(&mut rng, 12, 8.0);
-    let mut cuts = table();
-    build(&mut cuts, &world, &at);
-    let sampler = world.sampler().with_cuts(&cuts);
-    for at in others(&at, &mut rng) {
-        let lux = |light, u| {
-            let incident = sampler.sample_light(&at, light, u)?;
-            let cosine = if at.normal == Vec3::ZERO { 1.0 } else { incident.direction.dot(at.normal) };
-            Some(f64::from(incident.radiance.element_sum() * cosine / incident.pdf))
-        };
-        // A light counts with the same point both times, so the sum is exact.
-        let exact: f64 = sampler.all_lights().filter_map(|light| lux(light, [0.4, 0.6])).sum();
-        for candidates in [1, 4] {
-            let (count, mut sum, mut squares) = (20_000, 0.0, 0.0);
-            for _ in 0..count {
-                let value = match candidates {
-                    1 => sampler
-                        .pick(&at, [rng.unit(), rng.unit()])
-                        .map_or(0.0, |pick| lux(pick.light, [0.4, 0.6]).map_or(0.0, |lux| lux / f64::from(pick.pmf))),
-                    _ => {
-                        let u = [(); 5].map(|()| rng.unit());
-                        let kept = sampler.resample(&at, u, candidates);
-                        let lux = kept.light.and_then(|light| lux(light, [0.4, 0.6]));
-                        lux.map_or(0.0, |lux| lux * f64::from(kept.weight))
-                    }
-                };
-                sum += value;
-                squares += value * value;
-            }
-            let mean = sum / f64::from(count);
-            let error = ((squares / f64::from(count) - mean * mean) / f64::from(count)).sqrt();
-            // Twenty-four checks of five standard errors: a false alarm in 70,000 runs.
-            assert!((mean - exact).abs() <= 5.0 * error + 1.0e-4 * exact, "{candidates}: {mean} {exact} {error}");
-        }
-    }
-}
-
-#[test]
 fn cells_know_what_shadow_rays_have_taught_and_are_built_again_while_they_are_young_and_in_turn() {
     let mut world = LightWorld::new();
     let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid"));
@@ -546,4 +414,15 @@ fn empty_worlds_and_dark_cells_have_no_cuts_and_no_samples() {
         build(&mut cuts, &world, &[at]);
         world.sampler().with_cuts(&cuts).pick(&at, [0.5, 0.5]);
     }
+}
+
+#[test]
+fn frequencies_are_the_probabilities() {
+    let mut rng = Rng(177);
+    let world = rng.world(3, 10, 4, 8.0);
+    let at = points(&mut rng, 12, 8.0);
+    let mut cuts = table();
+    build(&mut cuts, &world, &at);
+    let sampler = world.sampler().with_cuts(&cuts);
+    others(&at, &mut rng).iter().for_each(|at| assert_frequencies(&sampler, at, 20_000, &mut rng));
 }

@@ -1,17 +1,15 @@
 //! Rectangles and triangles that are sampled by solid angle: means against closed forms, densities,
 //! extreme sizes and places, and the setting that turns them on.
 
+use crate::gpu::{OTHER_PICKS, compare, gpu_lights, sample, sample_by};
 use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Vec3};
-use girandole::gpu::GpuLights;
 use girandole::light::luminance;
 use girandole::{
     Effects, FrameBudget, Incident, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy,
     ShadingPoint, Shape,
 };
 use testbed::common::batch::SampleRequest;
-
-use crate::gpu::{OTHER_PICKS, compare, gpu, sample, sample_by};
 use testbed::measuring::irradiance::irradiance;
 use testbed::testing::support::Rng;
 
@@ -252,66 +250,6 @@ fn slivers_and_extreme_sizes_and_places_stay_finite_covered_and_right() {
 }
 
 #[test]
-fn every_part_of_a_near_light_is_sampled() {
-    // Each of 8 x 8 cells along the edges gets the share of samples that is its share of the solid
-    // angle. Five standard deviations: a false alarm in one of 10^6 cells, of which there are 600.
-    let mut rng = Rng(313);
-    let draws = 200_000;
-    for (light, at) in [
-        (shapes()[0], Vec3::new(0.2, 0.5, 0.4)),
-        (shapes()[0], Vec3::new(1.0, 1.0, 0.05)),
-        (shapes()[1], Vec3::new(-0.5, 0.1, 0.5)),
-        (shapes()[2], Vec3::new(0.3, -0.8, -0.4)),
-        (shapes()[3], Vec3::new(0.2, 0.1, 0.6)),
-        (shapes()[3], Vec3::new(-1.2, -0.7, 0.8)),
-    ] {
-        let (world, id) = world_of(light, Mat3::IDENTITY);
-        let (sampler, shading_point) = (world.sampler(), ShadingPoint::volume(at));
-        let mut counts = [[0_u32; 8]; 8];
-        for _ in 0..draws {
-            let u = [rng.unit(), rng.unit()];
-            let incident = sampler.sample_light(&shading_point, id, u).expect("the front is seen");
-            let point = at.as_dvec3() + incident.direction.as_dvec3() * f64::from(incident.dist);
-            let [x, y] = edge_coordinates(&light, point).map(|t| ((t * 8.0) as usize).min(7));
-            counts[x][y] += 1;
-        }
-        let two_sided = light.two_sided();
-        let whole = irradiance(&two_sided, &shading_point);
-        for (x, column) in counts.iter().enumerate() {
-            for (y, count) in column.iter().enumerate() {
-                let share = cells(&two_sided, x, y)
-                    .iter()
-                    .map(|cell| irradiance(&Light::triangle(*cell, Vec3::ONE).two_sided(), &shading_point))
-                    .sum::<f64>()
-                    / whole;
-                let expected = share * f64::from(draws);
-                let tolerance = 5.0 * expected.sqrt() + 1.0e-3 * expected + 5.0;
-                assert!((f64::from(*count) - expected).abs() <= tolerance, "({x}, {y}): {count}, {expected} {light:?}");
-            }
-        }
-    }
-}
-
-/// The triangles of one of 8 x 8 cells along the edges of a light.
-fn cells(light: &Light, x: usize, y: usize) -> Vec<[Vec3; 3]> {
-    let ([corner, u, v], is_triangle) = match light.shape {
-        Shape::Rectangle { center, half_u, half_v, .. } => {
-            ([center - half_u - half_v, 2.0 * half_u, 2.0 * half_v], false)
-        }
-        Shape::Triangle { vertices: [p, q, r], .. } => ([p, q - p, r - p], true),
-        _ => unreachable!("only flat lights are tested here"),
-    };
-    let at = |i: usize, j: usize| corner + u * (i as f32 / 8.0) + v * (j as f32 / 8.0);
-    let first = [at(x, y), at(x + 1, y), at(x, y + 1)];
-    let second = [at(x + 1, y + 1), at(x + 1, y), at(x, y + 1)];
-    match (is_triangle, x + y) {
-        (true, 8..) => Vec::new(),
-        (true, 7) => vec![first],
-        _ => vec![first, second],
-    }
-}
-
-#[test]
 fn lights_that_are_far_and_worlds_without_the_setting_have_the_same_bits() {
     let mut rng = Rng(314);
     let mut world = rng.world(6, 40, 4, 12.0);
@@ -357,10 +295,9 @@ fn panels(rng: &mut Rng) -> LightWorld {
 
 #[test]
 fn the_gpu_follows_the_setting_and_samples_the_same_points() {
-    let (device, queue) = gpu();
     let mut rng = Rng(315);
     let mut world = panels(&mut rng);
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut lights = gpu_lights();
     let requests: Vec<SampleRequest> = crate::gpu::requests(&mut rng, 4096, 6.0);
     let mut densities = Vec::new();
     for is_on in [false, true, false] {
@@ -381,9 +318,8 @@ fn the_gpu_follows_the_setting_and_samples_the_same_points() {
 
 #[test]
 fn the_setting_is_an_effect_that_costs_one_uniform_and_no_record() {
-    let (device, queue) = gpu();
     let mut world = panels(&mut Rng(316));
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut lights = gpu_lights();
     let mut upload = |world: &mut LightWorld| {
         world.update(FrameBudget::NONE);
         let report = lights.upload(world).expect("room enough");

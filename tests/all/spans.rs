@@ -5,7 +5,8 @@ use std::sync::{Arc, Mutex};
 
 use girandole::glam::Vec3;
 use girandole::plan::{LightPlanner, PlanLimits};
-use girandole::{FrameBudget, Light, LightTree, LightWorld, Placement, Policy};
+use girandole::{FrameBudget, Light, Policy};
+use testbed::testing::support::world_of;
 use tracing::span::{Attributes, Id, Record};
 use tracing::{Event, Metadata, Subscriber};
 
@@ -38,9 +39,7 @@ fn a_frame_has_spans_for_its_refit_its_rebuild_and_its_plan() {
     let notes = Notes::default();
     tracing::subscriber::with_default(notes.clone(), || {
         let lights = (0..100).map(|i| Light::point(Vec3::X * (i * i % 97) as f32, Vec3::ONE)).collect();
-        let mut world = LightWorld::new();
-        let tree = world.add_tree(LightTree::new(lights).expect("valid"));
-        world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("it is there");
+        let (mut world, tree, _) = world_of(lights, Policy::Budgeted);
         let elsewhere = |i: u32| Light::point(Vec3::new((i * 37 % 100) as f32, (i % 7) as f32, 0.0), Vec3::ONE);
         let changes: Vec<_> = (0..100).map(|i| (i, elsewhere(i))).collect();
         world.set_lights(tree, &changes).expect("valid");

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use girandole::glam::{DVec3, Vec3};
-use girandole::gpu::{GpuLights, wgsl};
+use girandole::gpu::GpuLights;
 use girandole::{Effects, FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint};
 
-use crate::gpu::{ask, gpu, question_at};
+use crate::gpu::{ask, gpu_lights, question_at};
 use girandole::LightTree;
 use testbed::testing::support::Rng;
 
@@ -18,11 +18,7 @@ const STAND_IN: u32 = 1 << 30;
 const TEXT: &str = "
     struct Question { position: vec3<f32>, padding: f32, u: vec4<f32> }
     struct Answer { instance: u32, light: u32, pmf: f32, asked: f32, stands_in: u32, first: f32, lux: f32, padding: u32 }
-    @group(0) @binding(0) var<storage, read> questions: array<Question>;
-    @group(0) @binding(1) var<storage, read_write> answers: array<Answer>;
-    @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
-        if id.x >= arrayLength(&questions) { return; }
-        let q = questions[id.x];
+    fn answer(q: Question) -> Answer {
         let point = light_volume_point(q.position);
         let s = light_sample(point, q.u);
         var answer = Answer(s.instance, s.light, s.pmf, 0.0, 0u, 0.0, s.radiance.y, 0u);
@@ -31,7 +27,7 @@ const TEXT: &str = "
             answer.stands_in = u32(light_stands_in(s.instance));
             answer.first = light_pmf(point, s.instance, 0u);
         }
-        answers[id.x] = answer;
+        return answer;
     }";
 
 #[repr(C)]
@@ -49,12 +45,11 @@ struct Answer {
 
 fn samples(lights: &mut GpuLights, rng: &mut Rng, position: Vec3, count: usize) -> Vec<Answer> {
     let questions: Vec<_> = (0..count).map(|_| question_at(position, rng)).collect();
-    ask(lights, wgsl(1, Effects::all()) + TEXT, &questions, count)
+    ask(lights, Effects::all(), TEXT, &questions)
 }
 
 #[test]
 fn stand_ins_are_sampled_with_their_true_probabilities_and_are_as_bright_as_their_tree() {
-    let (device, queue) = gpu();
     let mut rng = Rng(71);
     let mut world = LightWorld::new();
     let lamp = |rng: &mut Rng| Light::point(rng.position(3.0), Vec3::splat(rng.between(1.0, 4.0)));
@@ -66,7 +61,7 @@ fn stand_ins_are_sampled_with_their_true_probabilities_and_are_as_bright_as_thei
         world.add_instance(tree, place, Policy::Static).expect("valid");
     }
     world.update(FrameBudget::NONE);
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut lights = gpu_lights();
     lights.set_frame_bytes(Some(0));
     let report = lights.upload(&world).expect("room enough");
     assert_eq!((report.stand_ins, report.waiting_trees), (2, 2));

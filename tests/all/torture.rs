@@ -1,7 +1,7 @@
 //! The scenes that are hard for a choice of lights, and the exact light by which they are judged.
 
 use girandole::glam::Vec3;
-use girandole::{Gloss, Light, LightId, LightTree, LightWorld, Placement, Policy, ShadingPoint, Shape};
+use girandole::{Gloss, Incident, Light, LightId, Policy, ShadingPoint, Shape};
 use testbed::measuring::irradiance::irradiance;
 use testbed::measuring::lights::{carried, reflections};
 use testbed::measuring::reflection::{brdf, reflection};
@@ -9,7 +9,7 @@ use testbed::measuring::samplers::{self, Chooser};
 use testbed::measuring::torture::cuts::TOWN;
 use testbed::measuring::torture::table::{TortureRow, rows};
 use testbed::measuring::torture::{TortureScene, cliffs, scenes};
-use testbed::testing::support::Rng;
+use testbed::testing::support::{Rng, mean, world_of};
 
 /// The goals: sigma relative to the least of other samplers, and to one tree over the same lights.
 const OF_OTHERS: f64 = 0.6;
@@ -112,32 +112,28 @@ fn quality_does_not_depend_on_how_a_town_is_cut() {
     }
 }
 
-/// Draws for each light in [`illuminances_are_the_means_of_sampled_points`].
-const DRAWS: u32 = 4_000;
+/// The mean of a value over 4,000 points of a light, and its standard error.
+fn of_points(light: Light, at: &ShadingPoint, rng: &mut Rng, value: impl Fn(&Incident) -> f64) -> [f64; 2] {
+    let (world, _, instance) = world_of(vec![light], Policy::Static);
+    let (sampler, id) = (world.sampler(), LightId::Local { instance, light: 0 });
+    let sent = |u| sampler.sample_light(at, id, u).map_or(0.0, |incident| value(&incident));
+    mean(4000, || sent([rng.unit(), rng.unit()]))
+}
+
+/// The illuminance that one point estimates, in lux.
+fn lux(at: &ShadingPoint, incident: &Incident) -> f64 {
+    let cosine = if at.normal == Vec3::ZERO { 1.0 } else { at.normal.dot(incident.direction).max(0.0) };
+    f64::from(girandole::light::luminance(incident.radiance) * cosine / incident.pdf)
+}
 
 #[test]
 fn illuminances_are_the_means_of_sampled_points() {
     let mut rng = Rng(91);
     let mut compared = 0;
     for light in rng.lights(60, 4.0).into_iter().map(|light| light.with_range(f32::INFINITY)) {
-        let mut world = LightWorld::new();
-        let tree = world.add_tree(LightTree::new(vec![light]).expect("a valid light"));
-        world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("a valid placement");
-        let sampler = world.sampler();
-        let Some(id) = sampler.all_lights().next() else { continue };
         for normal in [Vec3::ZERO, rng.direction(), rng.direction()] {
             let at = ShadingPoint::surface(rng.position(9.0), normal);
-            let (mut sum, mut squares) = (0.0, 0.0);
-            for _ in 0..DRAWS {
-                let lux = sampler.sample_light(&at, id, [rng.unit(), rng.unit()]).map_or(0.0, |incident| {
-                    let cosine = if normal == Vec3::ZERO { 1.0 } else { normal.dot(incident.direction).max(0.0) };
-                    girandole::light::luminance(incident.radiance) * cosine / incident.pdf
-                });
-                sum += f64::from(lux);
-                squares += f64::from(lux).powi(2);
-            }
-            let mean = sum / f64::from(DRAWS);
-            let error = (squares / f64::from(DRAWS) - mean * mean).max(0.0).sqrt() / f64::from(DRAWS).sqrt();
+            let [mean, error] = of_points(light, &at, &mut rng, |incident| lux(&at, incident));
             let exact = irradiance(&light, &at);
             compared += u32::from(exact > 0.0);
             // Five standard errors and rounding: a false alarm in less than one of 10,000 runs.
@@ -153,28 +149,13 @@ fn reflections_are_the_means_of_sampled_points() {
     let mut compared = 0;
     let is_flat = |light: &Light| !matches!(light.shape, Shape::Sphere { .. });
     for light in rng.lights(60, 4.0).into_iter().filter(is_flat) {
-        let light = light.with_range(f32::INFINITY);
-        let mut world = LightWorld::new();
-        let tree = world.add_tree(LightTree::new(vec![light]).expect("a valid light"));
-        world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("a valid placement");
-        let sampler = world.sampler();
-        let Some(id) = sampler.all_lights().next() else { continue };
-        let normal = rng.direction();
+        let (light, normal) = (light.with_range(f32::INFINITY), rng.direction());
         let view = normal + rng.direction() * 0.9;
         let gloss = Gloss { view, roughness: rng.between(0.2, 1.0), specular: 0.3, diffuse: 0.1 };
         let at = ShadingPoint::surface(rng.position(9.0), normal).with_gloss(gloss);
-        let (mut sum, mut squares) = (0.0, 0.0);
-        for _ in 0..DRAWS {
-            let value = sampler.sample_light(&at, id, [rng.unit(), rng.unit()]).map_or(0.0, |incident| {
-                let cosine = normal.dot(incident.direction).max(0.0);
-                let lux = girandole::light::luminance(incident.radiance) * cosine / incident.pdf;
-                brdf(&gloss, &at, incident.direction.as_dvec3()) * f64::from(lux)
-            });
-            sum += value;
-            squares += value.powi(2);
-        }
-        let mean = sum / f64::from(DRAWS);
-        let error = (squares / f64::from(DRAWS) - mean * mean).max(0.0).sqrt() / f64::from(DRAWS).sqrt();
+        let [mean, error] = of_points(light, &at, &mut rng, |incident| {
+            brdf(&gloss, &at, incident.direction.as_dvec3()) * lux(&at, incident)
+        });
         let exact = reflection(&light, &at);
         compared += u32::from(exact > 0.0);
         // Five standard errors: a false alarm in less than one of 10,000 runs. Pieces are as large
@@ -182,27 +163,4 @@ fn reflections_are_the_means_of_sampled_points() {
         assert!((mean - exact).abs() <= 5.0 * error + 0.02 * exact, "{light:?} {at:?}: {mean} {exact} {error}");
     }
     assert!(compared > 15, "only {compared} lights shine on their shading points");
-}
-
-#[test]
-fn illuminances_have_values_worked_out_by_hand() {
-    let up = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
-    let volume = ShadingPoint::volume(Vec3::ZERO);
-    let close = |light: &Light, at: &ShadingPoint, expected: f64| {
-        let exact = irradiance(light, at);
-        assert!((exact / expected - 1.0).abs() < 1.0e-5, "{light:?}: {exact} {expected}");
-    };
-    let grey = |value: f32| Vec3::splat(value);
-    close(&Light::point(Vec3::Y * 2.0, grey(8.0)), &up, 2.0);
-    // A disc that is seen under the half-angle a brings pi sin² a lux per nit; so does a sphere.
-    close(&Light::sphere(Vec3::Y * 2.0, 1.0, grey(1.0)), &up, std::f64::consts::PI / 4.0);
-    // An endless wall fills half of the hemisphere, and half of its weight by the cosine.
-    let wall = Light::rectangle(Vec3::X, Vec3::Z * 1.0e4, Vec3::Y * 1.0e4, grey(1.0));
-    let flipped = Light::rectangle(Vec3::X, Vec3::Y * 1.0e4, Vec3::Z * 1.0e4, grey(1.0));
-    let lit: Vec<f64> = [&wall, &flipped].into_iter().map(|light| irradiance(light, &up)).collect();
-    let sum = lit[0] + lit[1];
-    assert!(lit.contains(&0.0) && (sum - std::f64::consts::FRAC_PI_2).abs() < 1.0e-3, "{lit:?}");
-    // One octant of directions is a half pi of solid angle.
-    let octant = Light::triangle([Vec3::X, Vec3::Z, Vec3::Y].map(|axis| axis * 3.0), grey(2.0)).two_sided();
-    close(&octant, &volume, std::f64::consts::PI);
 }

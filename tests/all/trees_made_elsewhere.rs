@@ -1,18 +1,10 @@
 //! Trees that were built on another thread, baked, or taken from another world behave as trees that
 //! the world has built itself.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
-
-use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Vec3};
-use girandole::scheduler::{VirtualClock, WorkKind};
-use girandole::{
-    Effects, FrameBudget, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint, TreeKey, WorldError,
-};
+use girandole::{Effects, FrameBudget, Light, LightTree, LightWorld, Placement, Policy, TreeKey, WorldError};
 
-use testbed::testing::support::{Rng, all_pmfs};
+use testbed::testing::support::{Rng, place_tree};
 
 fn placements(rng: &mut Rng) -> Vec<Placement> {
     (0..6).map(|_| Placement::from(rng.affine(30.0))).collect()
@@ -43,83 +35,6 @@ fn loaded(tree: &LightTree) -> LightTree {
 /// A stretched placement.
 fn squashed() -> Placement {
     Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 1.0, 0.01)), ..Placement::IDENTITY }
-}
-
-#[test]
-fn a_tree_from_another_thread_is_sampled_refitted_and_rebuilt_as_one_of_the_world() {
-    let mut rng = Rng(300);
-    for count in [0, 1, 7, 60, 3000] {
-        let lights = rng.lights(count, 5.0);
-        let placements = placements(&mut rng);
-        let other = lights.clone();
-        let built = std::thread::spawn(move || LightTree::new(other).expect("valid")).join().expect("the thread ends");
-        let baked = loaded(&built);
-        let add = |world: &mut LightWorld, tree: Option<LightTree>| match tree {
-            Some(tree) => world.add_tree(tree),
-            None => world.add_tree(LightTree::new(lights.clone()).expect("valid")),
-        };
-        let mut worlds = [None, Some(built), Some(baked)].map(|tree| {
-            let mut world = LightWorld::new();
-            let key = add(&mut world, tree);
-            place(&mut world, key, &placements, Policy::Budgeted);
-            (world, key)
-        });
-        for round in 0..4 {
-            let seen = worlds.each_ref().map(|(world, _)| samples(world, round));
-            assert_eq!(seen[0], seen[1], "{count} lights, round {round}");
-            assert_eq!(seen[0], seen[2], "{count} lights, round {round}");
-            let counts = worlds.each_ref().map(|(world, _)| (world.light_count(), *world.effect_counts()));
-            assert!(counts[0] == counts[1] && counts[0] == counts[2]);
-            let changes: Vec<_> = (0..count as u32).step_by(3).map(|index| (index, rng.light(5.0))).collect();
-            for (world, key) in &mut worlds {
-                world.set_lights(*key, &changes).expect("valid");
-                world.update(if round == 2 { FrameBudget::UNLIMITED } else { FrameBudget::NONE });
-                world.tree(*key).expect("it lives").check().expect("the tree is sound");
-            }
-            let nodes = worlds.each_ref().map(|(world, key)| world.tree(*key).expect("it lives").nodes());
-            assert!(nodes[0] == nodes[1] && nodes[0] == nodes[2], "{count} lights, round {round}");
-        }
-    }
-}
-
-#[test]
-fn neither_inserting_nor_replacing_a_tree_does_work_that_a_clock_sees() {
-    let rebuilds = Arc::new(AtomicUsize::new(0));
-    let seen = rebuilds.clone();
-    let clock = VirtualClock::new(move |work| {
-        seen.fetch_add(usize::from(work.kind != WorkKind::Refit), Ordering::Relaxed);
-        Duration::from_micros(1)
-    });
-    let mut rng = Rng(301);
-    let mut world = LightWorld::with_clock(Arc::new(clock));
-    let mut made = || LightTree::new(rng.lights(500, 5.0)).expect("valid");
-    let key = world.add_tree(made());
-    world.add_instance(key, Placement::IDENTITY, Policy::Budgeted).expect("valid");
-    drop(world.replace_tree(key, made()).expect("it lives"));
-    let report = world.update(FrameBudget::UNLIMITED);
-    assert_eq!((report.refit_trees, report.rebuilt_trees, rebuilds.load(Ordering::Relaxed)), (0, 0, 0));
-    world.rebuild_tree(key).expect("it lives");
-    assert_eq!(rebuilds.load(Ordering::Relaxed), 1, "the clock sees builds");
-}
-
-#[test]
-fn a_tree_that_is_inserted_twice_becomes_two_trees_that_know_nothing_of_each_other() {
-    let mut rng = Rng(302);
-    let tree = LightTree::new(rng.lights(40, 5.0)).expect("valid");
-    let mut world = LightWorld::new();
-    let keys = [tree.clone(), tree.clone()].map(|tree| world.add_tree(tree));
-    assert_ne!(keys[0], keys[1]);
-    for key in keys {
-        world.add_instance(key, Placement::IDENTITY, Policy::Budgeted).expect("valid");
-    }
-    assert_eq!((world.trees().len(), world.light_count()), (2, 80));
-    world.set_lights(keys[0], &[(3, Light::point(Vec3::ONE, Vec3::ONE))]).expect("valid");
-    world.update(FrameBudget::NONE);
-    let lights = keys.map(|key| world.tree(key).expect("it lives").lights().to_vec());
-    assert_eq!(lights[1], tree.lights());
-    assert_ne!(lights[0], lights[1]);
-    let sum: f32 = all_pmfs(&world.sampler(), &ShadingPoint::volume(Vec3::ZERO)).iter().map(|(_, pmf)| pmf).sum();
-    assert!((sum - 1.0).abs() < 1.0e-3, "{sum}");
 }
 
 #[test]
@@ -177,77 +92,11 @@ fn a_tree_takes_the_place_of_another_with_its_instances_and_effects() {
 }
 
 #[test]
-fn a_static_tree_and_one_that_is_gone_are_not_replaced() {
-    let mut rng = Rng(305);
-    let mut world = LightWorld::new();
-    let key = world.add_tree(LightTree::new(rng.lights(20, 5.0)).expect("valid"));
-    let instance = world.add_instance(key, Placement::IDENTITY, Policy::Static).expect("valid");
-    let before = samples(&world, 2);
-    let other = LightTree::new(rng.lights(30, 5.0)).expect("valid");
-    assert_eq!(world.replace_tree(key, other.clone()).err(), Some(WorldError::StaticTree(key)));
-    assert_eq!(samples(&world, 2), before);
-    world.remove_instance(instance).expect("it lives");
-    world.remove_tree(key).expect("unused");
-    assert_eq!(world.replace_tree(key, other).err(), Some(WorldError::NoSuchTree(key)));
-}
-
-#[cfg(feature = "parallel")]
-#[test]
-fn a_build_that_is_under_way_does_not_replace_the_tree_that_came_in_between() {
-    let mut rng = Rng(306);
-    let clock = Arc::new(VirtualClock::new(|work| Duration::from_nanos(100 * work.lights as u64)));
-    let mut world = LightWorld::with_clock(clock.clone());
-    let key = world.add_tree(LightTree::new(rng.lights(3000, 5.0)).expect("valid"));
-    world.add_instance(key, Placement::IDENTITY, Policy::AlwaysRebuild).expect("valid");
-    let all: Vec<_> = (0..3000).map(|index| (index, rng.light(5.0))).collect();
-    world.set_lights(key, &all).expect("valid");
-    let mut was_open = false;
-    for _ in 0..3 {
-        clock.advance(Duration::from_millis(16));
-        let report = world.update(FrameBudget::new(Duration::from_micros(40)));
-        was_open |= report.waiting_trees > 0 || report.background.running > 0;
-    }
-    assert!(was_open, "a build is under way");
-    let next = LightTree::new(rng.lights(100, 5.0)).expect("valid");
-    drop(world.replace_tree(key, next.clone()).expect("it lives"));
-    for _ in 0..200 {
-        clock.advance(Duration::from_millis(16));
-        world.update(FrameBudget::new(Duration::from_micros(40)));
-    }
-    assert_eq!(world.tree(key).expect("it lives").nodes(), next.nodes());
-}
-
-#[test]
-fn a_tree_that_was_loaded_may_be_edited_frozen_again_and_removed() {
-    let mut rng = Rng(307);
-    let tree = loaded(&LightTree::new(rng.lights(200, 5.0)).expect("valid"));
-    assert!(tree.is_frozen());
-    let mut world = LightWorld::new();
-    let key = world.add_tree(tree);
-    let instance = world.add_instance(key, Placement::IDENTITY, Policy::Budgeted).expect("valid");
-    for _ in 0..2 {
-        world.set_lights(key, &[(0, rng.light(5.0))]).expect("valid");
-        world.update(FrameBudget::NONE);
-        assert!(!world.tree(key).expect("it lives").is_frozen());
-        for _ in 0..4 * EFFECT_HOLD_UPDATES {
-            world.update(FrameBudget::NONE);
-        }
-        let tree = world.tree(key).expect("it lives");
-        assert!(tree.is_frozen());
-        tree.check().expect("the tree is sound");
-    }
-    world.remove_instance(instance).expect("it lives");
-    world.remove_tree(key).expect("unused");
-    assert_eq!(world.effect_counts().effects(), Effects::empty());
-}
-
-#[test]
 fn a_tree_for_a_stretched_instance_keeps_its_division_through_a_file() {
     let light = |i: usize| Light::point(Vec3::new((i / 2) as f32, 0.0, 40.0 * (i % 2) as f32), Vec3::ONE);
     let lights: Vec<_> = (0..80).map(light).collect();
     let mut world = LightWorld::new();
-    let expected = world.add_tree(LightTree::new(lights.clone()).expect("valid"));
-    world.add_instance(expected, squashed(), Policy::Budgeted).expect("valid");
+    let (expected, _) = place_tree(&mut world, lights.clone(), squashed(), Policy::Budgeted);
     let expected = world.tree(expected).expect("it lives").clone();
     let plain = LightTree::new(lights.clone()).expect("valid");
     assert_ne!(expected.nodes(), plain.nodes());

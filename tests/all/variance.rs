@@ -1,14 +1,10 @@
 //! The measure of the variance example, and the published samplers that it compares with.
 
-use girandole::{Light, LightId, LightTree, LightWorld, Placement, Policy, ShadingPoint, Shape};
+use girandole::{Light, LightId, LightWorld, Policy, ShadingPoint};
 use testbed::measuring::baselines::{BinaryTree, Cycles, Formula, Pbrt};
-use testbed::measuring::lights::{carried, contributions};
+use testbed::measuring::lights::contributions;
 use testbed::measuring::sigma::{Noise, Summary};
-use testbed::testing::support::Rng;
-
-/// The share of a shading point's light by which one light may differ between both spaces, by
-/// rounding near the horizon.
-const CARRY_TOLERANCE: f32 = 1.0e-3;
+use testbed::testing::support::{Rng, world_of};
 
 /// Rounding of a sum of a few hundred probabilities, each a product of about ten f32 factors.
 const SUM_TOLERANCE: f64 = 1.0e-4;
@@ -46,55 +42,8 @@ fn published_samplers_reach_every_light_that_contributes_and_pick_by_their_pmfs(
 
 /// A world with one instance, placed where its lights are.
 fn in_place(lights: Vec<Light>) -> LightWorld {
-    let mut world = LightWorld::new();
-    let tree = world.add_tree(LightTree::new(lights).expect("valid lights"));
-    world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("a valid placement");
+    let (world, ..) = world_of(lights, Policy::Static);
     world
-}
-
-#[test]
-fn lights_transformed_out_of_their_instances_contribute_as_before() {
-    let mut rng = Rng(43);
-    let mut world = rng.world(3, 20, 6, 10.0);
-    let directionals: Vec<_> = world.directionals().collect();
-    directionals.into_iter().for_each(|key| world.remove_directional(key).expect("a live key"));
-    let flat = carried(&world);
-    let flat_world = in_place(flat.clone());
-    let (sampler, flat_sampler) = (world.sampler(), flat_world.sampler());
-    let ids: Vec<LightId> = sampler.all_lights().collect();
-    let flat_ids: Vec<LightId> = flat_sampler.all_lights().collect();
-    assert_eq!((ids.len(), flat_ids.len()), (flat.len(), flat.len()));
-    for _ in 0..50 {
-        let shading_point = ShadingPoint::surface(rng.position(10.0), rng.direction());
-        let before = contributions(&sampler, &ids, &shading_point);
-        let after = contributions(&flat_sampler, &flat_ids, &shading_point);
-        let sum: f32 = before.iter().sum();
-        // Spheres become ellipsoids in unevenly scaled instances; a transformed light stays a
-        // sphere.
-        for (light, (a, b)) in flat.iter().zip(before.iter().zip(after)) {
-            let is_sphere = matches!(light.shape, Shape::Sphere { .. });
-            assert!(is_sphere || (a - b).abs() <= CARRY_TOLERANCE * sum, "{light:?} {a} {b} of {sum}");
-        }
-    }
-}
-
-#[test]
-fn picks_of_a_published_sampler_are_as_frequent_as_their_pmfs() {
-    let mut rng = Rng(42);
-    let binary = BinaryTree::new(Cycles, rng.lights(12, 10.0));
-    let shading_point = ShadingPoint::volume(rng.position(10.0));
-    let pmfs = binary.pmfs(&shading_point);
-    let mut counts = [0_u32; 12];
-    let draws = 40_000;
-    for _ in 0..draws {
-        let (light, _) = binary.pick(&shading_point, f64::from(rng.unit())).expect("a light");
-        counts[light as usize] += 1;
-    }
-    for (count, p) in counts.iter().zip(pmfs) {
-        // Five standard deviations: a false alarm in less than one of 100,000 runs.
-        let (share, p) = (f64::from(*count) / f64::from(draws), f64::from(p));
-        assert!((share - p).abs() <= 5.0 * (p * (1.0 - p) / f64::from(draws)).sqrt() + 1e-9, "{share} {p}");
-    }
 }
 
 #[test]

@@ -1,18 +1,10 @@
 //! Learnt visibility changes which lights are chosen, and leaves probabilities exact.
 
-use std::collections::HashMap;
-
-use girandole::glam::{DVec3, Vec3};
-use girandole::{
-    Light, LightId, LightSample, LightSampler, LightTree, LightWorld, Placement, Policy, ShadingPoint,
-    VisibilityOptions, VisibilityTable,
-};
+use girandole::glam::Vec3;
+use girandole::{LightId, LightSample, LightSampler, LightWorld, ShadingPoint, VisibilityOptions, VisibilityTable};
 use rayon::prelude::*;
 
-use testbed::testing::support::{Rng, SPLITS, all_pmfs};
-
-/// As in `sampling.rs`: rounding of products of two dozen ratios.
-const SUM_TOLERANCE: f64 = 1.0e-4;
+use testbed::testing::support::{Rng, SPLITS, all_pmfs, assert_frequencies, assert_probabilities, mean};
 
 /// Two rounded products of as many ratios, one downward and one upward.
 const PMF_TOLERANCE: f32 = 1.0e-4;
@@ -120,27 +112,17 @@ fn probabilities_are_exact_sum_to_one_at_most_and_keep_a_part_of_themselves() {
         for (round, at) in at.iter().take(60).enumerate() {
             let without = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
             let with = without.with_visibility(&table);
-            let pmfs = all_pmfs(&with, at);
-            let sum: f64 = pmfs.iter().map(|(_, p)| f64::from(*p)).sum();
-            assert!(sum <= 1.0 + SUM_TOLERANCE, "{sum}");
-            let mut all = Vec::new();
-            with.distribution(at, &mut all);
-            for ((light, pmf), other) in pmfs.iter().zip(&all) {
-                assert!((pmf - other).abs() <= PMF_TOLERANCE * pmf, "{pmf} {other}");
-                let before = without.pmf(at, *light);
+            assert_probabilities(&with, at, 200, &mut rng);
+            for (light, pmf) in all_pmfs(&with, at) {
+                let before = without.pmf(at, light);
                 // Nothing that can be chosen without a table gets lost. Splits go elsewhere, so
                 // single lights may lose more than the share of their group.
-                assert_eq!(*pmf > 0.0, before > 0.0, "{light:?} at {at:?}");
+                assert_eq!(pmf > 0.0, before > 0.0, "{light:?} at {at:?}");
                 if round % SPLITS.len() == 0 {
-                    assert!(*pmf >= before * MIN_SHARE * (1.0 - PMF_TOLERANCE), "{pmf} {before}");
+                    assert!(pmf >= before * MIN_SHARE * (1.0 - PMF_TOLERANCE), "{pmf} {before}");
                 }
                 changed += usize::from((pmf - before).abs() > 0.1 * before);
                 total += usize::from(before > 0.0);
-            }
-            for _ in 0..10 {
-                if let Some(pick) = with.pick(at, [rng.unit(), rng.unit()]) {
-                    assert!((pick.pmf / with.pmf(at, pick.light) - 1.0).abs() < PMF_TOLERANCE);
-                }
             }
         }
     }
@@ -156,16 +138,7 @@ fn every_light_that_contributes_has_a_probability_whatever_was_learnt() {
     // What is recorded is wrong: everything counts as hidden, often.
     teach_alike(&world, &mut table, &at, 40, (false, 20), &mut rng);
     let sampler = world.sampler().with_visibility(&table);
-    let mut contributions = 0;
-    for at in &at {
-        for (light, pmf) in all_pmfs(&sampler, at) {
-            if sampler.sample_light(at, light, [rng.unit(), rng.unit()]).is_some() {
-                assert!(pmf > 0.0, "{light:?} at {at:?}");
-                contributions += 1;
-            }
-        }
-    }
-    assert!(contributions > 10_000, "{contributions}");
+    at.iter().for_each(|at| assert_probabilities(&sampler, at, 200, &mut rng));
 }
 
 #[test]
@@ -174,43 +147,21 @@ fn frequencies_agree_with_the_probabilities() {
     let (world, table, at) = learnt(&mut rng, 10.0);
     for (round, at) in at.iter().take(10).enumerate() {
         let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]).with_visibility(&table);
-        let draws = 100_000;
-        let mut counts: HashMap<Option<LightId>, u32> = HashMap::new();
-        for _ in 0..draws {
-            *counts.entry(sampler.pick(at, [rng.unit(), rng.unit()]).map(|p| p.light)).or_default() += 1;
-        }
-        let (mut chi_sq, mut cells) = (0.0, 0.0);
-        for (light, pmf) in all_pmfs(&sampler, at) {
-            let expected = f64::from(pmf) * f64::from(draws);
-            if expected >= 5.0 {
-                let observed = f64::from(counts.get(&Some(light)).copied().unwrap_or(0));
-                chi_sq += (observed - expected).powi(2) / expected;
-                cells += 1.0;
-            }
-        }
-        // Chi squared with at most `cells` degrees of freedom exceeds this with a probability below
-        // 1e-6, so the ten rounds raise a false alarm in one of 100,000 seeds.
-        assert!(chi_sq < cells + 5.0 * (2.0_f64 * cells).sqrt() + 15.0, "{chi_sq} over {cells}");
+        assert_frequencies(&sampler, at, 100_000, &mut rng);
     }
 }
 
 /// The mean illuminance of many estimates and its standard error.
-fn estimate(sampler: &LightSampler, at: &ShadingPoint, candidates: u32, rng: &mut Rng) -> (f64, f64) {
-    let count = 10_000;
-    let (mut sum, mut squares) = (0.0, 0.0);
-    for _ in 0..count {
-        let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit(), rng.unit()];
-        let value = sampler.reservoir_sample(at, &sampler.resample(at, u, candidates)).map_or(0.0, |kept| {
+fn estimate(sampler: &LightSampler, at: &ShadingPoint, candidates: u32, rng: &mut Rng) -> [f64; 2] {
+    mean(10_000, || {
+        let u = [(); 5].map(|()| rng.unit());
+        sampler.reservoir_sample(at, &sampler.resample(at, u, candidates)).map_or(0.0, |kept| {
             let incident = kept.incident;
             let lit = is_visible(at.position, incident.direction);
             let cosine = if at.normal == Vec3::ZERO { 1.0 } else { incident.direction.dot(at.normal) };
             if lit { f64::from(incident.radiance.x * cosine / (kept.pmf * incident.pdf)) } else { 0.0 }
-        });
-        sum += value;
-        squares += value * value;
-    }
-    let n = f64::from(count);
-    (sum / n, ((squares / n - (sum / n).powi(2)) / n).sqrt())
+        })
+    })
 }
 
 #[test]
@@ -222,8 +173,8 @@ fn estimates_with_a_table_have_the_same_mean_also_for_resampled_lights() {
             let without = estimate(&world.sampler(), at, candidates, &mut rng);
             let with = estimate(&world.sampler().with_visibility(&table), at, candidates, &mut rng);
             // Five standard errors, at twelve comparisons: a false alarm in one of 100,000 seeds.
-            let error = (without.1 * without.1 + with.1 * with.1).sqrt();
-            assert!((without.0 - with.0).abs() <= 5.0 * error, "{without:?} {with:?}");
+            let error = without[1].hypot(with[1]);
+            assert!((without[0] - with[0]).abs() <= 5.0 * error, "{without:?} {with:?}");
         }
     }
 }
@@ -255,44 +206,6 @@ fn what_is_learnt_does_not_depend_on_the_threads() {
         at.iter().step_by(5).flat_map(|at| all_pmfs(&sampler, at)).map(|(_, pmf)| pmf.to_bits()).collect::<Vec<_>>()
     };
     assert!(run(1) == run(4));
-}
-
-/// Two lamps, a table, and what it makes of the second one at a point of the world between them.
-fn pmf_of_hidden_lamp(at: DVec3, origins: &[DVec3]) -> Vec<f32> {
-    let mut world = LightWorld::new();
-    let lamp = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid"));
-    world.set_origin(origins[0]).expect("finite");
-    for x in [-3.0, 3.0] {
-        let placement = Placement::at(at + DVec3::new(x, 2.0, 0.0));
-        world.add_instance(lamp, placement, Policy::Static).expect("valid");
-    }
-    let mut table = VisibilityTable::default();
-    let point = |world: &LightWorld| ShadingPoint::surface((at - world.origin()).as_vec3(), Vec3::Y);
-    for i in 0..200 {
-        let (sampler, point) = (world.sampler().with_visibility(&table), point(&world));
-        let sample = sampler.sample(&point, [(i as f32 * 0.618) % 1.0, 0.5, 0.5, 0.5]).expect("a lamp");
-        let is_visible = Some(sample.light) == sampler.all_lights().next();
-        sampler.record_visibility(&point, &sample, is_visible);
-        table.end_frame();
-    }
-    let pmf = |origin: &DVec3| {
-        world.set_origin(*origin).expect("finite");
-        let sampler = world.sampler().with_visibility(&table);
-        sampler.pmf(&point(&world), sampler.all_lights().nth(1).expect("two lamps"))
-    };
-    origins.iter().map(pmf).collect()
-}
-
-#[test]
-fn cells_stay_in_place_far_from_zero_and_when_the_origin_moves() {
-    let near = pmf_of_hidden_lamp(DVec3::new(0.3, 0.3, 0.3), &[DVec3::ZERO])[0];
-    assert!((0.02..0.04).contains(&near), "the hidden lamp has about a fortieth of the draws: {near}");
-    let at = DVec3::new(1.0e7 + 0.3, 0.3, -1.0e7 + 0.3);
-    let origins = [at.floor(), at + DVec3::new(0.2, -50.0, 3.0), at.floor() + 1024.0, at.floor()];
-    for pmf in pmf_of_hidden_lamp(at, &origins) {
-        // Within the rounding of positions, which moves the shading point by up to 1e-4 m.
-        assert!((pmf / near - 1.0).abs() < 1.0e-3, "{pmf} {near}");
-    }
 }
 
 #[test]

@@ -12,13 +12,12 @@ mod spots;
 mod windows;
 
 use girandole::glam::{DVec3, Vec3};
-use girandole::{Light, LightId, LightTree, LightWorld, Placement, Policy};
+use girandole::{Light, LightId, LightWorld, Policy};
+use testbed::testing::support;
 
 /// A world with one light, where it is placed.
 fn world_of(light: Light) -> (LightWorld, LightId) {
-    let mut world = LightWorld::new();
-    let tree = world.add_tree(LightTree::new(vec![light]).expect("valid"));
-    let instance = world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+    let (world, _, instance) = support::world_of(vec![light], Policy::Static);
     (world, LightId::Local { instance, light: 0 })
 }
 

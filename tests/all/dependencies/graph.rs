@@ -1,6 +1,6 @@
 //! The graph of a crate's files: which of them names items of which other.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::source::{Path, Source};
 
@@ -25,48 +25,18 @@ impl Graph {
         self.edges.iter().flat_map(|(from, all)| all.iter().map(move |to| (from.as_str(), to.as_str())))
     }
 
-    /// Takes a dependency away; `false` if there is none.
-    pub fn remove(&mut self, from: &str, to: &str) -> bool {
-        self.edges.get_mut(from).is_some_and(|all| all.remove(to))
-    }
-
-    /// For each dependency in a circle a shortest circle through it, each circle once. A circle
-    /// starts and ends with the first of its files in the alphabet.
-    pub fn circles(&self) -> Vec<Vec<String>> {
-        let mut circles = BTreeSet::new();
-        for (from, to) in self.edges() {
-            let Some(mut circle) = self.shortest_path(to, from) else { continue };
-            let first = circle.iter().enumerate().min_by_key(|(_, file)| *file).map_or(0, |(place, _)| place);
-            circle.rotate_left(first);
-            circle.push(circle[0].clone());
-            circles.insert(circle);
-        }
-        circles.into_iter().collect()
-    }
-
-    /// The files of a shortest chain of dependencies, both ends included.
-    fn shortest_path(&self, from: &str, to: &str) -> Option<Vec<String>> {
-        let mut before: BTreeMap<&str, &str> = BTreeMap::from([(from, from)]);
-        let mut queue = VecDeque::from([from]);
-        while let Some(file) = queue.pop_front() {
-            if file == to {
-                let mut path = vec![to.to_owned()];
-                let mut file = to;
-                while file != from {
-                    file = before[file];
-                    path.push(file.to_owned());
-                }
-                path.reverse();
-                return Some(path);
+    /// The files on circles of dependencies, and those on the way from one circle to another.
+    pub fn circles(&self) -> BTreeSet<&str> {
+        let mut left: BTreeSet<&str> = self.edges.keys().map(String::as_str).collect();
+        loop {
+            let between = self.edges().filter(|(from, to)| left.contains(from) && left.contains(to));
+            let (from, to): (BTreeSet<&str>, BTreeSet<&str>) = between.unzip();
+            let rest: BTreeSet<&str> = from.intersection(&to).copied().collect();
+            if rest.len() == left.len() {
+                return rest;
             }
-            for next in self.edges.get(file).into_iter().flatten() {
-                before.entry(next).or_insert_with(|| {
-                    queue.push_back(next);
-                    file
-                });
-            }
+            left = rest;
         }
-        None
     }
 }
 

@@ -13,13 +13,12 @@ mod squashed;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock};
 
+use crate::gpu::{answers, gpu, name_of};
 use assuming_numbers::comparisons_negated;
 use bytemuck::{Pod, Zeroable};
 use girandole::gpu::GpuLights;
 use girandole::{Effects, LightId, LightWorld, ShadingPoint};
 use testbed::common::batch;
-
-use crate::gpu::{buffer, gpu, read};
 
 /// A shading point and what is asked about it. Which fields count depends on the question.
 #[repr(C)]
@@ -172,14 +171,17 @@ enum Text {
 }
 
 impl Text {
-    /// The position, the normal, the segment and the gloss of each shading point.
-    fn points(self, lights: &mut GpuLights, questions: &[Question]) -> Vec<[f32; 20]> {
-        self.ask(lights, "point", questions)
-    }
-
-    /// The reflectance and the doubt for each surface and cluster.
-    fn reflectances(self, lights: &mut GpuLights, questions: &[Question]) -> Vec<[f32; 2]> {
-        self.ask(lights, "reflected", questions)
+    /// Answers questions with one entry point of [`STAGE`].
+    fn ask<A: Pod>(self, lights: &mut GpuLights, entry: &'static str, questions: &[Question]) -> Vec<A> {
+        static PIPELINES: Mutex<BTreeMap<(Text, &str), Place>> = Mutex::new(BTreeMap::new());
+        let place = PIPELINES.lock().expect("no panic before").entry((self, entry)).or_default().clone();
+        let pipeline = place.get_or_init(|| {
+            let shader = lights.shader(0, Effects::all());
+            let written = shader.join(&STAGE.replace(&format!("fn {entry}(@"), "fn batch(@"));
+            let wgsl = if self == Text::AsItIs { written } else { comparisons_negated(&written) };
+            batch::pipeline(&gpu().0, &wgsl, &shader.layout)
+        });
+        answers(&gpu(), pipeline, lights, questions)
     }
 
     /// The probability of the light that each question names.
@@ -187,89 +189,28 @@ impl Text {
         self.ask(lights, "pmf", questions)
     }
 
-    fn picks(self, lights: &mut GpuLights, questions: &[Question]) -> Vec<Picked> {
-        self.ask(lights, "pick", questions)
-    }
-
     fn samples(self, lights: &mut GpuLights, questions: &[Question]) -> Vec<Sampled> {
         self.ask(lights, "sample", questions)
-    }
-
-    fn resamples(self, lights: &mut GpuLights, questions: &[Question]) -> Vec<Resampled> {
-        self.ask(lights, "resample", questions)
-    }
-
-    /// Answers questions with one entry point of the stage.
-    fn ask<A: Pod>(self, lights: &mut GpuLights, entry: &'static str, questions: &[Question]) -> Vec<A> {
-        ask(lights, self, entry, questions)
     }
 }
 
 /// A pipeline that is compiled by the first test that needs it.
 type Place = Arc<OnceLock<wgpu::ComputePipeline>>;
 
-fn ask<A: Pod>(lights: &mut GpuLights, text: Text, entry: &'static str, questions: &[Question]) -> Vec<A> {
-    static PIPELINES: Mutex<BTreeMap<(Text, &str), Place>> = Mutex::new(BTreeMap::new());
-    let (device, queue) = gpu();
-    let own = batch::in_and_out(&device);
-    let place = PIPELINES.lock().expect("no panic before").entry((text, entry)).or_default().clone();
-    let pipeline = place.get_or_init(|| {
-        let shader = lights.shader(0, Effects::all());
-        let written = shader.join(STAGE);
-        let wgsl = match text {
-            Text::AsItIs => written,
-            Text::AssumingNumbers => comparisons_negated(&written),
-        };
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: None,
-            source: wgpu::ShaderSource::Wgsl(wgsl.into()),
-        });
-        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            bind_group_layouts: &[Some(&shader.layout), Some(&own)],
-            ..Default::default()
-        });
-        device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: None,
-            layout: Some(&layout),
-            module: &module,
-            entry_point: Some(entry),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
+/// What is asked about every light at some points, one point after the other.
+fn about_all(lights: &[(LightId, [u32; 2])], points: &[ShadingPoint]) -> Vec<Question> {
+    let ask = |point| {
+        lights.iter().map(move |(_, [instance, light])| Question {
+            instance: *instance,
+            light: *light,
+            ..Question::at(point)
         })
-    });
-    let input = buffer(&device, &queue, bytemuck::cast_slice(questions));
-    let output = buffer(&device, &queue, &vec![0; questions.len() * size_of::<A>()]);
-    let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: None,
-        layout: &own,
-        entries: &[
-            wgpu::BindGroupEntry { binding: 0, resource: input.as_entire_binding() },
-            wgpu::BindGroupEntry { binding: 1, resource: output.as_entire_binding() },
-        ],
-    });
-    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    lights.build_top(&mut encoder);
-    {
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, lights.bind_group(), &[]);
-        pass.set_bind_group(1, &group, &[]);
-        pass.dispatch_workgroups((questions.len() as u32).div_ceil(64), 1, 1);
-    }
-    queue.submit([encoder.finish()]);
-    read(&device, &queue, &output)
+    };
+    points.iter().flat_map(ask).collect()
 }
 
 /// Every light of a world with the numbers by which shaders name it: the slot of its instance and
 /// its index, `u32::MAX` and its place for a directional light.
 fn named_lights(world: &LightWorld) -> Vec<(LightId, [u32; 2])> {
-    let directionals: Vec<_> = world.directionals().collect();
-    let name = |light: &LightId| match *light {
-        LightId::Local { instance, light } => [world.slot(instance).expect("a live instance"), light],
-        LightId::Directional(key) => {
-            [u32::MAX, directionals.iter().position(|other| *other == key).expect("a live light") as u32]
-        }
-        _ => unreachable!("this version has no others"),
-    };
-    world.sampler().all_lights().map(|light| (light, name(&light))).collect()
+    world.sampler().all_lights().map(|light| (light, name_of(world, light))).collect()
 }

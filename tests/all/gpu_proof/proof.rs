@@ -3,11 +3,11 @@
 use std::collections::HashMap;
 
 use girandole::gpu::GpuLights;
-use girandole::{LightWorld, ShadingPoint};
+use girandole::{LightId, LightWorld, ShadingPoint};
 
 use super::edits::Edited;
-use super::{Picked, Question, Text, named_lights};
-use crate::gpu::gpu;
+use super::{Picked, Question, Text, about_all, named_lights};
+use crate::gpu::{gpu, gpu_lights, uploaded};
 use testbed::testing::plan_device::Played;
 use testbed::testing::support::Rng;
 
@@ -34,19 +34,11 @@ struct Answers {
     picks: Vec<Picked>,
 }
 
-fn answers(lights: &mut GpuLights, names: &[[u32; 2]], points: &[ShadingPoint], u: &[[f32; 2]]) -> Answers {
-    let mut asked = Vec::new();
-    for point in points {
-        asked.extend(names.iter().map(|[instance, light]| Question {
-            instance: *instance,
-            light: *light,
-            ..Question::at(point)
-        }));
-    }
-    let pmfs = Text::AsItIs.pmfs(lights, &asked);
+fn answers(lights: &mut GpuLights, names: &[(LightId, [u32; 2])], points: &[ShadingPoint], u: &[[f32; 2]]) -> Answers {
+    let pmfs = Text::AsItIs.pmfs(lights, &about_all(names, points));
     let draw = |(i, u): (usize, &[f32; 2])| Question { u: [u[0], u[1], 0.0, 0.0], ..Question::at(&points[i / DRAWS]) };
     let drawn: Vec<Question> = u.iter().enumerate().map(draw).collect();
-    Answers { pmfs, picks: Text::AsItIs.picks(lights, &drawn) }
+    Answers { pmfs, picks: Text::AsItIs.ask(lights, "pick", &drawn) }
 }
 
 /// Checks the answers at one shading point. Returns the number of lights that send something there.
@@ -122,7 +114,7 @@ fn stages(world: &LightWorld) -> usize {
 fn prove(seed: u64, sizes: &[usize]) -> Vec<usize> {
     let (device, queue) = gpu();
     let mut edited = Edited::new(seed);
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut lights = gpu_lights();
     let mut met = Vec::new();
     for size in sizes {
         for frame in 0..FRAMES {
@@ -141,9 +133,8 @@ fn prove(seed: u64, sizes: &[usize]) -> Vec<usize> {
         let u: Vec<[f32; 2]> = (0..POINTS * DRAWS).map(|_| [rng.unit(), rng.unit()]).collect();
         let mut rng = Rng(rng.bits());
         let world = &edited.world;
-        let mut fresh = GpuLights::new(&device, &queue).expect("default limits are enough");
-        fresh.upload(world).expect("room enough");
-        let names: Vec<[u32; 2]> = named_lights(world).into_iter().map(|(_, name)| name).collect();
+        let mut fresh = uploaded(world);
+        let names = named_lights(world);
         let mut contributions = 0;
         let found = answers(&mut lights, &names, &points, &u);
         let again = answers(&mut fresh, &names, &points, &u);

@@ -1,10 +1,9 @@
 //! The probabilities and the reflectances that shaders compute are those of the formulas in f64.
 
 use girandole::glam::{DVec2, DVec3};
-use girandole::gpu::GpuLights;
 
-use super::{Question, Text, named_lights};
-use crate::gpu::gpu;
+use super::{Question, Text, about_all, named_lights};
+use crate::gpu::{gpu_lights, uploaded};
 use testbed::measuring::reference::gloss::{Surface, reflected};
 use testbed::measuring::street::Street;
 use testbed::measuring::street_samplers::TwoLevel;
@@ -24,23 +23,13 @@ const COMPARED: f64 = 1.0e-9;
 #[test]
 fn probabilities_on_the_gpu_are_those_of_the_walk_in_f64() {
     let street = Street::new(7, 40);
-    let (device, queue) = gpu();
     for shift in [DVec3::ZERO, DVec3::new(3.0e6, -2.0e6, 1.0e6)] {
         let two_level = TwoLevel::new(&street, shift).expect("a valid scene");
         let world = two_level.world();
-        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-        lights.upload(world).expect("room enough");
+        let mut lights = uploaded(world);
         let names = named_lights(world);
-        let mut questions = Vec::new();
-        for receiver in &street.receivers {
-            let point = receiver.rounded(two_level.origin());
-            let ask = |(_, [instance, light]): &(_, [u32; 2])| Question {
-                instance: *instance,
-                light: *light,
-                ..Question::at(&point)
-            };
-            questions.extend(names.iter().map(ask));
-        }
+        let points: Vec<_> = street.receivers.iter().map(|receiver| receiver.rounded(two_level.origin())).collect();
+        let questions = about_all(&names, &points);
         let answers = Text::AsItIs.pmfs(&mut lights, &questions);
         let (mut worst_distance, mut worst, mut compared, mut close_calls) = (0.0_f64, 0.0_f64, 0, 0);
         for (receiver, gpu) in street.receivers.iter().zip(answers.chunks_exact(names.len())) {
@@ -76,7 +65,7 @@ const MOST_ROUNDINGS: f64 = 64.0;
 #[test]
 fn reflectances_on_the_gpu_are_those_of_the_formula_in_f64() {
     let mut rng = Rng(531);
-    let mut lights = super::squashed::upload(&mut girandole::LightWorld::new());
+    let mut lights = gpu_lights();
     let mut questions = Vec::new();
     for _ in 0..100_000 {
         let below = |rng: &mut Rng, count: u64| (rng.bits() % count) as usize;
@@ -97,7 +86,7 @@ fn reflectances_on_the_gpu_are_those_of_the_formula_in_f64() {
             ..Question::default()
         });
     }
-    let answers = Text::AsItIs.reflectances(&mut lights, &questions);
+    let answers = Text::AsItIs.ask::<[f32; 2]>(&mut lights, "reflected", &questions);
     let mut worst = 0.0_f64;
     for (question, [reflectance, doubt]) in questions.iter().zip(answers) {
         let [x, y, z, diffuse] = question.u.map(f64::from);

@@ -2,24 +2,15 @@
 //! points.
 
 use girandole::glam::{DVec3, Mat3, Vec3};
-use girandole::gpu::GpuLights;
 use girandole::{FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint};
 
-use super::{Question, Text, named_lights};
-use crate::gpu::gpu;
+use super::{Question, Text, about_all, named_lights};
+use crate::gpu::uploaded;
 use girandole::LightTree;
 use std::collections::BTreeMap;
 use testbed::measuring::reference::choice::{Tree, distribution};
 use testbed::measuring::reference::place::{Map, View};
 use testbed::testing::support::{Rng, SPLITS};
-
-pub(super) fn upload(world: &mut LightWorld) -> GpuLights {
-    let (device, queue) = gpu();
-    world.update(FrameBudget::NONE);
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    lights.upload(world).expect("room enough");
-    lights
-}
 
 fn turn(rng: &mut Rng) -> Mat3 {
     Mat3::from_axis_angle(rng.direction(), rng.between(0.0, 6.0))
@@ -92,18 +83,11 @@ fn squashed_instances_are_covered_and_have_the_probabilities_of_the_cpu_and_of_f
         // A little more than the limit, below which rounding would hide some.
         let thin = if power == 9 { 1.5e-9 } else { 10.0_f32.powi(-power) };
         let mut world = squashed(&mut rng, thin);
-        let mut lights = upload(&mut world);
+        world.update(FrameBudget::NONE);
+        let mut lights = uploaded(&world);
         let names = named_lights(&world);
         let points: Vec<ShadingPoint> = (0..20).map(|_| rng.shading_point(10.0)).collect();
-        let mut questions = Vec::new();
-        for point in &points {
-            let ask = |(_, [instance, light]): &(_, [u32; 2])| Question {
-                instance: *instance,
-                light: *light,
-                ..Question::at(point)
-            };
-            questions.extend(names.iter().map(ask));
-        }
+        let questions = about_all(&names, &points);
         let answers = Text::AsItIs.pmfs(&mut lights, &questions);
         let worst = &mut worst[power as usize];
         for (point, gpu) in points.iter().zip(answers.chunks_exact(names.len())) {
@@ -161,7 +145,8 @@ fn lamps_on_the_horizon_far_from_the_origin_are_covered_on_the_gpu() {
             placed.push((key, linear, translation, *place));
         }
     }
-    let mut lights = upload(&mut world);
+    world.update(FrameBudget::NONE);
+    let mut lights = uploaded(&world);
     let sampler = world.sampler();
     let (mut questions, mut asked) = (Vec::new(), Vec::new());
     for (key, linear, translation, place) in placed {

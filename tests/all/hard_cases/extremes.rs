@@ -98,35 +98,6 @@ fn lights_at_halving_distances_make_a_deep_tree_and_are_covered() {
 }
 
 #[test]
-fn centimetres_count_ten_thousand_kilometres_from_the_origin() {
-    let mut rng = Rng(108);
-    let origin = DVec3::new(1.0e7, -3.0, 1.0e7);
-    let mut world = LightWorld::new();
-    let tree = world.add_tree(LightTree::new(rng.lights(40, 0.05)).expect("allowed"));
-    for i in 0..100 {
-        let at = origin + DVec3::new(f64::from(i) * 0.01, 0.0, f64::from(i % 7) * 0.01);
-        world.add_instance(tree, Placement::at(at), Policy::Static).expect("allowed");
-    }
-    // Far from the origin positions are a metre apart; every light is still covered.
-    let far: Vec<_> =
-        (0..10).map(|_| ShadingPoint::surface(origin.as_vec3() + rng.position(3.0), rng.direction())).collect();
-    prove(&world, &far, 13);
-    prove_on_gpu(&mut world, &far, 13);
-    world.set_origin(origin).expect("near enough");
-    let near = shading_points(&mut rng, 20, 0.5);
-    assert!(prove(&world, &near, 13) > 1000);
-    prove_on_gpu(&mut world, &near, 13);
-    // The next instance, a centimetre away, sends its light from another direction.
-    let sampler = world.sampler();
-    let mut ids = world.instances();
-    let mut distance = || {
-        let id = LightId::Local { instance: ids.next().expect("a hundred"), light: 0 };
-        (0..100).find_map(|i| sampler.sample_light(&ShadingPoint::volume(Vec3::Y * (0.5 + i as f32)), id, [0.5; 2]))
-    };
-    assert_ne!(distance().map(|i| i.direction), distance().map(|i| i.direction));
-}
-
-#[test]
 fn a_lamp_post_far_from_the_origin_keeps_its_horizon_and_its_range() {
     let mut rng = Rng(109);
     for round in 0..200 {
@@ -216,51 +187,6 @@ fn ill_conditioned_placements_are_covered_or_refused() {
         let all: Vec<_> = (0..40).map(|_| ShadingPoint::surface(middle + rng.position(1.2), rng.direction())).collect();
         prove(&world, &all, round);
     }
-}
-
-#[test]
-fn twenty_thousand_refits_leave_a_tree_no_looser_than_its_lights() {
-    let mut rng = Rng(112);
-    let mut lights = rng.lights(40, 5.0);
-    let mut tree = LightTree::new(lights.clone()).expect("allowed");
-    for round in 0..20_000_u32 {
-        let index = (rng.bits() % 40) as usize;
-        let step = rng.position(0.05);
-        lights[index] = moved(&lights[index], step);
-        tree.set_lights(&[(index as u32, lights[index])]).expect("allowed");
-        tree.refit();
-        if round % 1000 == 0 {
-            tree.check().expect("a sound tree after every step");
-        }
-    }
-    tree.check().expect("a sound tree at the end");
-    // The root equals that of a new tree over the same lights: no error adds up.
-    let mut fresh = LightTree::new(lights.clone()).expect("allowed");
-    let fresh_root = fresh.cluster();
-    let root = tree.cluster();
-    assert_eq!((root.aabb, root.range), (fresh_root.aabb, fresh_root.range));
-    // The sums of 40 terms have another order.
-    assert!((root.flux / fresh_root.flux - 1.0).abs() < 1.0e-5, "{root:?} {fresh_root:?}");
-    assert!(root.mean.distance(fresh_root.mean) < 1.0e-4, "{root:?} {fresh_root:?}");
-    assert!((root.variance / fresh_root.variance - 1.0).abs() < 1.0e-4, "{root:?} {fresh_root:?}");
-    let before = tree.nodes().to_vec();
-    tree.refit();
-    assert_eq!(tree.nodes(), before, "a refit without a change changes nothing");
-    tree.rebuild();
-    fresh.rebuild();
-    assert_eq!(tree.nodes(), fresh.nodes());
-}
-
-fn moved(light: &Light, step: Vec3) -> Light {
-    use girandole::Shape;
-    let mut light = *light;
-    match &mut light.shape {
-        Shape::Point { position } | Shape::Spot { position, .. } => *position += step,
-        Shape::Rectangle { center, .. } | Shape::Sphere { center, .. } => *center += step,
-        Shape::Triangle { vertices, .. } => *vertices = vertices.map(|v| v + step),
-        &mut _ => unreachable!("this version has no others"),
-    }
-    light
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use super::*;
 use testbed::measuring::lights::{carried, reflections};
 use testbed::measuring::samplers::{noise, two_level};
+use testbed::testing::support::place_tree;
 
 /// The most by which sigma among near lamps may grow when a far light joins their tree, or one tree
 /// of them. Measured: 1.25 in the tree, where the others move one node down, and 1.0 beside it.
@@ -33,8 +34,7 @@ fn sigma(near: Near, far: Far, distance: f32, lux: f32) -> f64 {
     let at = Vec3::new(0.6, 0.64, 0.48) * distance;
     let mut world = LightWorld::new();
     let mut add = |lights: Vec<Light>, at: Vec3| {
-        let tree = world.add_tree(LightTree::new(lights).expect("valid lights"));
-        world.add_instance(tree, Placement::at(at.as_dvec3()), Policy::Static).expect("a valid placement");
+        place_tree(&mut world, lights, Placement::at(at.as_dvec3()), Policy::Static);
     };
     let flat = |rng: &mut Rng, size: f32| rng.position(size) * Vec3::new(1.0, 0.05, 1.0);
     let sphere = |center: Vec3| Light::sphere(center, distance / 100.0, Vec3::splat(lux * 1.0e4 / PI));

@@ -15,7 +15,6 @@ mod stretched;
 use std::f32::consts::PI;
 
 use girandole::glam::{DVec3, Mat3, Quat, Vec3};
-use girandole::gpu::GpuLights;
 use girandole::light::{MAX_COORDINATE, MAX_EMISSION};
 use girandole::{
     DirectionalLight, Effects, FrameBudget, Gloss, Light, LightId, LightSampler, LightTree, LightWorld, MAX_SCALE,
@@ -23,7 +22,7 @@ use girandole::{
 };
 use testbed::common::batch::SampleRequest;
 
-use crate::gpu::{OTHER_PICKS, compare, gpu, sample_by};
+use crate::gpu::{OTHER_PICKS, compare, gpu_lights, sample_by};
 use testbed::testing::support::{Rng, SPLITS, all_pmfs, rounds};
 
 /// Rounding of a sum over thousands of lights. Each probability is a product of ratios of sums of
@@ -104,8 +103,7 @@ fn prove_with(sampler: &LightSampler, shading_points: &[ShadingPoint], seed: u64
 /// Checks that the GPU chooses the same lights as the CPU.
 fn prove_on_gpu(world: &mut LightWorld, shading_points: &[ShadingPoint], seed: u64) {
     let mut rng = Rng(seed);
-    let (device, queue) = gpu();
-    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut lights = gpu_lights();
     let requests: Vec<_> = (0..1024)
         .map(|i| {
             let shading_point = shading_points[i % shading_points.len()];

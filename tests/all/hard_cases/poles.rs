@@ -1,9 +1,8 @@
 //! Directions along the axes, where an orthonormal basis from one vector may divide by zero.
 
-use girandole::LightTree;
-use girandole::glam::Vec3Swizzles;
-
 use super::*;
+use girandole::glam::Vec3Swizzles;
+use testbed::testing::support::place_tree;
 
 /// The six directions along the axes, and directions that differ from them by the least that f32
 /// can express, in either direction.
@@ -53,8 +52,7 @@ fn glossy_points_with_normals_and_views_along_the_axes_keep_every_light() {
     let mut rng = Rng(141);
     let mut world = LightWorld::new();
     world.set_glossy_sampling(true);
-    let tree = world.add_tree(LightTree::new(rng.lights(40, 10.0)).expect("allowed lights"));
-    world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("an allowed placement");
+    place_tree(&mut world, rng.lights(40, 10.0), Placement::IDENTITY, Policy::Static);
     world.update(FrameBudget::NONE);
     let mut all = Vec::new();
     for normal in poles() {

@@ -1,29 +1,15 @@
 //! The rims of spots on the GPU, where f32 leaves few digits of the falloff.
 
 use super::*;
-use crate::gpu::ask;
-
-/// A light at a shading point, as a shader asks for it.
-#[repr(C)]
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct Question {
-    position: [f32; 3],
-    instance: u32,
-    light: u32,
-    padding: [u32; 3],
-}
+use crate::gpu::{ask, uploaded};
 
 /// What a shader finds: the probability of the light, and the illuminance that it sends.
 const ASK: &str = "
-    struct Question { position: vec3<f32>, instance: u32, light: u32 }
-    @group(0) @binding(0) var<storage, read> questions: array<Question>;
-    @group(0) @binding(1) var<storage, read_write> answers: array<vec2<f32>>;
-    @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
-        if id.x >= arrayLength(&questions) { return; }
-        let q = questions[id.x];
+    struct Question { position: vec3<f32>, instance: u32, light: u32, a: u32, b: u32, c: u32 }
+    fn answer(q: Question) -> vec2<f32> {
         let at = light_surface_point(q.position, vec3(0.0));
         let found = light_reservoir_sample(at, light_reservoir_of(q.instance, q.light, vec2(0.5)));
-        answers[id.x] = vec2(light_pmf(at, q.instance, q.light), found.radiance.y);
+        return vec2(light_pmf(at, q.instance, q.light), found.radiance.y);
     }";
 
 /// The root of the share of the intensity at an angle, in f64, and the width of the falloff as a
@@ -37,7 +23,6 @@ fn root_share(inner: f32, outer: f32, angle: f64) -> [f64; 2] {
 #[test]
 fn lights_whose_rim_is_at_the_shading_point_have_a_probability_on_the_gpu() {
     let mut rng = Rng(170);
-    let (device, queue) = gpu();
     let widths = [1.0e-4, 1.0e-3, 2.0e-3, 0.03, 0.2, 0.9, 0.5 * PI, 2.2, 3.1, PI - 1.0e-6, PI];
     let (mut lit, mut rims, mut dark) = (0, 0, 0);
     for _ in 0..3 {
@@ -58,15 +43,14 @@ fn lights_whose_rim_is_at_the_shading_point_have_a_probability_on_the_gpu() {
                     let (to, along) = (at.as_dvec3().normalize(), axis.as_dvec3().normalize());
                     let angle = 2.0 * (to - along).length().atan2((to + along).length());
                     let slot = world.slot(instance).expect("it lives");
-                    questions.push(Question { position: at.to_array(), instance: slot, light, padding: [0; 3] });
+                    let [x, y, z] = at.to_array().map(f32::to_bits);
+                    questions.push([x, y, z, slot, light, 0, 0, 0]);
                     expected.push((root_share(inner, outer, angle), at.as_dvec3().length_squared(), (inner, outer)));
                 }
             }
         }
-        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-        lights.upload(&world).expect("room enough");
-        let text = lights.shader(1, Effects::all()).join(ASK);
-        let answers: Vec<[f32; 2]> = ask(&mut lights, text, &questions, questions.len());
+        let mut lights = uploaded(&world);
+        let answers: Vec<[f32; 2]> = ask(&mut lights, Effects::all(), ASK, &questions);
         for (([root, width], dist_sq, spot), [pmf, lux]) in expected.into_iter().zip(answers) {
             assert!((0.0..=1.0).contains(&pmf) && lux >= 0.0, "{spot:?}: {pmf} {lux}");
             assert!(lux == 0.0 || pmf > 0.0, "{spot:?} sends {lux} lux but is never chosen");

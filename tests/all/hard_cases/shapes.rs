@@ -81,52 +81,6 @@ fn the_brightest_lamp_next_to_a_shading_point_has_a_finite_radiance() {
 }
 
 #[test]
-fn probabilities_do_not_depend_on_the_unit_of_length() {
-    let mut rng = Rng(102);
-    let base = rng.lights(300, 20.0);
-    let all = shading_points(&mut rng, 30, 25.0);
-    // Powers of two keep every rounding, so probabilities are equal. Points need the square of the
-    // unit for the same lux.
-    let scaled = |s: f32| {
-        let lights = base.iter().map(|light| scale_light(light, s)).collect();
-        LightTree::new(lights).expect("allowed")
-    };
-    let metre = scaled(1.0);
-    for s in [1.0 / 1024.0, 1024.0, 1.0 / 1_048_576.0] {
-        let other = scaled(s);
-        for shading_point in &all {
-            let moved = ShadingPoint::surface(shading_point.position * s, shading_point.normal);
-            for light in 0..300 {
-                for splits in SPLITS {
-                    let (a, b) = (metre.pmf(shading_point, light, splits), other.pmf(&moved, light, splits));
-                    // Only denormal numbers differ.
-                    assert!((a - b).abs() <= 1.0e-6 * a, "unit {s}: {a} {b} of {:?}", base[light as usize]);
-                }
-            }
-        }
-    }
-}
-
-fn scale_light(light: &Light, s: f32) -> Light {
-    use girandole::Shape;
-    let mut scaled = *light;
-    scaled.range *= s;
-    match &mut scaled.shape {
-        Shape::Point { position } | Shape::Spot { position, .. } => {
-            *position *= s;
-            scaled.emission *= s * s;
-        }
-        Shape::Rectangle { center, half_u, half_v, .. } => {
-            (*center, *half_u, *half_v) = (*center * s, *half_u * s, *half_v * s);
-        }
-        Shape::Triangle { vertices, .. } => *vertices = vertices.map(|v| v * s),
-        Shape::Sphere { center, radius } => (*center, *radius) = (*center * s, *radius * s),
-        &mut _ => unreachable!("this version has no others"),
-    }
-    scaled
-}
-
-#[test]
 fn collinear_lamps_light_points_on_their_line() {
     let lamps = (0..2000).map(|i| {
         let at = Vec3::new(i as f32 * 10.0, 6.0, 0.0);

@@ -146,8 +146,10 @@ impl Edited {
                 self.world.set_lights(tree, &lights).is_ok()
             }
             17 | 18 => {
-                let added: Vec<_> = (0..=self.below(3)).map(|_| self.light(30.0)).collect();
-                self.world.add_lights(tree, &added).is_ok()
+                let new: Vec<_> = (0..=self.below(3)).map(|_| self.light(30.0)).collect();
+                let added = self.world.add_lights(tree, &new);
+                // Some are gone before the update.
+                added.is_ok_and(|added| self.below(4) > 0 || self.world.remove_lights(tree, &added[..1]).is_ok())
             }
             19 | 20 => self.world.remove_lights(tree, &[light]).is_ok(),
             21 => {
@@ -234,6 +236,8 @@ fn run(seed: u64, edits: u64) {
     let limited = PlanLimits::default().with_tree_memory(400_000).with_frame_bytes(20_000);
     let mut players = [PlanLimits::default(), limited]
         .map(|limits| Played { planner: LightPlanner::new(limits), device: Device::default() });
+    // A reader that skips frames, drops reservations, and loses what its device has.
+    let mut skipper = Played::new();
     let (mut accepted, mut built, mut stand_ins, mut made) = ([0; KINDS as usize], 0, 0, 0);
     while made < edits {
         for _ in 0..1 + edited.below(20) {
@@ -251,6 +255,19 @@ fn run(seed: u64, edits: u64) {
             let found = check_as_new(played, &edited.world);
             stand_ins += found.stand_ins;
         }
+        match edited.below(16) {
+            0 => drop(skipper.planner.reserve(&edited.world).expect("room enough")),
+            1 => {
+                skipper.frame(&edited.world);
+                skipper.planner.lose();
+                skipper.device.forget();
+            }
+            2 => drop(skipper.frame(&edited.world)),
+            _ => continue,
+        }
+        skipper.frame(&edited.world);
+        check_as_new(&skipper, &edited.world);
+        assert_eq!(skipper.planner.revision(), edited.world.revision());
     }
     // The rarest kind is a removal of a light among few, or the replacement of a static tree.
     let least = edits / KINDS / 8;

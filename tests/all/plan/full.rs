@@ -1,15 +1,14 @@
 //! Buffers that are too small: what does not fit is replaced or refused and the report says so, the rest of the
 //! world is as it was, a still world comes to rest, and what was left out comes back once there is room.
 
+use super::limits::{lamps, played, row};
+use super::update;
 use girandole::glam::DVec3;
 use girandole::plan::{PlanError, PlanLimits};
 use girandole::{InstanceKey, LightTree, LightWorld, Placement, Policy, TreeKey, TreeSource};
 use testbed::testing::plan_device::Played;
 use testbed::testing::plan_records::{Found, check, check_as_new_within};
-use testbed::testing::support::Rng;
-
-use super::limits::{lamps, played, row};
-use super::update;
+use testbed::testing::support::{Rng, place_tree};
 
 /// The lights of the large tree.
 const LARGE: usize = 100;
@@ -141,8 +140,8 @@ fn a_tree_that_does_not_fit_stands_in_alone() {
     let (mut world, houses) = row(&mut rng, 10, 22);
     let mut played = played(limits);
     let mut stands_in = |count: usize| {
-        let large = world.add_tree(LightTree::new(lamps(&mut rng, count)).expect("valid"));
-        let key = world.add_instance(large, Placement::at(DVec3::Y * 500.0), Policy::Budgeted).expect("valid");
+        let (large, key) =
+            place_tree(&mut world, lamps(&mut rng, count), Placement::at(DVec3::Y * 500.0), Policy::Budgeted);
         update(&mut world);
         rest(&mut played, &world, limits);
         assert!(houses.iter().all(|key| !played.planner.stands_in(*key)), "{count} lights");

@@ -2,14 +2,14 @@
 //! hold, and in the end everything that fits is there.
 
 use girandole::glam::{DVec3, Vec3};
-use girandole::plan::{FramePlan, LightPlanner, PlanLimits};
+use girandole::plan::{LightPlanner, PlanLimits};
 use girandole::{Light, LightWorld, Placement, Policy, TreeKey};
 
 use super::update;
 use girandole::LightTree;
 use testbed::testing::plan_device::{Device, Played};
 use testbed::testing::plan_records::{Found, check};
-use testbed::testing::support::Rng;
+use testbed::testing::support::{Rng, place_tree};
 
 /// The most bytes of stand-ins of one tree, with the record of the tree.
 const STAND_IN_BYTES: u64 = 64 * 64 + 10 * 224 + 80;
@@ -39,11 +39,6 @@ pub fn played(limits: PlanLimits) -> Played {
     Played { planner: LightPlanner::new(limits), device: Device::default() }
 }
 
-/// A frame in which nothing has changed in the world.
-pub fn idle(played: &mut Played, world: &LightWorld) -> FramePlan {
-    played.frame(world)
-}
-
 /// Bytes of the nodes and lights of a tree of point lights.
 pub fn bytes(world: &LightWorld, tree: TreeKey) -> u64 {
     let tree = world.tree(tree).expect("it lives");
@@ -69,7 +64,7 @@ fn trees_come_within_the_bytes_of_each_frame_the_most_useful_first() {
     let mut frames = 1;
     let mut last = first.report;
     while last.waiting_trees > 0 {
-        let plan = idle(&mut played, &world);
+        let plan = played.frame(&world);
         // Records of trees and instances come on top.
         let arrived = last.stand_ins - plan.report.stand_ins;
         assert!(plan.report.bytes <= budget + 200 * arrived as u64 + 400, "{:?}", plan.report);
@@ -88,7 +83,7 @@ fn trees_come_within_the_bytes_of_each_frame_the_most_useful_first() {
     assert_eq!((whole, last.waiting_bytes, last.stand_ins), (40, 0, 0));
     assert!(frames as u64 <= 2 * total / budget + 2, "{frames} frames");
     assert_eq!(check(&played, &world), Found { lights: 40 * 300, stand_ins: 0 });
-    assert!(idle(&mut played, &world).is_empty());
+    assert!(played.frame(&world).is_empty());
 }
 
 /// The bytes of each frame for a tree that comes in pieces.
@@ -127,7 +122,7 @@ fn a_large_tree_comes_in_pieces_and_what_changes_meanwhile_comes_with_the_last()
     let mut frames = 0;
     while played.planner.is_waiting(keys[0]) {
         assert_eq!(check(&played, &world), Found { lights: 20_000, stand_ins: 0 });
-        idle(&mut played, &world);
+        played.frame(&world);
         frames += 1;
     }
     assert!((expected - 1..=expected + 1).contains(&frames), "{frames} frames of {expected}");
@@ -172,7 +167,7 @@ fn in_little_memory_the_least_useful_trees_stand_in_and_the_others_are_whole() {
         world.set_viewpoint(DVec3::X * end).expect("finite");
         let mut rested = false;
         for _ in 0..200 {
-            let plan = idle(&mut played, &world);
+            let plan = played.frame(&world);
             let found = check(&played, &world);
             assert_eq!(found.lights / 300 + plan.report.stand_ins, 100);
             let now = played.planner.memory();
@@ -200,27 +195,26 @@ fn limits_of_zero_have_an_outcome() {
     let plan = none.frame(&world);
     assert_eq!((plan.report.stand_ins, plan.report.waiting_trees), (10, 10));
     assert!(plan.report.bytes < 10 * (STAND_IN_BYTES + 200));
-    assert!(idle(&mut none, &world).is_empty());
+    assert!(none.frame(&world).is_empty());
     assert!(check(&none, &world).lights == 0);
     none.planner.set_frame_bytes(None);
-    idle(&mut none, &world);
+    none.frame(&world);
     assert_eq!(check(&none, &world), Found { lights: 1000, stand_ins: 0 });
     // Almost no memory: 128 KiB, whatever was asked for.
     none.planner.set_tree_memory(Some(0));
     for _ in 0..20 {
-        idle(&mut none, &world);
+        none.frame(&world);
         check(&none, &world);
     }
     assert!(none.planner.memory().trees <= 128 << 10);
     for _ in 0..400 {
-        let tree = world.add_tree(LightTree::new(lamps(&mut rng, 16)).expect("valid"));
-        world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+        place_tree(&mut world, lamps(&mut rng, 16), Placement::IDENTITY, Policy::Static);
     }
     update(&mut world);
     assert!(none.planner.reserve(&world).is_err(), "small trees are always whole");
     none.planner.set_tree_memory(Some(4 << 20));
-    idle(&mut none, &world);
-    idle(&mut none, &world);
+    none.frame(&world);
+    none.frame(&world);
     assert_eq!(check(&none, &world), Found { lights: 1000 + 6400, stand_ins: 0 });
     assert_eq!(keys.iter().filter(|key| none.planner.is_waiting(**key)).count(), 0);
 }
@@ -233,7 +227,7 @@ fn gaps_are_joined_within_the_bytes_of_each_frame_and_then_nothing_is_sent() {
     let mut played = played(PlanLimits::default().with_frame_bytes(budget));
     update(&mut world);
     played.frame(&world);
-    while !idle(&mut played, &world).is_empty() {}
+    while !played.frame(&world).is_empty() {}
     let full = played.planner.memory();
     // Every other tree goes.
     let instances: Vec<_> = world.instances().collect();
@@ -248,7 +242,7 @@ fn gaps_are_joined_within_the_bytes_of_each_frame_and_then_nothing_is_sent() {
     assert!(holed.gaps > full.used / 3, "{holed:?} of {full:?}");
     let mut frames = 0;
     loop {
-        let plan = idle(&mut played, &world);
+        let plan = played.frame(&world);
         assert_eq!(check(&played, &world), Found { lights: 30 * 200, stand_ins: 0 });
         if plan.is_empty() {
             break;

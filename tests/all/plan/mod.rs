@@ -4,16 +4,14 @@
 mod anew;
 mod full;
 mod limits;
-mod readers;
 mod same_frame;
 
 use girandole::glam::{DVec3, Vec3};
-use girandole::plan::{Command, FramePlan, KERNELS, LightPlanner, PlanCursor, PlanError, PlanLimits};
+use girandole::plan::{KERNELS, LightPlanner, PlanCursor, PlanError, PlanLimits};
 use girandole::{FrameBudget, InstanceKey, Light, LightTree, LightWorld, Placement, Policy, TreeKey};
 use testbed::testing::plan_device::{Device, Played, slots};
 use testbed::testing::plan_records::check;
-
-use testbed::testing::support::Rng;
+use testbed::testing::support::{Rng, place_tree};
 
 fn place(rng: &mut Rng) -> Placement {
     Placement::at(rng.position(5000.0).as_dvec3())
@@ -81,8 +79,8 @@ fn many_flickering_trees_go_up_in_one_write() {
     let lamp = |rng: &mut Rng| Light::point(rng.position(1.0), Vec3::splat(rng.between(1.0, 2.0)));
     let mut trees = Vec::new();
     for _ in 0..1000 {
-        let tree = world.add_tree(LightTree::new((0..4).map(|_| lamp(&mut rng)).collect()).expect("valid"));
-        world.add_instance(tree, place(&mut rng), Policy::Budgeted).expect("valid");
+        let (tree, _) =
+            place_tree(&mut world, (0..4).map(|_| lamp(&mut rng)).collect(), place(&mut rng), Policy::Budgeted);
         trees.push(tree);
     }
     let mut played = Played::new();
@@ -114,8 +112,8 @@ fn changed_lights_of_opened_trees_go_up_alone_beside_many_small_trees() {
     let (mut world, mut rng) = (LightWorld::new(), Rng(8));
     let lamp = |rng: &mut Rng| Light::point(rng.position(50.0), Vec3::splat(rng.between(1.0, 2.0)));
     let mut add = |world: &mut LightWorld, lights: usize| {
-        let tree = world.add_tree(LightTree::new((0..lights).map(|_| lamp(&mut rng)).collect()).expect("valid"));
-        world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+        let (tree, _) =
+            place_tree(world, (0..lights).map(|_| lamp(&mut rng)).collect(), Placement::IDENTITY, Policy::Budgeted);
         tree
     };
     let town = add(&mut world, 5000);
@@ -149,71 +147,6 @@ fn changed_lights_of_opened_trees_go_up_alone_beside_many_small_trees() {
     }
     let of_all = bytes(&mut world);
     assert!(of_all <= of_houses + 50 * of_town.max(of_string), "{of_all}");
-}
-
-#[test]
-fn a_frame_without_changes_has_an_empty_plan() {
-    let (mut world, tree, keys) = lamps(100);
-    let mut played = Played::new();
-    update(&mut world);
-    assert!(!played.frame(&world).is_empty());
-    update(&mut world);
-    assert!(played.frame(&world).is_empty());
-    // Edits that change nothing.
-    let at = world.instance(keys[3]).expect("it lives").placement;
-    world.move_instance(keys[3], at).expect("valid");
-    world.set_appearance(keys[4], |a| a.is_enabled = true).expect("valid");
-    world.set_appearance(keys[5], |a| a.factor = Vec3::ONE).expect("valid");
-    world.set_appearance(keys[6], |a| a.user_data = 0).expect("valid");
-    assert!(world.set_emission(tree, 0, Vec3::ONE).is_err(), "the tree is static");
-    update(&mut world);
-    assert!(played.frame(&world).is_empty());
-    // User data need no build of the top level, and a move needs one.
-    world.set_appearance(keys[6], |a| a.user_data = 9).expect("valid");
-    update(&mut world);
-    let plan = played.frame(&world);
-    assert!(plan.top.is_empty() && plan.report.bytes == INSTANCE_BYTES as u64);
-    world.move_instance(keys[6], Placement::IDENTITY).expect("valid");
-    update(&mut world);
-    assert!(!played.frame(&world).top.is_empty());
-}
-
-/// The parts of a plan that a GPU sees.
-fn commands(plan: &FramePlan) -> Vec<Command<'_>> {
-    plan.upload.iter().chain(plan.top.iter()).collect()
-}
-
-#[test]
-fn a_dropped_reservation_changes_nothing_and_its_changes_come_with_the_next() {
-    let (mut world, _, _) = lamps(300);
-    let (mut dropping, mut plain) = (Played::new(), Played::new());
-    update(&mut world);
-    dropping.frame(&world);
-    plain.frame(&world);
-    let mut rng = Rng(8);
-    for round in 0..4 {
-        // More of everything than the buffers hold, also in another layout.
-        let lights = (0..300).map(|_| Light::sphere(rng.position(5.0), 0.1, Vec3::ONE)).collect();
-        let tree = world.add_tree(LightTree::new(lights).expect("valid"));
-        for _ in 0..200 << round {
-            world.add_instance(tree, place(&mut rng), Policy::Static).expect("valid");
-        }
-        update(&mut world);
-        let before = (dropping.planner.bindings(), dropping.planner.effects());
-        for _ in 0..2 {
-            let reservation = dropping.planner.reserve(&world).expect("room enough");
-            assert!(!reservation.new_buffers().is_empty());
-            drop(reservation);
-            assert_eq!((dropping.planner.bindings(), dropping.planner.effects()), before);
-        }
-        drop(dropping.planner.reserve_exactly(&world).expect("room enough"));
-        let kept = dropping.frame(&world);
-        let expected = plain.frame(&world);
-        assert_eq!(kept.report, expected.report);
-        assert_eq!(commands(&kept).len(), commands(&expected).len());
-        let sizes = |plan: &FramePlan| plan.new_buffers.iter().map(|b| (b.what, b.bytes)).collect::<Vec<_>>();
-        assert_eq!(sizes(&kept), sizes(&expected));
-    }
 }
 
 #[test]
@@ -264,33 +197,6 @@ fn a_plan_that_is_played_twice_or_out_of_order_is_refused() {
 }
 
 #[test]
-fn what_a_device_lost_is_sent_again_by_the_next_plan() {
-    let (mut world, _, keys) = lamps(500);
-    let mut played = Played::new();
-    update(&mut world);
-    played.frame(&world);
-    // A plan with growth is made and never played.
-    world.move_instance(keys[0], Placement::at(DVec3::X)).expect("valid");
-    update(&mut world);
-    let lost = played.planner.reserve(&world).expect("room enough").plan();
-    assert!(lost.new_buffers.is_empty(), "the engine keeps its buffers");
-    played.planner.lose();
-    let plan = played.planner.reserve(&world).expect("room enough").plan();
-    assert_eq!((plan.report.instances, plan.report.trees), (501, 1), "slot 0 is never in use, and sent too");
-    assert!(!plan.top.is_empty());
-    let mut cursor = PlanCursor::default();
-    cursor.skip_to(&plan);
-    let mut device = std::mem::take(&mut played.device);
-    device.skip_to(&plan);
-    device.play(&plan).expect("it was skipped to");
-    played.device = device;
-    let mut fresh = Played::new();
-    fresh.frame(&world);
-    assert!(played.instances(&world, INSTANCE_BYTES) == fresh.instances(&world, INSTANCE_BYTES));
-    assert!(played.frame(&world).is_empty(), "nothing is sent a third time");
-}
-
-#[test]
 fn instances_whose_removal_a_device_missed_are_removed_by_what_sends_everything() {
     let removed = || {
         let (mut world, _, keys) = lamps(300);
@@ -328,8 +234,7 @@ fn a_last_frame_that_does_not_fit_into_a_buffer_has_no_lights_and_refuses_nothin
     for (lights, slots) in [(791, 502), (792, 0)] {
         let (mut world, ..) = lamps(500);
         let row = (0..lights).map(|i| Light::point(Vec3::X * i as f32, Vec3::ONE));
-        let tree = world.add_tree(LightTree::new(row.collect()).expect("valid"));
-        let key = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+        let (_, key) = place_tree(&mut world, row.collect(), Placement::IDENTITY, Policy::Budgeted);
         let mut played = Played { planner: LightPlanner::new(PlanLimits::new(131_072)), device: Device::default() };
         played.planner.keep_previous(true);
         for frame in 0..3 {
@@ -367,33 +272,6 @@ fn after_a_loss_the_last_frame_has_no_lights_until_the_second_plan() {
     let used = slots(&world) * INSTANCE_BYTES;
     let bytes = &played.device.content(previous)[PREVIOUS_HEAD..];
     assert!(played.device.content(present)[..used] == bytes[..used]);
-}
-
-#[test]
-fn indices_of_lights_that_never_were_are_sent_as_removed_lights() {
-    let mut world = LightWorld::new();
-    let lamp = |i: u32| Light::point(Vec3::splat(i as f32), Vec3::ONE);
-    let tree = world.add_tree(LightTree::new((0..100).map(lamp).collect()).expect("valid"));
-    world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
-    let mut played = Played::new();
-    update(&mut world);
-    played.frame(&world);
-    // The first addition moves the tree to ranges with more room.
-    for count in [1, 4] {
-        let added = world.add_lights(tree, &vec![lamp(200); count]).expect("valid");
-        world.remove_lights(tree, &added[..count - 1]).expect("they wait to be added");
-        update(&mut world);
-        played.frame(&world);
-    }
-    assert_eq!(world.tree(tree).map(|tree| tree.lights().len()), Some(105));
-    let mut fresh = Played::new();
-    fresh.frame(&world);
-    let lights = |played: &Played| {
-        let [_, _, _, _, lights] = played.bound();
-        let base = u32::from_le_bytes(played.instances(&world, INSTANCE_BYTES)[60..64].try_into().expect("a word"));
-        played.device.content(lights)[base as usize * 64..][..105 * 64].to_vec()
-    };
-    assert!(lights(&played) == lights(&fresh));
 }
 
 #[test]
@@ -439,27 +317,6 @@ fn a_world_that_does_not_fit_is_refused_and_fits_once_it_holds_less() {
     let plan = played.frame(&world);
     assert_eq!((plan.report.instances, plan.report.lights), (1, 0), "the move is sent too");
     check(&played, &world);
-}
-
-#[test]
-fn a_loaded_tree_is_sent_as_the_tree_that_was_baked() {
-    let mut rng = Rng(11);
-    let light = |rng: &mut Rng| Light::spot(rng.position(9.0), Vec3::NEG_Y, 0.2, 0.9, Vec3::ONE).with_range(50.0);
-    let tree = LightTree::new((0..500).map(|_| light(&mut rng)).collect()).expect("valid");
-    let baked = tree.bake();
-    let loaded = LightTree::from_baked(&baked).expect("it was just baked");
-    let sent = [tree, loaded].map(|tree| {
-        let mut world = LightWorld::new();
-        let key = world.add_tree(tree);
-        world.add_instance(key, Placement::IDENTITY, Policy::Budgeted).expect("valid");
-        let mut played = Played::new();
-        update(&mut world);
-        let report = played.frame(&world).report;
-        let [_, _, nodes, instances, lights] = played.bound();
-        (report, [nodes, instances, lights].map(|id| played.device.content(id).to_vec()))
-    });
-    assert_eq!(sent[0].0.lights, 500);
-    assert!(sent[0] == sent[1]);
 }
 
 #[test]

@@ -3,17 +3,17 @@
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::plan::PlanLimits;
-use girandole::{InstanceKey, Light, LightTree, LightWorld, Placement, Policy, TreeKey};
+use girandole::{LightTree, LightWorld, Placement, Policy, TreeKey};
 
-use super::limits::{bytes, idle, lamp, lamps, played, row};
+use super::limits::{bytes, lamps, played, row};
 use super::update;
 use testbed::testing::plan_device::Played;
 use testbed::testing::plan_records::{check, check_as_new};
-use testbed::testing::support::Rng;
+use testbed::testing::support::{Rng, place_tree};
 
 /// Plays frames in which nothing changes. The last of them send nothing.
 fn rest(played: &mut Played, world: &LightWorld) {
-    let is_empty: Vec<bool> = (0..200).map(|_| idle(played, world).is_empty()).collect();
+    let is_empty: Vec<bool> = (0..200).map(|_| played.frame(world).is_empty()).collect();
     assert!(is_empty[150..].iter().all(|is_empty| *is_empty), "{is_empty:?}");
 }
 
@@ -33,8 +33,7 @@ fn with_gaps(rng: &mut Rng, lights: usize) -> (LightWorld, Played, Vec<TreeKey>,
         world.remove_tree(*tree).expect("no instances");
     }
     keys = keys.into_iter().skip(1).step_by(2).collect();
-    let large = world.add_tree(LightTree::new(lamps(rng, 3300)).expect("valid"));
-    world.add_instance(large, Placement::IDENTITY, Policy::Static).expect("valid");
+    let (large, _) = place_tree(&mut world, lamps(rng, 3300), Placement::IDENTITY, Policy::Static);
     update(&mut world);
     played.frame(&world);
     assert!(played.planner.stands_in(large), "no gap is long enough");
@@ -52,7 +51,7 @@ fn a_tree_that_is_edited_in_the_frame_in_which_it_would_move_to_a_gap_has_its_ed
     update(&mut world);
     played.frame(&world);
     check(&played, &world);
-    let moved = idle(&mut played, &world);
+    let moved = played.frame(&world);
     assert!(moved.report.nodes > 0 && played.planner.stands_in(large), "trees move: {:?}", moved.report);
     check(&played, &world);
     rest(&mut played, &world);
@@ -96,7 +95,7 @@ fn a_device_that_has_lost_its_content_gets_everything_in_one_plan_whatever_a_fra
         assert!(keys[..5].iter().any(|key| played.planner.is_waiting(*key)));
         played.planner.lose();
         played.device.forget();
-        idle(&mut played, &world);
+        played.frame(&world);
         check(&played, &world);
         for (i, key) in keys.iter().enumerate() {
             assert!(!played.planner.is_waiting(*key) || i == 4, "{i} with {frame_bytes} bytes");
@@ -111,7 +110,7 @@ fn a_tree_that_becomes_small_while_it_is_sent_in_pieces_is_sent_at_once() {
     let mut played = played(PlanLimits::default().with_frame_bytes(20_000));
     update(&mut world);
     played.frame(&world);
-    idle(&mut played, &world);
+    played.frame(&world);
     played.planner.set_frame_bytes(Some(0));
     world.replace_lights(keys[0], lamps(&mut rng, 10)).expect("valid");
     update(&mut world);
@@ -166,37 +165,6 @@ fn trees_that_do_not_fit_do_not_keep_others_coming_and_going() {
         // A limit that stays the same changes nothing.
         played.planner.set_tree_memory(Some(total / 3));
         played.planner.set_frame_bytes(None);
-        assert!(idle(&mut played, &world).is_empty());
-    }
-}
-
-#[test]
-fn an_opened_tree_flickers_together_with_many_small_trees() {
-    let mut rng = Rng(46);
-    let mut world = LightWorld::new();
-    let add = |world: &mut LightWorld, lights: Vec<Light>, at: DVec3| -> (TreeKey, InstanceKey) {
-        let tree = world.add_tree(LightTree::new(lights).expect("valid"));
-        (tree, world.add_instance(tree, Placement::at(at), Policy::Budgeted).expect("valid"))
-    };
-    // Each of the small trees lies within the large one, which is thus opened.
-    let (large, _) = add(&mut world, lamps(&mut rng, 3000), DVec3::ZERO);
-    let small: Vec<TreeKey> =
-        (0..80).map(|_| add(&mut world, vec![lamp(&mut rng)], rng.position(10.0).as_dvec3()).0).collect();
-    let mut played = Played::new();
-    update(&mut world);
-    played.frame(&world);
-    idle(&mut played, &world);
-    for _ in 0..3 {
-        for tree in &small {
-            world.set_lights(*tree, &[(0, lamp(&mut rng))]).expect("valid");
-        }
-        for i in 0..40 {
-            world.set_emission(large, 70 * i, Vec3::splat(rng.between(1.0, 100.0))).expect("valid");
-        }
-        update(&mut world);
-        played.frame(&world);
-        assert_eq!(played.device.dispatches["scatter"], 3, "nodes, lights and records of parts");
-        check(&played, &world);
-        check_as_new(&played, &world);
+        assert!(played.frame(&world).is_empty());
     }
 }

@@ -5,10 +5,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use girandole::scheduler::WorkKind;
-use girandole::{FrameBudget, FrameReport, Light, LightTree, LightWorld, Placement, Policy, Shape, TreeKey};
+use girandole::{FrameReport, Light, Policy, Shape, TreeKey};
 
-use super::{TestWorld, random_light};
-use testbed::testing::support::Rng;
+use super::{CHANGES, TestWorld};
 
 /// A world with a tree whose lights have all moved. Its build takes 2 ms, four budgets of 0.5 ms.
 fn world_with_large_tree(seed: u64) -> (TestWorld, TreeKey) {
@@ -93,32 +92,7 @@ fn copies_of_lights_are_spread_over_frames_to_keep_to_the_budget() {
 
 #[test]
 fn a_build_is_dropped_if_its_tree_is_removed_replaced_rebuilt_or_no_longer_rebuilds() {
-    type Change = fn(&mut TestWorld, TreeKey);
-    // The name of the change, the change, and the number of lights after it.
-    let changes: [(&str, Change, usize); 4] = [
-        ("removed", |test, tree| test.remove(tree), 0),
-        (
-            "lights replaced",
-            |test, tree| {
-                let lights = (0..50).map(|_| random_light(&mut test.rng, 5.0)).collect();
-                test.world.replace_lights(tree, lights).expect("valid lights");
-            },
-            50,
-        ),
-        (
-            "policy changed",
-            |test, tree| test.world.set_policy(test.instance_of(tree), Policy::RefitOnly).expect("a valid policy"),
-            20_000,
-        ),
-        (
-            "rebuilt by the engine",
-            |test, tree| {
-                test.world.rebuild_tree(tree).expect("the tree exists");
-            },
-            20_000,
-        ),
-    ];
-    for (name, change, lights) in changes {
+    for (name, change, lights) in CHANGES {
         let (mut test, tree) = world_with_large_tree(22);
         run_until(&mut test, |report| report.background.started == 1);
         change(&mut test, tree);
@@ -157,32 +131,6 @@ fn a_build_that_nothing_needs_any_more_still_occupies_the_thread_and_is_reported
 }
 
 #[test]
-fn frames_go_on_during_a_build_on_the_machine_clock() {
-    let mut world = LightWorld::new();
-    let mut rng = Rng(23);
-    let mut lights = || (0..100_000).map(|_| random_light(&mut rng, 10.0)).collect::<Vec<_>>();
-    let tree = world.add_tree(LightTree::new(lights()).expect("valid lights"));
-    world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("a valid instance");
-    let changes: Vec<_> = (0..).zip(lights()).collect();
-    world.set_lights(tree, &changes).expect("valid lights");
-    // Enough for a copy, and far too little for the build.
-    let budget = FrameBudget::new(Duration::from_millis(8));
-    let mut frames_during_build = 0;
-    // At least a minute of frames, for machines that are busy otherwise.
-    for _ in 0..60_000 {
-        let report = world.update(budget);
-        frames_during_build += report.background.running;
-        if report.background.taken == 1 {
-            assert!(frames_during_build > 1, "{frames_during_build} frames during the build");
-            world.tree(tree).expect("the tree exists").check().expect("a sound tree");
-            return;
-        }
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    panic!("the build is never done");
-}
-
-#[test]
 fn a_large_tree_that_always_rebuilds_requests_nothing_while_its_lights_rest() {
     let mut test = TestWorld::new(24);
     test.calibrate();
@@ -213,30 +161,6 @@ fn urgent_large_trees_keep_small_trees_waiting_no_longer_than_their_builds_take(
     assert!(large.iter().chain(&small).all(|tree| test.is_as_new(*tree)));
     assert_eq!(test.frame(300).waiting_trees, 0);
     assert!(spent > Duration::from_micros(12_600), "{spent:?}");
-}
-
-#[test]
-fn waiting_trees_are_served_although_changing_budgets_make_them_too_large_and_fit_again() {
-    let mut test = TestWorld::new(26);
-    test.calibrate();
-    let trees: Vec<_> = (0..40).map(|i| test.add_tree(300 + 10 * i, Policy::Budgeted)).collect();
-    let mut rng = Rng(27);
-    for frame in 0..600_usize {
-        if frame < 400 {
-            let tree = trees[rng.bits() as usize % trees.len()];
-            if test.world.tree(tree).is_some() {
-                test.scatter(tree);
-            }
-        }
-        if frame == 200 {
-            // Trees are removed from both wait queues.
-            trees[..10].iter().for_each(|tree| test.remove(*tree));
-        }
-        // The budgets have room for all trees, for some, or for none.
-        let report = test.frame([100, 40, 0, 35, 1, 60][frame % 6]);
-        assert!(report.overrun.is_zero(), "{report:?}");
-    }
-    assert_eq!(test.frame(100).waiting_trees, 0);
 }
 
 #[test]

@@ -8,17 +8,16 @@ use std::time::Duration;
 
 use girandole::glam::Vec3;
 use girandole::scheduler::{Clock, RecordingClock, ReplayClock, SystemClock, VirtualClock, WorkKind};
-use girandole::{FrameBudget, FrameReport, JobReport, Light, LightTree, LightWorld, Placement, Policy, TreeKey};
+use girandole::{FrameBudget, FrameReport, JobReport, Light, LightWorld, Placement, Policy, TreeKey};
 
 use super::{FRAME_INTERVAL, TestWorld, check_trees, random_light, tree_contents};
-use testbed::testing::support::Rng;
+use testbed::testing::support::{Rng, place_tree};
 
 /// Adds trees of random lights, with one instance each.
 fn add_trees(world: &mut LightWorld, rng: &mut Rng, sizes: &[usize]) -> Vec<TreeKey> {
     let add_tree = |lights: &usize| {
         let lights = (0..*lights).map(|_| random_light(rng, 10.0)).collect();
-        let tree = world.add_tree(LightTree::new(lights).expect("valid lights"));
-        world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("a valid instance");
+        let (tree, _) = place_tree(world, lights, Placement::IDENTITY, Policy::Budgeted);
         tree
     };
     sizes.iter().map(add_tree).collect()

@@ -199,29 +199,3 @@ fn a_long_or_unlimited_budget_rebuilds_all_trees_and_a_zero_budget_none() {
         assert!(report.overrun.is_zero());
     }
 }
-
-#[test]
-fn frames_with_a_zero_budget_do_not_reset_how_long_a_tree_has_waited() {
-    let mut test = TestWorld::new(8);
-    test.calibrate();
-    // Near trees with a high priority fill every frame. The far tree is served once it has waited
-    // long enough, although every other frame has a budget of zero.
-    let far = test.add_tree(300, Policy::Budgeted);
-    test.world.move_instance(test.instance_of(far), far_placement()).expect("a valid placement");
-    test.world.set_viewpoint(DVec3::ZERO).expect("a finite viewpoint");
-    let near: Vec<_> = (0..30).map(|_| test.add_tree(100, Policy::Budgeted)).collect();
-    // Two frames grant 100 µs, and all rebuilds take 330 µs.
-    let bound = (18.0 * 330.0 / 100.0 * 2.0_f64).ceil() as usize + 2;
-    for frame in 0..41 + bound {
-        if frame == 41 {
-            test.scatter(far);
-        }
-        near.iter().for_each(|tree| test.scatter(*tree));
-        test.frame(if frame % 2 == 0 { 100 } else { 0 });
-        if frame >= 41 && test.is_as_new(far) {
-            assert!(frame > 60, "the far tree waits too short a time to test the bound");
-            return;
-        }
-    }
-    panic!("the far tree is not rebuilt within {bound} frames");
-}

@@ -145,3 +145,31 @@ pub fn tree_contents(world: &LightWorld) -> Vec<(Vec<u32>, Vec<Node>)> {
 pub fn far_placement() -> Placement {
     Placement::at(DVec3::new(9.0e8, 0.0, 0.0))
 }
+
+/// Changes after which a tree of 20,000 lights does not need the build that is open, and the lights that it has then.
+type Change = fn(&mut TestWorld, TreeKey);
+const CHANGES: [(&str, Change, usize); 4] = [
+    ("removed", |test, tree| test.remove(tree), 0),
+    (
+        "lights replaced",
+        |test, tree| {
+            let lights = (0..50).map(|_| random_light(&mut test.rng, 5.0)).collect();
+            test.world.replace_lights(tree, lights).expect("valid lights");
+        },
+        50,
+    ),
+    (
+        "policy changed",
+        |test, tree| {
+            test.world.set_policy(test.instance_of(tree), Policy::RefitOnly).expect("a valid policy");
+        },
+        20_000,
+    ),
+    (
+        "rebuilt by the engine",
+        |test, tree| {
+            test.world.rebuild_tree(tree).expect("the tree exists");
+        },
+        20_000,
+    ),
+];

@@ -1,6 +1,6 @@
 //! The policies of instances bound what the scheduler may do.
 
-use girandole::{Attribute, FrameBudget, Policy, WorldError};
+use girandole::{Attribute, Policy, WorldError};
 
 use super::{TestWorld, far_placement, rebuild_jobs};
 
@@ -64,31 +64,24 @@ fn requests_of_the_algorithms_of_ss_stand_until_the_budget_allows_a_rebuild() {
 }
 
 #[test]
-fn waiting_trees_whose_policy_becomes_refit_only_are_not_rebuilt() {
-    let mut test = TestWorld::new(13);
-    let trees: Vec<_> = (0..10).map(|_| test.add_tree(100, Policy::AlwaysRebuild)).collect();
-    trees.iter().for_each(|tree| test.scatter(*tree));
-    assert_eq!(test.frame(0).waiting_trees, 10);
-    for tree in &trees {
-        test.world.set_policy(test.instance_of(*tree), Policy::RefitOnly).expect("a valid policy");
+fn waiting_trees_without_an_instance_that_rebuilds_any_more_are_not_rebuilt() {
+    for is_removed in [false, true] {
+        let mut test = TestWorld::new(13);
+        let trees: Vec<_> = (0..10).map(|_| test.add_tree(100, Policy::AlwaysRebuild)).collect();
+        for tree in &trees {
+            test.world.add_instance(*tree, far_placement(), Policy::RefitOnly).expect("a valid instance");
+            test.scatter(*tree);
+        }
+        assert_eq!(test.frame(0).waiting_trees, 10);
+        for tree in &trees {
+            let instance = test.instance_of(*tree);
+            match is_removed {
+                true => test.world.remove_instance(instance).expect("the instance exists"),
+                false => test.world.set_policy(instance, Policy::RefitOnly).expect("a valid policy"),
+            }
+        }
+        let report = test.frame(1000);
+        assert_eq!((report.rebuilt_trees, report.waiting_trees), (0, 0));
+        assert!(test.world.jobs().is_empty());
     }
-    let report = test.frame(1000);
-    assert_eq!((report.rebuilt_trees, report.waiting_trees), (0, 0));
-    assert!(test.world.jobs().is_empty());
-}
-
-#[test]
-fn waiting_trees_whose_only_instance_that_rebuilds_is_removed_are_not_rebuilt() {
-    let mut test = TestWorld::new(14);
-    let trees: Vec<_> = (0..10).map(|_| test.add_tree(100, Policy::AlwaysRebuild)).collect();
-    for tree in &trees {
-        let instance = test.instance_of(*tree);
-        test.world.add_instance(*tree, far_placement(), Policy::RefitOnly).expect("a valid instance");
-        test.scatter(*tree);
-        test.world.update(FrameBudget::NONE);
-        test.world.remove_instance(instance).expect("the instance exists");
-    }
-    let report = test.frame(1000);
-    assert_eq!((report.rebuilt_trees, report.waiting_trees), (0, 0));
-    assert!(test.world.jobs().is_empty());
 }

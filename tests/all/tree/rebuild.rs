@@ -1,10 +1,10 @@
 //! Rebuilds of a tree whose lights move.
 
 use girandole::glam::{Quat, Vec3};
-use girandole::{Light, LightTree, ShadingPoint};
+use girandole::{Light, LightTree};
 
 use super::{changed, checked, moved};
-use testbed::testing::support::{Rng, SPLITS};
+use testbed::testing::support::Rng;
 
 /// A tree of points in an upright cylinder of radius 20 m.
 fn points(rng: &mut Rng, count: usize) -> LightTree {
@@ -13,16 +13,6 @@ fn points(rng: &mut Rng, count: usize) -> LightTree {
         Light::point(position + Vec3::Y * rng.between(-5.0, 5.0), Vec3::splat(rng.between(1.0, 10.0)))
     };
     checked((0..count).map(|_| light()).collect())
-}
-
-/// Rotates every light about the cylinder's axis, faster near the axis. So neighbours drift apart
-/// while the cylinder keeps its shape.
-fn swirl(tree: &mut LightTree, step: f32) {
-    let changes = changed(tree, |light| {
-        let position = light.cluster().mean;
-        moved(light, Quat::from_rotation_y(step / (1.0 + 0.1 * position.length())) * position - position)
-    });
-    tree.set_lights(&changes).expect("the lights are valid");
 }
 
 /// A tree that is built from the same lights.
@@ -77,27 +67,4 @@ fn tiny_and_dark_trees_can_be_rebuilt() {
     assert_eq!(tree.cost_rise(), 0.0);
     tree.rebuild();
     assert_eq!(tree.nodes(), fresh(&tree).nodes());
-}
-
-#[test]
-fn a_swarm_stays_sound_and_its_pmf_sums_to_1_for_a_thousand_frames() {
-    let mut rng = Rng(45);
-    let mut tree = points(&mut rng, 250);
-    for frame in 1..=1000 {
-        swirl(&mut tree, 0.05);
-        tree.refit();
-        if frame % 50 != 0 {
-            continue;
-        }
-        if frame % 150 == 0 {
-            tree.rebuild();
-        }
-        tree.check().expect("the tree is sound");
-        // No point light is proven dark in a volume, so the probability of no light is 0.
-        let shading_point = ShadingPoint::volume(rng.position(20.0));
-        for splits in SPLITS {
-            let sum: f64 = (0..250).map(|light| f64::from(tree.pmf(&shading_point, light, splits))).sum();
-            assert!((sum - 1.0).abs() < 1e-5, "frame {frame}: {sum}");
-        }
-    }
 }

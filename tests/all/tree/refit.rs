@@ -10,30 +10,6 @@ use super::{changed, checked, moved};
 use testbed::testing::support::Rng;
 
 #[test]
-fn lamps_that_are_switched_off_and_on_again_leave_the_tree_as_it_was() {
-    let lights = Rng(3).lights(300, 20.0);
-    let mut tree = checked(lights.clone());
-    let before = (tree.nodes().to_vec(), tree.attributes());
-    for round in 0..3 {
-        let off: Vec<_> = lights
-            .iter()
-            .zip(0..)
-            .filter(|(_, i)| i % 3 == round)
-            .map(|(l, i)| (i, l.with_emission(Vec3::ZERO)))
-            .collect();
-        tree.set_lights(&off).expect("dark lights are valid");
-        tree.refit();
-        tree.check().expect("the tree is sound while some lights are dark");
-    }
-    assert_eq!(tree.flux().area + tree.flux().punctual, 0.0);
-    let on: Vec<_> = (0..).zip(lights).collect();
-    tree.set_lights(&on).expect("the lights are valid");
-    tree.refit();
-    tree.check().expect("the tree is sound after all lights are on again");
-    assert_eq!((tree.nodes().to_vec(), tree.attributes()), before);
-}
-
-#[test]
 fn a_refused_change_changes_nothing() {
     let mut tree = checked(Rng(4).lights(50, 5.0));
     let before = tree.lights().to_vec();

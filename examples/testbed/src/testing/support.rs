@@ -3,8 +3,8 @@
 pub use crate::common::split_mix::Rng;
 use girandole::glam::{Affine3A, Mat3, Quat, Vec3};
 use girandole::{
-    Appearance, DirectionalLight, InstanceKey, Light, LightId, LightSampler, LightTree, LightWorld, Policy,
-    ShadingPoint,
+    Appearance, DirectionalLight, InstanceKey, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy,
+    ShadingPoint, TreeKey,
 };
 
 impl Rng {
@@ -126,6 +126,35 @@ pub fn user_data_of(world: &LightWorld, instance: InstanceKey) -> u32 {
     world.slot(instance).expect("a live key").wrapping_mul(0x9e37_79b9)
 }
 
+/// A world of one tree in one instance, which is where its lights are.
+pub fn world_of(lights: Vec<Light>, policy: Policy) -> (LightWorld, TreeKey, InstanceKey) {
+    let mut world = LightWorld::new();
+    let (tree, instance) = place_tree(&mut world, lights, Placement::IDENTITY, policy);
+    (world, tree, instance)
+}
+
+/// Adds a tree with one instance.
+pub fn place_tree(
+    world: &mut LightWorld,
+    lights: Vec<Light>,
+    at: impl Into<Placement>,
+    policy: Policy,
+) -> (TreeKey, InstanceKey) {
+    let tree = world.add_tree(LightTree::new(lights).expect("valid lights"));
+    (tree, world.add_instance(tree, at, policy).expect("a valid placement"))
+}
+
+/// The mean of a random value over some draws, and its standard error.
+pub fn mean(draws: u32, mut value: impl FnMut() -> f64) -> [f64; 2] {
+    let (mut sum, mut squares, n) = (0.0, 0.0, f64::from(draws));
+    for _ in 0..draws {
+        let value = value();
+        sum += value;
+        squares += value * value;
+    }
+    [sum / n, ((squares / n - (sum / n).powi(2)).max(0.0) / n).sqrt()]
+}
+
 /// The rounds of a long test over random scenes: all of them if the variable `GIRANDOLE_THOROUGH` is set,
 /// as in `scripts/test-all.sh`, and the first quarter for each change.
 pub fn rounds(all: u64) -> u64 {
@@ -140,18 +169,25 @@ pub fn all_pmfs(sampler: &LightSampler, shading_point: &ShadingPoint) -> Vec<(Li
     sampler.all_lights().map(|light| (light, sampler.pmf(shading_point, light))).collect()
 }
 
+/// The probabilities of all lights in one pass.
+pub fn distribution(sampler: &LightSampler, at: &ShadingPoint) -> Vec<f32> {
+    let mut pmfs = Vec::new();
+    sampler.distribution(at, &mut pmfs);
+    pmfs
+}
+
 /// Checks that the probabilities of all lights at a shading point are those of `distribution` and of
 /// picks, that they add up to the share of random numbers that pick a light, and that every light
 /// that contributes has one.
 pub fn assert_probabilities(sampler: &LightSampler, at: &ShadingPoint, draws: u32, rng: &mut Rng) {
-    let mut distribution = Vec::new();
-    sampler.distribution(at, &mut distribution);
     let mut sum = 0.0;
-    for ((light, pmf), same) in all_pmfs(sampler, at).into_iter().zip(distribution) {
-        assert!((pmf - same).abs() <= 1.0e-5 * pmf.max(1.0e-3), "{light:?} {pmf} {same}");
+    for ((light, pmf), same) in all_pmfs(sampler, at).into_iter().zip(distribution(sampler, at)) {
+        // Below the last summand the floors that keep a probability from rounding to 0 may apply in another order.
+        assert!((pmf - same).abs() <= 1.0e-5 * pmf + 1.0e-28, "{light:?} {pmf} {same} at {at:?}");
+        assert_eq!(pmf > 0.0, same > 0.0, "{light:?} at {at:?}");
         sum += f64::from(pmf);
         let contributes = (0..4).any(|_| sampler.sample_light(at, light, [rng.unit(); 2]).is_some());
-        assert!(pmf > 0.0 || !contributes, "{light:?} is never chosen");
+        assert!(pmf > 0.0 || !contributes, "{light:?} is never chosen at {at:?}");
     }
     // The rest is the probability that no light is chosen.
     assert!(sum <= 1.0 + 1.0e-4, "{sum}");
@@ -162,7 +198,7 @@ pub fn assert_probabilities(sampler: &LightSampler, at: &ShadingPoint, draws: u3
             continue;
         };
         let pmf = sampler.pmf(at, pick.light);
-        assert!((pick.pmf - pmf).abs() <= 1.0e-4 * pmf, "{pick:?} {pmf}");
+        assert!(pick.pmf > 0.0 && (pick.pmf - pmf).abs() <= 1.0e-4 * pmf, "{pick:?} {pmf} at {at:?}");
     }
     // Six standard deviations: one false alarm in a billion comparisons.
     let expected = 1.0 - sum.min(1.0);
@@ -180,9 +216,16 @@ pub fn assert_frequencies(sampler: &LightSampler, at: &ShadingPoint, draws: usiz
             counts[pmfs.iter().position(|(light, _)| *light == pick.light).expect("a light")] += 1;
         }
     }
+    let (mut chi_sq, mut cells) = (0.0, 0.0);
     for ((_, pmf), count) in pmfs.iter().zip(counts) {
         let mean = f64::from(*pmf) * draws as f64;
+        if mean >= 5.0 {
+            chi_sq += (f64::from(count) - mean).powi(2) / mean;
+            cells += 1.0;
+        }
         // Six standard deviations and six counts: a false alarm in less than one of 10^6 runs.
         assert!((f64::from(count) - mean).abs() <= 6.0 * mean.sqrt() + 6.0, "{count} of {mean} at {at:?}");
     }
+    // Chi squared with at most `cells` degrees of freedom exceeds this with a probability below 1e-6.
+    assert!(chi_sq < cells + 5.0 * (2.0_f64 * cells).sqrt() + 15.0, "{chi_sq} over {cells} at {at:?}");
 }
