@@ -37,12 +37,12 @@ impl LightPlanner {
     /// little is ever copied. While it grows, the old and the new buffer together exceed the share
     /// by at most a sixteenth. Without a limit, buffers double. A lower limit than before may send
     /// all trees again. A limit below 131,072 counts as 131,072. Instances and the top level do not
-    /// count towards the limit: they take up to 435 bytes for each instance of a whole tree, up to 270
+    /// count towards the limit: they take up to 435 bytes for each instance of a whole tree, up to 275
     /// for each part of an instance of an opened tree ([`FrameReport::parts`](crate::FrameReport)
     /// counts them), and up to twice as much because their buffers double.
     ///
     /// A plan fails with [`PlanError::Full`](super::PlanError::Full) if there is not even room for
-    /// stand-ins, of up to 3.5 KB for each tree, and for trees of up to 16 lights, which are always
+    /// stand-ins, of up to about 7 KB for each tree, and for trees of up to 16 lights, which are always
     /// whole.
     pub fn set_tree_memory(&mut self, bytes: Option<u64>) {
         if bytes != self.held.trees.limits.tree_memory {

@@ -11,8 +11,8 @@ impl LightWorld {
     /// Changes the [appearance](Appearance) of an instance, at once: whether its lights shine, their colour, which
     /// shading points they reach and what their samples carry. O(1).
     ///
-    /// One of 5,000 cars dims without a tree of its own: the next upload sends one record of 96 or
-    /// 144 bytes, and the top level is built again. A change of user data alone does not build it. An appearance that
+    /// One of 5,000 cars dims without a tree of its own: the next upload sends one record of
+    /// 160 bytes, and the top level is built again. A change of user data alone does not build it. An appearance that
     /// equals the present one changes nothing.
     ///
     /// ```

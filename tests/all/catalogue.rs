@@ -29,7 +29,8 @@ fn tests_that_the_catalogue_of_hard_cases_names_exist() {
     // Names of tests are sentences. Few functions have such long names.
     let is_test = |word: &&str| word.matches('_').count() >= 4 && word.chars().all(|c| c == '_' || c.is_alphanumeric());
     let named: BTreeSet<&str> = page.split('`').skip(1).step_by(2).filter(is_test).collect();
-    assert!(named.len() > 200, "{} tests", named.len());
+    // The page names 138 tests. Fewer than this mean that names are no longer found in it.
+    assert!(named.len() > 110, "{} tests", named.len());
     let missing: Vec<_> = named.into_iter().filter(|name| !known.contains(*name)).collect();
     assert!(missing.is_empty(), "{missing:?}");
 }

@@ -8,7 +8,7 @@ use crate::harness::{Setup, add_scene, app, brightness, pictures, report, set_ca
 
 const LAMPS: usize = 1000;
 
-/// What one instance takes of an upload, in bytes: its record of at most 144 bytes, and its share of
+/// What one instance takes of an upload, in bytes: its record of 160 bytes, and its share of
 /// the tables of parts.
 const BYTES_PER_MOVE: u64 = 256;
 
