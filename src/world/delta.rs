@@ -119,7 +119,9 @@ impl LightWorld {
         }
         self.sums.remove(&former);
         self.sums.add(&present);
-        self.effects.set(Effects::MOVING, self.sums.moving);
+        if former.moving != present.moving {
+            self.effects.set(Effects::MOVING, self.sums.moving);
+        }
         let has_instances = former.instances + present.instances > 0;
         if has_instances && [former.lights, former.instances] != [present.lights, present.instances] {
             self.crowds.look_at_soon(tree);

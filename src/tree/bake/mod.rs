@@ -151,10 +151,9 @@ impl LightTree {
     /// nodes, attributes and division into sides, and the map that later builds divide for. It is
     /// frozen, so its first edit allocates what refits need, and the refit after it visits all nodes.
     ///
-    /// Nothing is built or refitted. O(bytes), about as long as a copy of large trees
-    /// (`docs/benchmarks.md`). The work is shared with rayon's threads; an engine that loads while
-    /// it draws calls this inside a thread pool of its own. Memory: that of the frozen tree, about
-    /// as much as the bytes.
+    /// Nothing is built or refitted. O(bytes), about twice as long as a copy of large trees. The work is
+    /// shared with rayon's threads; an engine that loads while it draws calls this inside a thread pool of
+    /// its own. Memory: that of the frozen tree, about as much as the bytes.
     ///
     /// # Errors
     /// [`LoadError`] for bytes of another format or version, for a truncated or damaged file, and for
