@@ -12,8 +12,8 @@ need chromium chromium
 # The limits hold for one version of Mesa.
 mkdir -p target
 build_workspace
-stats=target/debug/shader_stats
-step $stats --out target/shader_stats.csv --chip navi21 --check
+stats="target/debug/measure kernels"
+step $stats --out target/kernels.csv --chip navi21 --check
 rm -rf target/spirv
 step $stats --spirv target/spirv
 for kernel in target/spirv/*.spv; do

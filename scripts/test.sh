@@ -13,4 +13,4 @@ step cargo clippy --locked --workspace --all-targets -- -D warnings
 RUSTDOCFLAGS='-D warnings' step cargo doc --locked --no-deps -p girandole -p girandole-assets --features girandole/bake,girandole/tracing
 step cargo test --locked --workspace
 # Compares the tables of the documents with what the programs print. The tests have built these.
-step target/debug/figures --quick --jobs "$(nproc)"
+step target/debug/measure documents --quick --jobs "$(nproc)"
