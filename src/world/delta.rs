@@ -79,9 +79,8 @@ impl LightWorld {
             }
             Delta::Switch(effect, is_on) => self.effects.set(effect, usize::from(is_on)),
             Delta::Origin => {
-                let origin = self.scene.origin;
                 self.scene.place_portals();
-                self.filing.partition.set_origin(origin.position, origin.is_on_grid());
+                self.filing.partition.set_origin(self.scene.origin);
                 self.top.clear();
             }
         }
@@ -119,7 +118,9 @@ impl LightWorld {
         }
         self.sums.remove(&former);
         self.sums.add(&present);
-        self.effects.set(Effects::MOVING, self.sums.moving);
+        if former.moving != present.moving {
+            self.effects.set(Effects::MOVING, self.sums.moving);
+        }
         let has_instances = former.instances + present.instances > 0;
         if has_instances && [former.lights, former.instances] != [present.lights, present.instances] {
             self.crowds.look_at_soon(tree);

@@ -63,14 +63,14 @@ pub(super) fn encode(light: &Light) -> Record {
 /// The record of [`Light::REMOVED`].
 const REMOVED: Record = [0; WORDS];
 
-/// Checks that a tree accepts the lights of some records, or that they were removed. Returns their effects
-/// and the number of those that were removed.
+/// Checks that a tree accepts the [decoded](decode) lights of some records, or that they were removed. Returns their
+/// effects and the number of removed lights.
 ///
 /// # Errors
 /// [`LoadError`] for the first record that [`encode`] never makes: of an unknown kind, with numbers other
 /// than zero where the kind has no fields, of an invalid light, or of one whose profile was not made in
 /// this process.
-pub(super) fn check(records: &[u8]) -> Result<(EffectCounts, usize), LoadError> {
+pub(super) fn check(records: &[u8], lights: &[Light]) -> Result<(EffectCounts, usize), LoadError> {
     let pieces = file::map_pieces::<Record, _>(records, |first, piece| {
         let (mut effects, mut removed) = (EffectCounts::default(), 0);
         for (index, record) in (first..).zip(piece.chunks_exact(size_of::<Record>())) {
@@ -78,7 +78,8 @@ pub(super) fn check(records: &[u8]) -> Result<(EffectCounts, usize), LoadError> 
             if record == REMOVED {
                 removed += 1;
             } else {
-                effects.add(check_light(&record, index)?.effects());
+                check_light(&record, &lights[index], index)?;
+                effects.add(lights[index].effects());
             }
         }
         Ok((effects, removed))
@@ -92,19 +93,17 @@ pub(super) fn check(records: &[u8]) -> Result<(EffectCounts, usize), LoadError> 
     Ok((effects, removed))
 }
 
-/// The light of a record, if a tree accepts it. `index` is that of the light.
-fn check_light(record: &Record, index: usize) -> Result<Light, LoadError> {
+/// Checks that a tree accepts the light of a record. `index` is that of the light.
+fn check_light(record: &Record, light: &Light, index: usize) -> Result<(), LoadError> {
     let id = id_of(record);
     if record[0] == PROFILE && Profile::of_id(id).is_none() {
         return Err(LoadError::Profile { light: index, id });
     }
-    let light = decode(*record);
     let refused = |why: &dyn Display| LoadError::content(format_args!("light {index}"), why);
-    if encode(&light) != *record {
+    if encode(light) != *record {
         return Err(refused(&"a field has a value that is never written"));
     }
-    light.validate().map_err(|error| refused(&error))?;
-    Ok(light)
+    light.validate().map_err(|error| refused(&error))
 }
 
 /// The light of a record that [`check`] accepts; some light for any other.
@@ -140,6 +139,10 @@ mod tests {
     fn bits(light: &Light) -> String {
         // Distinguishes the zeros, and shows NaN payloads as they are.
         format!("{light:?} {:?}", encode(light))
+    }
+
+    fn check_record(record: &Record, index: usize) -> Result<(), LoadError> {
+        check_light(record, &decode(*record), index)
     }
 
     #[test]
@@ -178,23 +181,23 @@ mod tests {
         let turn = glam::Quat::from_rotation_x(0.7);
         let lamp = Light::profile(Vec3::ONE, turn, street_lamp(33), Vec3::splat(0.5)).with_range(9.0);
         let record = encode(&lamp);
-        assert_eq!(check_light(&record, 0).ok(), Some(lamp));
+        assert_eq!((check_record(&record, 0), decode(record)), (Ok(()), lamp));
         let mut unknown = record;
         unknown[9] ^= 1;
         let id = id_of(&unknown);
-        assert_eq!(check_light(&unknown, 7), Err(LoadError::Profile { light: 7, id }));
+        assert_eq!(check_record(&unknown, 7), Err(LoadError::Profile { light: 7, id }));
         // The same number in all versions, or files would not find their profiles.
         let known = of_degrees(&[0.0, 90.0], &[0.0], &[1.0, 2.0]);
         assert_eq!(known.id(), 0xb4b2_8028_0871_1fa7);
         let bright = encode(&Light::profile(Vec3::ONE, turn, known, Vec3::splat(0.6 * crate::light::MAX_EMISSION)));
-        let error = check_light(&bright, 7).expect_err("too bright").to_string();
+        let error = check_record(&bright, 7).expect_err("too bright").to_string();
         assert!(error.starts_with("light 7: emission times the profile is "), "{error}");
     }
 
     #[test]
     fn the_record_of_a_removed_light_is_no_light() {
         assert_eq!(encode(&Light::REMOVED), REMOVED);
-        assert!(decode(REMOVED).is_removed() && check_light(&REMOVED, 0).is_err());
+        assert!(decode(REMOVED).is_removed() && check_record(&REMOVED, 0).is_err());
         let records = [encode(&Light::point(Vec3::ONE, Vec3::ONE).with_range(2.0)), REMOVED, REMOVED];
         let effects = EffectCounts::one(crate::effects::Effects::RANGES);
         assert_eq!(check(bytemuck::cast_slice(&records)), Ok((effects, 2)));
@@ -203,8 +206,8 @@ mod tests {
     #[test]
     fn records_that_are_never_written_are_refused() {
         let record = encode(&Light::point(Vec3::ONE, Vec3::ONE));
-        assert!(check_light(&record, 0).is_ok());
-        let refused = |record: &Record| check_light(record, 7).err();
+        assert!(check_record(&record, 0).is_ok());
+        let refused = |record: &Record| check_record(record, 7).err();
         let expected = Some(LoadError::content("light 7", "a field has a value that is never written"));
         for (place, value) in [(0, 6), (0, u32::MAX), (0, TWO_SIDED), (4, 1), (9, 1 << 31)] {
             let mut wrong = record;

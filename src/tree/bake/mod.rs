@@ -190,15 +190,16 @@ impl LightTree {
         if let Some(fault) = header.fault() {
             return Err(LoadError::content("the header", fault));
         }
-        let [lights, nodes, sides] = [header.lights, header.nodes, header.sides].map(|count| count as usize);
+        let [count, nodes, sides] = [header.lights, header.nodes, header.sides].map(|count| count as usize);
         let sides: Vec<Cluster> = file.list(sides)?;
-        let records = file.section::<Record>(lights)?;
-        let (effects, removed) = light_record::check(records)?;
-        let (tree_nodes, leaves) = (file.list(nodes)?, file.list::<u32>(lights)?);
+        let records = file.section::<Record>(count)?;
+        let lights = file::map(records, light_record::decode);
+        let (effects, removed) = light_record::check(records, &lights)?;
+        let (tree_nodes, leaves) = (file.list(nodes)?, file.list::<u32>(count)?);
         let vacant = (0..).zip(&leaves).filter(|(_, place)| **place == NO_LEAF).map(|(index, _)| index).collect();
         let Header { built_cost, attributes, root, .. } = header;
         let tree = Self {
-            lights: file::map(records, light_record::decode),
+            lights,
             effects: if effects == EffectCounts::default() { Rare::default() } else { effects.into() },
             leaves,
             nodes: tree_nodes,

@@ -19,7 +19,7 @@ use girandole::gpu::GpuLights;
 use girandole::light::{MAX_COORDINATE, MAX_EMISSION};
 use girandole::{
     DirectionalLight, Effects, FrameBudget, Gloss, Light, LightId, LightSampler, LightTree, LightWorld, MAX_SCALE,
-    Placement, Policy, ShadingPoint,
+    ORIGIN_GRID, Placement, Policy, ShadingPoint,
 };
 use testbed::common::batch::SampleRequest;
 

@@ -2,9 +2,7 @@
 //! same records.
 
 use girandole::glam::{DVec3, Vec3};
-use girandole::{
-    DirectionalLight, InstanceKey, LightTree, LightWorld, OriginMode, Placement, Policy, Revision, TreeKey,
-};
+use girandole::{DirectionalLight, InstanceKey, LightTree, LightWorld, Placement, Policy, Revision, TreeKey};
 
 use super::limits::{lamp, lamps};
 use super::update;
@@ -60,7 +58,7 @@ fn edit(world: &mut LightWorld, rng: &mut Rng) {
         }
         2 if !suns.is_empty() => world.remove_directional(suns[pick(suns.len(), rng)]).expect("it lives"),
         3 => drop(world.add_directional(sun).expect("valid")),
-        4 => world.set_origin(DVec3::splat(1024.0 * f64::from(rng.bits() as u32 % 5))).expect("on the grid"),
+        4 => world.set_origin_near(DVec3::splat(1024.0 * f64::from(rng.bits() as u32 % 5))).expect("near"),
         _ if keys.is_empty() => {}
         5 => {
             let tree = trees[pick(trees.len(), rng)];
@@ -102,7 +100,6 @@ fn readers_that_skip_frames_or_start_late_end_with_the_records_of_one_that_follo
     for seed in 0..10 {
         let mut rng = Rng(700 + seed);
         let mut world = LightWorld::new();
-        world.set_origin_mode([OriginMode::Free, OriginMode::Grid][seed as usize % 2]).expect("zero is on the grid");
         let (mut follower, mut skipper) = (Played::new(), Played::new());
         for frame in 0..60 {
             for _ in 0..rng.bits() % 6 {
