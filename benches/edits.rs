@@ -11,7 +11,7 @@
 //!   filled, and of instances elsewhere.
 //! - The top level that the CPU builds for the first sampler after a change. The throughput is that of
 //!   instances.
-//! - Frames in which the origin moves, in each mode, and frames in which it does not: the call that
+//! - Frames in which the origin moves, and frames in which it does not: the call that
 //!   moves it, the update and the plan.
 //!
 //! `cargo bench --bench edits`; set `RAYON_NUM_THREADS=1` for the figures of one core. As a test
@@ -24,8 +24,8 @@ use criterion::{BenchmarkGroup, BenchmarkId, Criterion, SamplingMode, Throughput
 use girandole::glam::{DVec3, Vec3};
 use girandole::plan::{LightPlanner, PlanLimits};
 use girandole::{
-    FrameBudget, InstanceKey, Light, LightTree, LightWorld, ORIGIN_GRID, OriginMode, Placement, Policy, Region,
-    RegionInstance, TreeKey,
+    FrameBudget, InstanceKey, Light, LightTree, LightWorld, ORIGIN_GRID, Placement, Policy, Region, RegionInstance,
+    TreeKey,
 };
 
 use testbed::testing::support::Rng;
@@ -371,24 +371,19 @@ fn origin(c: &mut Criterion) {
     group.warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1));
     let counts: &[usize] = if std::env::args().any(|a| a == "--bench") { &[1_000, 100_000] } else { &[1_000] };
     for count in counts.iter().copied() {
-        for (mode, moves) in [(OriginMode::Free, true), (OriginMode::Following, true), (OriginMode::Following, false)] {
+        for moves in [true, false] {
             let mut world = world(count, Kind::Affine, &mut Rng(9));
-            world.set_origin_mode(mode).expect("zero is on the grid");
             let mut planner = LightPlanner::new(PlanLimits::default());
             planner.reserve(&world).expect("room enough").plan();
             let mut step = 0.0;
-            let name = format!("{mode:?}{}", if moves { "" } else { ", at rest" });
+            let name = if moves { "moves" } else { "at rest" };
             group.bench_function(BenchmarkId::new(name, count), |b| {
                 b.iter(|| {
                     step += if moves { 2.0 * ORIGIN_GRID } else { 0.0 };
-                    let viewpoint = DVec3::X * (step % 1.0e6);
-                    if mode == OriginMode::Free {
-                        world.set_origin(viewpoint).expect("near");
-                    }
-                    world.set_viewpoint(viewpoint).expect("near");
+                    world.set_origin_near(DVec3::X * (step % 1.0e6)).expect("within the limits");
                     world.update(FrameBudget::NONE);
                     let plan = planner.reserve(&world).expect("room enough").plan();
-                    assert_eq!(plan.report.instances, if mode == OriginMode::Free { count } else { 0 });
+                    assert_eq!(plan.report.instances, 0);
                     assert_eq!(plan.is_empty(), !moves);
                 });
             });

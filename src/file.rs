@@ -26,7 +26,7 @@ pub(crate) type Mark = [u8; 8];
 
 /// The version of all formats. It rises with every change of a value or of what it means: `Node` and
 /// what packs and samples it, `Cluster`, `Attributes`, `Light`, the headers of trees and dumps.
-pub(crate) const VERSION: u32 = 5;
+pub(crate) const VERSION: u32 = 6;
 
 /// Bytes of a version and of a checksum.
 const WORD: usize = size_of::<u32>();

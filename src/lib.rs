@@ -92,7 +92,7 @@
 //!   709. Axes are right-handed.
 //! - **Spaces.** A tree has a space of its own. A [`Placement`] maps it to the world, with an f64
 //!   translation. Sampling happens in f32, relative to [`LightWorld::origin`], which can follow the
-//!   camera ([`OriginMode`]).
+//!   camera ([`LightWorld::set_origin_near`]).
 //! - **Probabilities.** A *pmf* is the probability of a light; a *pdf* is a density per steradian.
 //!   At every shading point the pmf of all lights and the probability of "no light" sum to 1. Every
 //!   light that can contribute has a pmf above 0.
@@ -196,8 +196,8 @@ pub use wgpu;
 #[cfg(feature = "bake")]
 pub use world::LeftOut;
 pub use world::{
-    BackgroundReport, Changes, FrameReport, Instance, JobReport, LightWorld, OriginMode, RebuildState, Region,
-    RegionInstance, RegionTree, RegionView, Revision, TreeSource, WorldMemory,
+    BackgroundReport, Changes, FrameReport, Instance, JobReport, LightWorld, RebuildState, Region, RegionInstance,
+    RegionTree, RegionView, Revision, TreeSource, WorldMemory,
 };
 
 /// The README's programs, compiled and run as documentation tests.

@@ -13,7 +13,7 @@ use crate::policy::Policy;
 use crate::profile::Profile;
 use crate::profile::tests::of_degrees;
 use crate::tree::LightTree;
-use crate::world::{LightWorld, OriginMode};
+use crate::world::LightWorld;
 use testbed::common::batch::{SampleRecord, SampleRequest};
 
 const SHADING_POINTS: u32 = 2048;
@@ -90,8 +90,7 @@ fn world_of(effects: Effects) -> LightWorld {
     world.set_solid_angle_sampling(effects.contains(Effects::SOLID_ANGLES));
     world.set_glossy_sampling(effects.contains(Effects::GLOSSY));
     world.set_segment_sampling(effects.contains(Effects::SEGMENTS));
-    world.set_origin_mode(OriginMode::Grid).unwrap();
-    world.set_origin(ORIGIN).unwrap();
+    world.set_origin_near(ORIGIN).unwrap();
     let origin = world.origin();
     for tree in 0..4 {
         let key =

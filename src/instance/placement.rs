@@ -15,9 +15,8 @@ use crate::shading::shading_point::ShadingPoint;
 use crate::shading::world_map::WorldMap;
 use crate::tree::LEAF;
 
-/// Largest distance of an instance from [`LightWorld::origin`](crate::LightWorld::origin) along
-/// each axis, in metres. Where the origin lies on a grid, it and all instances are at most this far
-/// from zero instead: see [`OriginMode`](crate::OriginMode).
+/// Largest distance of instances and of [`LightWorld::origin`](crate::LightWorld::origin) from zero along each axis,
+/// in metres.
 pub const MAX_DISTANCE: f64 = 1.0e9;
 
 /// An affine map from the space of a tree to the world: rotation, scale, mirror or shear, and a
@@ -75,16 +74,6 @@ impl From<DAffine3> for Placement {
     }
 }
 
-/// What translations are stored relative to.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Anchor {
-    /// A point, which is the origin of the world. All centres of sectors are 0.
-    Point(DVec3),
-    /// The centre of the sector that each lies in. The origin of the world is the centre of any
-    /// sector.
-    Sector,
-}
-
 /// A placement with what sampling derives from it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Placed {
@@ -100,9 +89,9 @@ pub(crate) struct Placed {
 
 impl Placed {
     /// Checks a placement and derives the rest; `None` for a linear part that hides the instance.
-    pub fn new(placement: &Placement, anchor: Anchor) -> Result<Option<Self>, ValueError> {
+    pub fn new(placement: &Placement) -> Result<Option<Self>, ValueError> {
         check_entries(&placement.linear)?;
-        let place = place(placement.translation, anchor)?;
+        let place = place(placement.translation)?;
         let exact = placement.linear.as_dmat3();
         let determinant = exact.determinant() as f32;
         // Normal numbers only: a denormal determinant has lost the digits that the inverse needs.
@@ -125,13 +114,12 @@ impl Placed {
         placed: &mut Option<Self>,
         present: &mut Placement,
         placement: &Placement,
-        anchor: Anchor,
     ) -> Result<(), ValueError> {
         if placement.linear == present.linear {
-            let place = place(placement.translation, anchor)?;
+            let place = place(placement.translation)?;
             placed.iter_mut().for_each(|placed| placed.place = place);
         } else {
-            *placed = Self::new(placement, anchor)?;
+            *placed = Self::new(placement)?;
         }
         *present = *placement;
         Ok(())
@@ -139,11 +127,11 @@ impl Placed {
 
     /// Whether [`Placed::move_to`] accepts a placement. Derives nothing if the linear part is nearly a rotation, or
     /// stays the same.
-    pub fn check(present: &Placement, placement: &Placement, anchor: Anchor) -> Result<(), ValueError> {
+    pub fn check(present: &Placement, placement: &Placement) -> Result<(), ValueError> {
         if is_nearly_rotation(&placement.linear) || placement.linear == present.linear {
-            return place(placement.translation, anchor).map(drop);
+            return place(placement.translation).map(drop);
         }
-        Self::new(placement, anchor).map(drop)
+        Self::new(placement).map(drop)
     }
 
     /// The translation relative to the world's origin, which is the centre `home` of a sector.
@@ -216,18 +204,9 @@ fn check_entries(linear: &Mat3) -> Result<(), ValueError> {
 }
 
 /// A translation as it is stored.
-fn place(translation: DVec3, anchor: Anchor) -> Result<SectorPoint, ValueError> {
-    match anchor {
-        Anchor::Point(origin) => {
-            let offset = translation - origin;
-            check_point("a coordinate of the translation, from the world's origin,", offset, MAX_DISTANCE)?;
-            Ok(SectorPoint { center: Vec3::ZERO, rest: offset.as_vec3() })
-        }
-        Anchor::Sector => {
-            check_point("a coordinate of the translation", translation, MAX_DISTANCE)?;
-            Ok(SectorPoint::new(translation))
-        }
-    }
+fn place(translation: DVec3) -> Result<SectorPoint, ValueError> {
+    check_point("a coordinate of the translation", translation, MAX_DISTANCE)?;
+    Ok(SectorPoint::new(translation))
 }
 
 /// Whether lengths change by less than a factor of 4 and angles stay near: such a linear part is
@@ -245,7 +224,7 @@ mod tests {
     use crate::math::dice::hash;
 
     fn place(placement: Placement) -> Result<Option<Placed>, ValueError> {
-        Placed::new(&placement, Anchor::Point(DVec3::ZERO))
+        Placed::new(&placement)
     }
 
     fn scaled(x: f32, y: f32, z: f32) -> Placement {
@@ -297,7 +276,7 @@ mod tests {
         assert!(place(Placement::at(DVec3::X * MAX_DISTANCE)).is_ok());
         let beyond = Placement::at(DVec3::X * MAX_DISTANCE.next_up());
         assert!(place(beyond).is_err());
-        assert!(Placed::new(&beyond, Anchor::Point(DVec3::X)).is_ok());
+        assert!(place(Placement::at(DVec3::NEG_Y * f64::INFINITY)).is_err());
     }
 
     #[test]
@@ -319,11 +298,10 @@ mod tests {
             let far = if i % 11 == 0 { MAX_DISTANCE } else { 100.0 };
             let translation = DVec3::new(r(9).into(), r(10).into(), r(11).into()) * far * 1.5;
             let placement = Placement { linear, translation };
-            let anchor = if i % 2 == 0 { Anchor::Point(DVec3::new(3.0, -7.0, 0.5)) } else { Anchor::Sector };
-            let before = Placed::new(&present, anchor).expect("it was accepted");
-            let expected = Placed::new(&placement, anchor);
+            let before = Placed::new(&present).expect("it was accepted");
+            let expected = Placed::new(&placement);
             let (mut moved, mut stood) = (before, present);
-            let result = Placed::move_to(&mut moved, &mut stood, &placement, anchor);
+            let result = Placed::move_to(&mut moved, &mut stood, &placement);
             // NaN differs from itself, so errors and placements are compared as text.
             let (state, place) = match &expected {
                 Ok(state) => (state, placement),
@@ -331,7 +309,7 @@ mod tests {
             };
             assert_eq!(format!("{:?}", result.err()), format!("{:?}", expected.as_ref().err()), "{placement:?}");
             assert_eq!(format!("{moved:?} {stood:?}"), format!("{state:?} {place:?}"), "{placement:?}");
-            let checked = Placed::check(&present, &placement, anchor);
+            let checked = Placed::check(&present, &placement);
             assert_eq!(format!("{checked:?}"), format!("{:?}", expected.as_ref().map(|_| ())), "{placement:?}");
             quick += usize::from(is_nearly_rotation(&linear));
             match expected {
@@ -343,19 +321,9 @@ mod tests {
     }
 
     #[test]
-    fn centimetres_are_kept_ten_thousand_kilometres_from_the_origin() {
-        let origin = DVec3::new(1.0e7, 0.0, -1.0e7);
-        let placement = Placement::at(origin + DVec3::new(0.01, 0.0, 0.0));
-        let placed = Placed::new(&placement, Anchor::Point(origin)).unwrap().unwrap();
-        assert_eq!(placed.translation(Vec3::ZERO), Vec3::new(0.01, 0.0, 0.0));
-    }
-
-    #[test]
-    fn with_sectors_the_limit_counts_from_zero() {
-        let placed = |x| Placed::new(&Placement::at(DVec3::NEG_Y * x), Anchor::Sector);
-        let at_limit = placed(MAX_DISTANCE).unwrap().unwrap();
-        assert_eq!(at_limit.translation(Vec3::ZERO), Vec3::NEG_Y * MAX_DISTANCE as f32);
-        assert!(placed(MAX_DISTANCE.next_up()).is_err());
-        assert!(placed(f64::INFINITY).is_err());
+    fn centimetres_are_kept_ten_thousand_kilometres_from_zero() {
+        let home = DVec3::new(9_766.0, 0.0, -9_766.0) * 1024.0;
+        let placed = place(Placement::at(home + DVec3::X * 0.01)).unwrap().unwrap();
+        assert_eq!(placed.translation(home.as_vec3()), Vec3::X * 0.01);
     }
 }

@@ -1,4 +1,4 @@
-//! Positions as a cell of a coarse grid and a rest, for worlds whose origin moves along that grid.
+//! Positions as a cell of a coarse grid and a rest, for worlds whose origin lies on that grid.
 //!
 //! A sector is a cube with an edge of [`ORIGIN_GRID`] metres whose centre lies on the grid. The
 //! rest is at most half an edge along each axis, so f32 holds it to 15 micrometres anywhere in the
@@ -9,7 +9,7 @@
 use glam::{DVec3, Vec3};
 
 /// The step of the grid that the origin of a world lies on, in metres: a power of two. See
-/// [`OriginMode`](crate::OriginMode).
+/// [`LightWorld::set_origin_near`](crate::LightWorld::set_origin_near).
 ///
 /// A larger step would move the origin less often and leave less precision: 2 to 4 km from the
 /// origin, f32 resolves a quarter of a millimetre.

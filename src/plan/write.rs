@@ -19,8 +19,10 @@ use super::top::MapQuads;
 use super::tree_writes::{Source, TreeWrite, written_records};
 use crate::instance::portal::portal_quads;
 use crate::keys::slot_of;
+use crate::light::Light;
 use crate::math::dice::hash;
 use crate::profile::for_each_table;
+use crate::sky::Sky;
 use crate::tree::{ChildRef, LEAF, Node};
 use crate::world::{LightWorld, birth_of_directional, birth_of_instance};
 
@@ -158,12 +160,7 @@ impl Held {
             };
             let lights = run.clone().zip(&tree.lights()[range.clone()]).zip(&tree.leaves()[range]);
             let fill = lights.map(|((index, light), place)| {
-                let place = stored_place(*place, openings);
-                let record = match sky {
-                    Some(sky) => sky.stored_patch(index).map_or(LightRecord::DARK, |p| LightRecord::patch(p, place)),
-                    None => LightRecord::of(light, place),
-                };
-                record.with_birth(birth(index))
+                light_record(sky, index, light, stored_place(*place, openings)).with_birth(birth(index))
             });
             let target = light_base + run.start..light_base + run.end;
             self.trees.lights.write(commands, Some(&mut lists[1]), target, fill);
@@ -267,6 +264,14 @@ impl Held {
             commands.write(buffer, 0, bytemuck::bytes_of(&params));
             self.uniforms.params = params;
         }
+    }
+}
+
+/// The record of a light of a tree, or of a patch if the tree is that of a sky.
+fn light_record(sky: Option<&Sky>, index: u32, light: &Light, place: u32) -> LightRecord {
+    match sky {
+        Some(sky) => sky.stored_patch(index).map_or(LightRecord::DARK, |patch| LightRecord::patch(patch, place)),
+        None => LightRecord::of(light, place),
     }
 }
 

@@ -101,8 +101,6 @@ pub(crate) struct Partition {
     division: Option<Division>,
     /// What positions are relative to.
     origin: DVec3,
-    /// Where the origin is not on a grid, what the planes are measured from.
-    base: Option<DVec3>,
     /// The sector of the origin.
     home: [i32; 3],
     /// The number of the last change of any node.
@@ -121,7 +119,6 @@ impl Default for Partition {
             due: Vec::new(),
             division: None,
             origin: DVec3::ZERO,
-            base: Some(DVec3::ZERO),
             home: [0; 3],
             number: 1,
         }
@@ -349,25 +346,13 @@ impl Partition {
         for node in (0..coarse.nodes.len() as u32).rev() {
             coarse.set_stage(node);
         }
-        Self { origin: self.origin, base: self.base, home: self.home, ..coarse }
+        Self { origin: self.origin, home: self.home, ..coarse }
     }
 
-    /// Sets what positions are relative to. O(nodes) where the origin is not on a grid, and O(1) otherwise.
-    pub fn set_origin(&mut self, origin: DVec3, is_on_grid: bool) {
-        let base = (!is_on_grid).then_some(origin);
+    /// Sets what positions are relative to: the centre of a sector.
+    pub fn set_origin(&mut self, origin: DVec3) {
         self.origin = origin;
-        self.home = if is_on_grid { sector::number(origin.as_vec3()) } else { [0; 3] };
-        if self.base == base {
-            return;
-        }
-        self.base = base;
-        self.number += 1;
-        for node in &mut self.nodes {
-            if let Content::Divided(divided) = &mut node.content {
-                node.changed = self.number;
-                divided.measure(base);
-            }
-        }
+        self.home = sector::number(origin.as_vec3());
     }
 
     /// A node and all above it.

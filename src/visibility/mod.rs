@@ -144,7 +144,7 @@ impl Default for VisibilityOptions {
 /// The table forgets: all records of earlier frames together count as at most 64 for each group of
 /// lights in a cell, and as a quarter of that once a hidden group comes into sight. So doors and lamps
 /// may move. It knows places of the world and no lights, so instances may come and go. Cells stay where they are when
-/// [`LightWorld::set_origin`](crate::LightWorld::set_origin) moves the origin.
+/// [`LightWorld::set_origin_near`](crate::LightWorld::set_origin_near) moves the origin.
 ///
 /// A cell gets a row of the table in the frame after it was first recorded. If its rows are taken,
 /// it takes that of a cell in which nothing was recorded for 8 frames; until there is one, it knows what its

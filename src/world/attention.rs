@@ -76,7 +76,7 @@ impl ViewWeights {
     fn sum_over_instances(&self, key: TreeKey, scene: &Scene, f: impl Fn(&Cluster, f32) -> f32) -> f32 {
         let instances = &scene.trees[key].instances;
         let step = instances.len().div_ceil(MAX_SAMPLED_INSTANCES).max(1);
-        let viewpoint = self.viewpoint.map(|viewpoint| (viewpoint - scene.origin.position).as_vec3());
+        let viewpoint = self.viewpoint.map(|viewpoint| (viewpoint - scene.origin).as_vec3());
         let values = instances.iter().step_by(step).map(|instance| {
             let cluster = scene.cluster(*instance);
             let dist_sq =

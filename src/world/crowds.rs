@@ -135,7 +135,7 @@ mod tests {
     fn a_crowd_counts_the_lights_of_others_within_the_box_and_the_share_of_those_across_its_border() {
         for far in FAR {
             let mut world = LightWorld::new();
-            world.set_origin(far).expect("finite");
+            world.set_origin_near(far).expect("finite");
             let (tree, _) = add(&mut world, lamps(300), Placement::at(far));
             let at = |x: f64| Placement::at(far + DVec3::X * x);
             let (small, _) = add(&mut world, string(7), at(10.0));
@@ -161,7 +161,7 @@ mod tests {
             |i: usize| Placement { linear: Mat3::from_rotation_y(i as f32), translation: DVec3::Y * 0.05 * i as f64 };
         for far in FAR {
             let mut world = LightWorld::new();
-            world.set_origin(far).expect("finite");
+            world.set_origin_near(far).expect("finite");
             for i in 0..5 {
                 let here = crossing(i);
                 add(&mut world, string(40), Placement { translation: far + here.translation, ..here });
@@ -170,7 +170,7 @@ mod tests {
             assert_eq!(world.parts().len(), 5 * 40);
             // Side by side, ten metres apart or end to end.
             let mut world = LightWorld::new();
-            world.set_origin(far).expect("finite");
+            world.set_origin_near(far).expect("finite");
             for i in 0..20 {
                 add(&mut world, string(40), Placement::at(far + DVec3::Z * 10.0 * f64::from(i)));
                 add(&mut world, string(40), Placement::at(far + DVec3::new(41.0 * f64::from(i), 50.0, 0.0)));

@@ -79,9 +79,8 @@ impl LightWorld {
             }
             Delta::Switch(effect, is_on) => self.effects.set(effect, usize::from(is_on)),
             Delta::Origin => {
-                let origin = self.scene.origin;
                 self.scene.place_portals();
-                self.filing.partition.set_origin(origin.position, origin.is_on_grid());
+                self.filing.partition.set_origin(self.scene.origin);
                 self.top.clear();
             }
         }

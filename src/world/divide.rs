@@ -43,7 +43,7 @@ impl LightWorld {
         if filing.partition.number() != before {
             log.lights();
             top.level.take();
-            filing.revision = log.revision(scene.origin.position);
+            filing.revision = log.revision(scene.origin);
         }
     }
 }

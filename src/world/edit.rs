@@ -272,7 +272,7 @@ impl LightWorld {
         self.entry(tree)?;
         policy.validate()?;
         let placement = placement.into();
-        let placed = Placed::new(&placement, self.scene.origin.anchor())?;
+        let placed = Placed::new(&placement)?;
         Ok(self.insert_instance(Instance::new(tree, placement, policy, placed)))
     }
 

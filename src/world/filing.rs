@@ -8,7 +8,6 @@ use glam::Vec3;
 use super::kernel_parts::KernelPart;
 use super::kernel_parts::KernelParts;
 use super::log::{Revision, WorldLog};
-use super::origin::OriginMode;
 #[cfg(feature = "gpu-plan")]
 use super::scene::TreeVersion;
 use super::scene::{Scene, TreeEntry};
@@ -93,8 +92,8 @@ impl Filing {
 
     /// Files what moved since the last call, and divides the partition anew where that is worth it.
     pub fn follow(&mut self, scene: &Scene, log: &WorldLog) {
-        let changes = log.changes_since(self.revision, scene.origin.position);
-        self.partition.set_origin(scene.origin.position, scene.origin.mode != OriginMode::Free);
+        let changes = log.changes_since(self.revision, scene.origin);
+        self.partition.set_origin(scene.origin);
         let gone = self.kernels.forget_changed(scene);
         let moved = |slot: u32| {
             let tree = scene.trees.key_at(slot)?;
@@ -115,7 +114,7 @@ impl Filing {
         }
         let Self { partition, kernels, .. } = self;
         partition.renew(RENEWED_PARTS, |part| cluster(scene, kernels, part));
-        self.revision = log.revision(scene.origin.position);
+        self.revision = log.revision(scene.origin);
         self.instances = scene.instances.len();
     }
 
@@ -141,7 +140,7 @@ impl Filing {
     /// of parts that are at most [`LARGER`] times as large, since a small object within a large one is well described
     /// by its cluster.
     pub fn lights_within(&self, scene: &Scene, key: InstanceKey) -> f64 {
-        let around = |cluster: &Cluster| Bounds::around(&cluster.aabb, scene.origin.position);
+        let around = |cluster: &Cluster| Bounds::around(&cluster.aabb, scene.origin);
         let own = scene.cluster(key);
         if own.flux <= 0.0 {
             return 0.0;

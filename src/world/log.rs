@@ -44,8 +44,7 @@ impl<'w> Changes<'w> {
     }
 
     /// By how much [`LightWorld::origin`](crate::LightWorld::origin) moved, in metres; `None` if it
-    /// is where it was, or for a reader that had seen nothing. Exact where the origin lies on a
-    /// grid ([`OriginMode`](crate::OriginMode)).
+    /// is where it was, or for a reader that had seen nothing. Exact.
     ///
     /// Subtract the shift from every position relative to the origin that was kept from earlier
     /// frames. To ask for lights of the last frame, add it to a present position.

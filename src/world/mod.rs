@@ -21,7 +21,6 @@ mod memory;
 mod moves;
 mod long_build;
 mod opening;
-mod origin;
 mod parts;
 mod rebuild;
 mod rebuilds;
@@ -64,7 +63,6 @@ pub use log::{Changes, Revision};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use measures::SourceMeasure;
 pub use memory::WorldMemory;
-pub use origin::OriginMode;
 pub use region::{Region, RegionInstance, RegionTree};
 pub use region_view::RegionView;
 pub use reports::{BackgroundReport, FrameReport, JobReport, RebuildState};
@@ -325,9 +323,9 @@ impl LightWorld {
         self.scene.parts()
     }
 
-    /// The origin as the centre of a sector; 0 where there are no sectors.
+    /// The origin, which is the centre of a sector. f32 holds it exactly.
     pub(crate) fn home(&self) -> Vec3 {
-        self.scene.origin.home
+        self.scene.origin.as_vec3()
     }
 
     /// The error that stand-ins make for a tree, see [`ViewWeights::error_of_stand_ins`].

@@ -5,7 +5,7 @@ use super::delta::Delta;
 use super::log::InstanceChange;
 use super::scene::{Instance, Scene};
 use crate::error::{ValueError, WorldError};
-use crate::instance::placement::{Anchor, Placed, Placement};
+use crate::instance::placement::{Placed, Placement};
 use crate::keys::{InstanceKey, slot_of};
 
 /// A thread takes at most this many moves at a time: about 60 µs, several times what it takes to wake it.
@@ -22,11 +22,10 @@ impl LightWorld {
     /// # Errors
     /// [`WorldError::NoSuchInstance`], [`WorldError::Value`].
     pub fn move_instance(&mut self, key: InstanceKey, placement: impl Into<Placement>) -> Result<(), WorldError> {
-        let anchor = self.scene.origin.anchor();
         let instance = self.scene.instances.get_mut(key).ok_or(WorldError::NoSuchInstance(key))?;
         let placement = placement.into();
         if placement != instance.placement {
-            instance.place(&placement, anchor)?;
+            instance.place(&placement)?;
             self.record(Delta::Instance(key, InstanceChange::Moved));
         }
         Ok(())
@@ -75,7 +74,7 @@ impl LightWorld {
             kept.1 = if is_same { later.1 } else { kept.1 };
             is_same
         });
-        place(&mut order, 0, self.scene.instances.slots_mut(), moves, self.scene.origin.anchor());
+        place(&mut order, 0, self.scene.instances.slots_mut(), moves);
         for (_, index) in order.drain(..).filter(|(_, index)| *index != STAYS) {
             self.record(Delta::Instance(moves[index as usize].0, InstanceChange::Moved));
         }
@@ -86,8 +85,8 @@ impl LightWorld {
 
 impl Instance {
     /// Puts the instance in a place, as far as its data go.
-    pub(super) fn place(&mut self, placement: &Placement, anchor: Anchor) -> Result<(), ValueError> {
-        Placed::move_to(&mut self.placed, &mut self.placement, placement, anchor)
+    pub(super) fn place(&mut self, placement: &Placement) -> Result<(), ValueError> {
+        Placed::move_to(&mut self.placed, &mut self.placement, placement)
     }
 }
 
@@ -99,14 +98,13 @@ fn place(
     first: u32,
     slots: &mut [Option<(InstanceKey, Instance)>],
     moves: &[(InstanceKey, Placement)],
-    anchor: Anchor,
 ) {
     #[cfg(feature = "parallel")]
     if order.len() > MOVES_PER_TASK {
         let (low, high) = order.split_at_mut(order.len() / 2);
         let middle = high[0].0;
         let (of_low, of_high) = slots.split_at_mut((middle - first) as usize);
-        rayon::join(|| place(low, first, of_low, moves, anchor), || place(high, middle, of_high, moves, anchor));
+        rayon::join(|| place(low, first, of_low, moves), || place(high, middle, of_high, moves));
         return;
     }
     for (slot, index) in order {
@@ -115,19 +113,18 @@ fn place(
         if *placement == instance.placement {
             *index = STAYS;
         } else {
-            instance.place(placement, anchor).expect("checked before");
+            instance.place(placement).expect("checked before");
         }
     }
 }
 
 /// The first move that is refused, with its index and the reason.
 fn first_refusal(moves: &[(InstanceKey, Placement)], scene: &Scene) -> Option<(usize, WorldError)> {
-    let anchor = scene.origin.anchor();
     let refusal = |(index, (key, placement)): (usize, &(InstanceKey, Placement))| {
         let Some(instance) = scene.instances.get(*key) else {
             return Some((index, WorldError::NoSuchInstance(*key)));
         };
-        Placed::check(&instance.placement, placement, anchor).err().map(|source| (index, source.into()))
+        Placed::check(&instance.placement, placement).err().map(|source| (index, source.into()))
     };
     #[cfg(feature = "parallel")]
     if moves.len() > MOVES_PER_TASK {

@@ -47,7 +47,7 @@ impl Scene {
         let brightness = instance.appearance.brightness();
         let flux = flux.min(MAX_FLUX / brightness.max(1.0)) * brightness;
         // At a small enough scale, the flux of a light that is not dark would round to 0.
-        cluster.transformed(&placed.linear, placed.translation(self.origin.home), flux.max(MIN_FLUX))
+        cluster.transformed(&placed.linear, placed.translation(self.origin.as_vec3()), flux.max(MIN_FLUX))
     }
 }
 

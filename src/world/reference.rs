@@ -11,7 +11,7 @@ use super::LightWorld;
 use crate::cluster::Linear;
 use crate::effects::Effects;
 use crate::error::WorldError;
-use crate::instance::placement::{Anchor, Placed, Placement};
+use crate::instance::placement::{Placed, Placement};
 use crate::keys::InstanceKey;
 use crate::light::Light;
 use crate::tree::{LightTree, WIDTH};
@@ -65,7 +65,7 @@ impl LightTree {
     /// O(n log n).
     pub fn new_for(lights: Vec<Light>, placement: impl Into<Placement>) -> Result<Self, WorldError> {
         let placement = Placement { translation: DVec3::ZERO, ..placement.into() };
-        let reference = reference_for(Placed::new(&placement, Anchor::Point(DVec3::ZERO))?.as_ref(), &lights);
+        let reference = reference_for(Placed::new(&placement)?.as_ref(), &lights);
         Self::with_reference(lights, reference)
     }
 }

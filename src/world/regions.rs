@@ -4,7 +4,6 @@ use super::region::{Region, RegionSource};
 use super::region_view::RegionView;
 use super::{Instance, LightWorld};
 use crate::error::WorldError;
-use crate::instance::placement::Placed;
 use crate::keys::{InstanceKey, RegionKey, TreeKey};
 use crate::tree::LightTree;
 
@@ -17,19 +16,13 @@ impl LightWorld {
     /// as by [`LightWorld::add_instance`]; [`LightTree::new_for`] makes trees for which that is not so.
     ///
     /// # Errors
-    /// [`WorldError::Entry`] for a tree of the world whose key is stale, or for an instance that is too far from [`LightWorld::origin`].
-    /// The error names the first invalid tree or, if all are valid, the first invalid instance, by
-    /// its index in the region. The region stays as it was, and the world does not change.
+    /// [`WorldError::Entry`] for the first tree of the world whose key is stale, by its index in the region. The region
+    /// stays as it was, and the world does not change.
     pub fn add_region(&mut self, region: &mut Region) -> Result<RegionKey, WorldError> {
-        let anchor = self.scene.origin.anchor();
         for (index, source) in region.trees.iter().enumerate() {
             if let RegionSource::OfWorld(tree) = source {
                 self.entry(*tree).map_err(|source| WorldError::entry("tree", index, source))?;
             }
-        }
-        for (index, (_, Instance { placement, .. })) in region.instances.iter().enumerate() {
-            Placed::check(placement, placement, anchor)
-                .map_err(|source| WorldError::entry("instance", index, source))?;
         }
         let mut view = RegionView::default();
         for source in region.trees.drain(..) {
@@ -44,9 +37,7 @@ impl LightWorld {
             view.trees.push(tree);
         }
         let key = self.regions.insert(RegionView::default());
-        for (tree, mut instance) in region.instances.drain(..) {
-            let placement = instance.placement;
-            instance.place(&placement, anchor).expect("checked before");
+        for (tree, instance) in region.instances.drain(..) {
             let instance = Instance { tree: view.trees[tree], region: Some(key), ..instance };
             view.instances.push(self.insert_instance(instance));
         }

@@ -1,10 +1,10 @@
 //! What a world contains, as it is now.
 
+use glam::DVec3;
 use slotmap::SlotMap;
 
 use super::births::{BirthCounter, Births};
 use super::change_log::ChangeLog;
-use super::origin::Origin;
 use super::rest::Rest;
 use super::slot_table::SlotTable;
 use super::source::Source;
@@ -35,13 +35,13 @@ pub(super) struct Scene {
     pub births: BirthCounter,
     /// The trees that have a source, by its number.
     pub sources: Vec<Option<TreeKey>>,
-    pub origin: Origin,
+    pub origin: DVec3,
 }
 
 impl Scene {
     /// Brings the portals relative to the origin up to date.
     pub fn place_portals(&mut self) {
-        let origin = self.origin.position;
+        let origin = self.origin;
         self.placed_portals = self.portals.iter().map(|portal| portal.placed(origin)).collect();
     }
 

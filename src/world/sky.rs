@@ -60,7 +60,7 @@ impl LightWorld {
             return key;
         }
         let placement = Placement::IDENTITY;
-        let placed = Placed::new(&placement, self.scene.origin.anchor()).unwrap_or_default();
+        let placed = Placed::new(&placement).unwrap_or_default();
         let tree = self.add_tree(patches);
         let instance = Instance { is_sky: true, ..Instance::new(tree, placement, Policy::Static, placed) };
         let key = self.insert_instance(instance);

@@ -6,8 +6,8 @@ use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Vec3};
 use girandole::plan::{LightPlanner, PlanLimits, UploadReport};
 use girandole::{
-    Effects, FrameBudget, InstanceKey, Light, LightTree, LightWorld, OriginMode, Placement, Policy, Region,
-    RegionInstance, Reservoir, TreeKey,
+    Effects, FrameBudget, InstanceKey, Light, LightTree, LightWorld, Placement, Policy, Region, RegionInstance,
+    Reservoir, TreeKey,
 };
 
 use testbed::testing::counting::{Counting, held_bytes, live_bytes, requested_bytes, requests};
@@ -374,9 +374,8 @@ fn a_frame_asks_for_memory_by_what_it_changes_and_not_by_the_size_of_the_world()
 }
 
 #[test]
-fn an_origin_that_follows_the_viewpoint_asks_for_no_memory() {
+fn an_origin_that_follows_the_camera_asks_for_no_memory() {
     let (mut world, mut rng) = (LightWorld::new(), Rng(79));
-    world.set_origin_mode(OriginMode::Following).expect("zero is on the grid");
     let tree = world.add_tree(LightTree::new(rng.lights(20, 1.0)).expect("valid"));
     for _ in 0..1000 {
         world.add_instance(tree, rng.affine(3000.0), Policy::Static).expect("valid");
@@ -387,7 +386,7 @@ fn an_origin_that_follows_the_viewpoint_asks_for_no_memory() {
         let viewpoint = DVec3::new(300.0 * f64::from(i), 1.7, -5.0);
         let seen = world.revision();
         let asked = requests(|| {
-            world.set_viewpoint(viewpoint).expect("within the limits");
+            world.set_origin_near(viewpoint).expect("within the limits");
             world.update(FrameBudget::NONE);
             shifts += usize::from(world.changes_since(seen).origin_shift().is_some());
         });

@@ -369,7 +369,7 @@ fn a_world_that_changes_and_grows_is_sampled_alike_on_both_sides() {
         world
             .replace_lights(world.instance(instances[1]).expect("it lives").tree, rng.lights(10 + round, 5.0))
             .expect("valid");
-        world.set_origin(DVec3::splat(round as f64)).expect("near");
+        world.set_origin_near(DVec3::splat(1000.0 * round as f64)).expect("near");
         world.update(FrameBudget::UNLIMITED);
     }
 }

@@ -6,7 +6,7 @@ use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::UploadReport;
 use girandole::{
-    FrameBudget, InstanceKey, LightTree, LightWorld, MAX_DISTANCE, OriginMode, Placement, Policy, Revision, WorldError,
+    FrameBudget, InstanceKey, LightTree, LightWorld, MAX_DISTANCE, Placement, Policy, Revision, WorldError,
 };
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -17,13 +17,10 @@ use testbed::testing::support::{Rng, SPLITS, distribution, place_tree, vary};
 type Moves = Vec<(InstanceKey, Placement)>;
 
 /// A world of small trees, which may have light parts, and of trees that are divided by side. The first
-/// instance of a tree of each kind is stretched. Half of the worlds have sectors.
+/// instance of a tree of each kind is stretched.
 fn world(seed: u64) -> LightWorld {
     let mut rng = Rng(seed);
     let mut world = LightWorld::new();
-    if rng.bits().is_multiple_of(2) {
-        world.set_origin_mode(OriginMode::Grid).expect("zero is on the grid");
-    }
     for lights in [5, 12, 12, 40] {
         for first in [Placement::IDENTITY, stretched(&mut rng)] {
             let (tree, _) = place_tree(&mut world, rng.lights(lights, 2.0), first, Policy::Budgeted);
@@ -170,7 +167,7 @@ proptest! {
                     }
                     2 => world.set_appearance(key, |a| a.is_enabled = rng.bits().is_multiple_of(2)).expect("it lives"),
                     3 => drop(world.make_unique(key).expect("it lives")),
-                    4 => world.set_origin(rng.position(5.0).as_dvec3()).expect("near"),
+                    4 => world.set_origin_near(rng.position(5000.0).as_dvec3()).expect("near"),
                     5 => world.move_instance(key, rng.affine(9.0)).expect("valid"),
                     _ => {
                         let moves = random_moves(&world, &mut rng, 5);

@@ -84,7 +84,7 @@ fn change(town: &mut Town, rng: &mut Rng, round: usize) {
                 world.add_instance(trees[0], place, Policy::Budgeted).expect("valid");
             }
             world.make_unique(large[0]).expect("it lives");
-            world.set_origin(DVec3::new(5.0, -3.0, 40.0)).expect("near");
+            world.set_origin_near(DVec3::new(5.0, -3.0, 1040.0)).expect("near");
         }
         7 => world.replace_lights(trees[0], lamps(rng, 900)).expect("valid"),
         // Few lights.

@@ -3,13 +3,13 @@
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::plan::{FramePlan, LightPlanner, PlanLimits};
 use girandole::{
-    Changes, Effects, FrameBudget, InstanceKey, Light, LightId, LightSampler, LightWorld, MAX_DISTANCE, ORIGIN_GRID,
-    OriginMode, Placement, Policy, Revision, ShadingPoint, WorldError,
+    Changes, FrameBudget, InstanceKey, Light, LightId, LightSampler, LightWorld, MAX_DISTANCE, ORIGIN_GRID, Placement,
+    Policy, ShadingPoint, WorldError,
 };
 
 use crate::gpu::{OTHER_PICKS, compare, gpu_lights, requests, sample};
 use girandole::LightTree;
-use testbed::testing::support::{Rng, all_pmfs, place_tree};
+use testbed::testing::support::{Rng, all_pmfs};
 
 /// 10,000 km from zero, on the grid.
 const FAR: DVec3 = DVec3::new(9_766.0 * ORIGIN_GRID, -8_000.0 * ORIGIN_GRID, 9_766.0 * ORIGIN_GRID);
@@ -22,12 +22,11 @@ fn stepped(position: DVec3) -> DVec3 {
     (position / STEP).round() * STEP
 }
 
-/// A world of all kinds of lights and instances within `size` of `around`, on the grid from the start.
-fn world_at(around: DVec3, size: f32, mode: OriginMode) -> LightWorld {
+/// A world of all kinds of lights and instances within `size` of `around`, which is on the grid.
+fn world_at(around: DVec3, size: f32) -> LightWorld {
     let mut rng = Rng(90);
     let mut world = LightWorld::new();
-    world.set_origin_mode(mode).expect("zero is on the grid");
-    world.set_origin(around).expect("on the grid");
+    world.set_origin_near(around).expect("within the limits");
     for _ in 0..12 {
         let tree = world.add_tree(LightTree::new(rng.lights(25, 8.0)).expect("valid"));
         for i in 0..6 {
@@ -72,8 +71,8 @@ fn outcome(sampler: &LightSampler, at: &ShadingPoint) -> (Vec<(LightId, f32)>, V
 fn ten_thousand_kilometres_from_zero_sampling_is_bit_for_bit_that_at_zero() {
     // Within one sector, and over twenty-five of them.
     for size in [60.0, 2500.0] {
-        let plain = world_at(DVec3::ZERO, size, OriginMode::Free);
-        let far = world_at(FAR, size, OriginMode::Grid);
+        let plain = world_at(DVec3::ZERO, size);
+        let far = world_at(FAR, size);
         let near = points_at(DVec3::ZERO, size, 60);
         let mut lit = 0;
         for ((position, normal), at_zero) in points_at(FAR, size, 60).into_iter().zip(near) {
@@ -103,7 +102,7 @@ fn lights_at(world: &LightWorld, points: &[(DVec3, Vec3)]) -> (Vec<f32>, Vec<DVe
 
 #[test]
 fn nothing_jumps_when_the_origin_moves() {
-    let mut world = world_at(FAR, 300.0, OriginMode::Grid);
+    let mut world = world_at(FAR, 300.0);
     // f32 holds these exactly, so only the world's own rounding is left.
     let points = points_at(FAR, 300.0, 40);
     let (pmfs, places) = lights_at(&world, &points);
@@ -113,7 +112,7 @@ fn nothing_jumps_when_the_origin_moves() {
     };
     let tree = children(&world);
     for step in [DVec3::X, DVec3::new(-1.0, 0.0, 1.0), DVec3::new(2.0, 1.0, -2.0)] {
-        world.set_origin(FAR + step * ORIGIN_GRID).expect("on the grid");
+        world.set_origin_near(FAR + 1.25 * step * ORIGIN_GRID).expect("within the limits");
         let (new_pmfs, new_places) = lights_at(&world, &points);
         assert!(places.len() > 1000 && places.len() == new_places.len());
         let apart = places.iter().zip(&new_places).map(|(a, b)| (a - b).length()).fold(0.0, f64::max);
@@ -143,13 +142,12 @@ fn lamps_with_all_digits_are_where_they_are_to_an_ulp_of_their_coordinates() {
     const BOUND: f64 = 1.25e-4 + 2.0e-5;
     let mut rng = Rng(93);
     let mut world = LightWorld::new();
-    world.set_origin_mode(OriginMode::Following).expect("zero is on the grid");
     let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid"));
     let mut largest: f64 = 0.0;
     for i in 0..2000 {
         let metres = f64::from(rng.unit()) * 1.0e7;
         let camera = on_flight(metres / 1000.0);
-        world.set_viewpoint(camera).expect("within the limits");
+        world.set_origin_near(camera).expect("within the limits");
         let away = |rng: &mut Rng| rng.position(25.0).as_dvec3() / 3.0;
         let (lamp, point) = (camera + away(&mut rng), camera + 3.0 * away(&mut rng));
         let key = world.add_instance(tree, Placement::at(lamp), Policy::Static).expect("within the limits");
@@ -169,17 +167,17 @@ fn on_flight(kilometres: f64) -> DVec3 {
     FAR + DVec3::new(1000.0 * kilometres, 0.3, -400.0 * kilometres)
 }
 
-/// What changes in a frame with this viewpoint.
-fn frame(world: &mut LightWorld, viewpoint: DVec3) -> Changes<'_> {
+/// What changes in a frame with the origin near a camera.
+fn frame(world: &mut LightWorld, camera: DVec3) -> Changes<'_> {
     let seen = world.revision();
-    world.set_viewpoint(viewpoint).expect("within the limits");
+    world.set_origin_near(camera).expect("within the limits");
     world.update(FrameBudget::NONE);
     world.changes_since(seen)
 }
 
 #[test]
 fn a_flight_of_ten_thousand_kilometres_and_back_leaves_every_bit_as_it_was() {
-    let mut world = world_at(FAR, 60.0, OriginMode::Following);
+    let mut world = world_at(FAR, 60.0);
     let start = points_at(FAR, 60.0, 12);
     let outcomes = |world: &LightWorld| {
         let sampler = world.sampler();
@@ -206,14 +204,13 @@ fn a_flight_of_ten_thousand_kilometres_and_back_leaves_every_bit_as_it_was() {
     }
     // One for each step of the grid, in both directions.
     assert!((19_000..20_000).contains(&shifts), "{shifts}");
-    world.set_origin(FAR).expect("on the grid");
+    assert_eq!(world.origin(), FAR);
     assert!(outcomes(&world) == before);
 }
 
 #[test]
 fn a_camera_that_turns_around_moves_the_origin_only_after_half_a_step() {
     let mut world = LightWorld::new();
-    world.set_origin_mode(OriginMode::Following).expect("zero is on the grid");
     let mut at = |x: f64| frame(&mut world, DVec3::new(x, 0.0, -x)).origin_shift();
     let shift = DVec3::new(ORIGIN_GRID, 0.0, -ORIGIN_GRID);
     assert_eq!(at(ORIGIN_GRID), None, "the border itself is still near");
@@ -226,65 +223,25 @@ fn a_camera_that_turns_around_moves_the_origin_only_after_half_a_step() {
     let far = 488_281.0 * ORIGIN_GRID;
     assert_eq!(at(far + 511.0), Some(DVec3::new(far, 0.0, -far)));
     let seen = world.revision();
-    world.set_viewpoint(DVec3::ZERO).expect("near");
+    world.set_origin_near(DVec3::ZERO).expect("near");
     assert_eq!(world.origin(), DVec3::ZERO);
     frame(&mut world, DVec3::new(far, 0.0, -far));
     assert!(world.changes_since(seen).is_empty());
 }
 
-/// Everything that a refused call could have changed.
-fn state(world: &LightWorld) -> (OriginMode, Revision, Effects, Vec<f32>) {
-    let at = ShadingPoint::volume(Vec3::ONE);
-    let pmfs = all_pmfs(&world.sampler(), &at).into_iter().map(|(_, pmf)| pmf).collect();
-    (world.origin_mode(), world.revision(), world.effects(), pmfs)
-}
-
 #[test]
-fn an_origin_or_a_viewpoint_that_is_refused_changes_nothing() {
-    let mut world = world_at(FAR, 60.0, OriginMode::Following);
-    let before = state(&world);
-    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        let bad = DVec3::new(0.0, bad, 0.0);
-        assert!(matches!(world.set_viewpoint(bad), Err(WorldError::Value(_))));
-        assert!(matches!(world.set_origin(bad), Err(WorldError::Value(_))));
+fn a_position_that_is_refused_leaves_the_origin_where_it_is() {
+    let mut world = world_at(FAR, 60.0);
+    let before = (world.origin(), world.revision());
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, MAX_DISTANCE.next_up(), -10.0 * MAX_DISTANCE] {
+        assert!(matches!(world.set_origin_near(DVec3::new(0.0, bad, 0.0)), Err(WorldError::Value(_))));
     }
-    for far in [MAX_DISTANCE.next_up(), -2.0 * MAX_DISTANCE, f64::MAX] {
-        let far = DVec3::new(0.0, 0.0, far);
-        assert!(matches!(world.set_viewpoint(far), Err(WorldError::Value(_))));
-        assert!(matches!(world.set_origin(far), Err(WorldError::Value(_))));
-    }
-    for value in [1.0, 512.0, 1.0e-300, ORIGIN_GRID.next_down()] {
-        let refused = world.set_origin(DVec3::new(FAR.x, value, FAR.z)).expect_err("not on the grid").to_string();
-        assert!(refused.contains("; it must be a multiple of 1024, from "), "{refused}");
-    }
-    assert_eq!(state(&world), before);
-    // Without sectors the origin may be anywhere near; with them it may not stay there.
-    world.set_origin_mode(OriginMode::Free).expect("all instances are near");
-    world.set_origin(FAR + 0.5).expect("near");
-    let before = state(&world);
-    assert!(matches!(world.set_origin_mode(OriginMode::Grid), Err(WorldError::Value(_))));
-    assert_eq!(state(&world), before);
-    // Instances that are near an origin far beyond the limit.
-    let mut world = LightWorld::new();
-    assert!(matches!(world.set_origin(DVec3::NAN), Err(WorldError::Value(_))), "an empty world");
-    world.set_origin(DVec3::X * 4.0 * MAX_DISTANCE).expect("no instances");
-    place_tree(
-        &mut world,
-        vec![Light::point(Vec3::ZERO, Vec3::ONE)],
-        Placement::at(DVec3::X * 3.5 * MAX_DISTANCE),
-        Policy::Static,
-    );
-    assert!(matches!(world.set_origin_mode(OriginMode::Following), Err(WorldError::Value(_))));
-    world.set_origin(DVec3::X * 2.5e6 * ORIGIN_GRID).expect("near the instance");
-    let before = state(&world);
-    assert!(matches!(world.set_origin_mode(OriginMode::Following), Err(WorldError::Value(_))));
-    assert_eq!(state(&world), before);
+    assert_eq!((world.origin(), world.revision()), before);
 }
 
 #[test]
 fn instances_at_the_limit_never_keep_the_origin_from_moving() {
     let mut world = LightWorld::new();
-    world.set_origin_mode(OriginMode::Following).expect("zero is on the grid");
     let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid"));
     let mut add = |x: f64| world.add_instance(tree, Placement::at(DVec3::splat(x)), Policy::Static);
     let ends = [add(-MAX_DISTANCE), add(MAX_DISTANCE)].map(|key| key.expect("at the limit"));
@@ -308,7 +265,6 @@ fn instances_at_the_limit_never_keep_the_origin_from_moving() {
 /// A world of lamps in rows, and a planner that has sent it.
 fn rows(instances: u32) -> (LightWorld, LightPlanner) {
     let mut world = LightWorld::new();
-    world.set_origin_mode(OriginMode::Following).expect("zero is on the grid");
     let tree = world.add_tree(LightTree::new(vec![Light::point(Vec3::ZERO, Vec3::ONE); 3]).expect("valid"));
     for i in 0..instances {
         let at = DVec3::new(f64::from(i % 100) * 300.0, f64::from(i / 100) * 500.0, 3.0);
@@ -346,7 +302,7 @@ fn a_move_of_the_origin_sends_two_uniforms_whatever_the_size_of_the_world() {
         // An instance that moves in the same frame is sent as in any other.
         let key = world.instances().next().expect("an instance");
         world.move_instance(key, Placement::at(FAR)).expect("within the limits");
-        world.set_viewpoint(FAR).expect("within the limits");
+        world.set_origin_near(FAR).expect("within the limits");
         world.update(FrameBudget::NONE);
         assert!(world.changes_since(planner.revision()).origin_shift().is_some());
         let plan = plan(&mut planner, &world);
@@ -361,10 +317,10 @@ fn a_move_of_the_origin_sends_two_uniforms_whatever_the_size_of_the_world() {
 #[test]
 fn the_gpu_follows_every_move_of_the_origin() {
     let size = 60.0;
-    let mut world = world_at(FAR, size, OriginMode::Following);
+    let mut world = world_at(FAR, size);
     let mut lights = gpu_lights();
-    // At zero without sectors, all bits are the same.
-    let mut plain = world_at(DVec3::ZERO, size, OriginMode::Free);
+    // At zero all bits are the same.
+    let mut plain = world_at(DVec3::ZERO, size);
     let mut plain_lights = gpu_lights();
     let mut requests = requests(&mut Rng(92), 1024, size);
     for request in &mut requests {
@@ -374,7 +330,7 @@ fn the_gpu_follows_every_move_of_the_origin() {
     assert_eq!(sample(&mut lights, &mut world, &requests), at_zero);
     assert!(at_zero.iter().filter(|record| record.pmf > 0.0).count() > 300);
     for kilometres in [0.7, 1.7, 9_000.0, -2.1, 0.0] {
-        world.set_viewpoint(on_flight(kilometres)).expect("within the limits");
+        world.set_origin_near(on_flight(kilometres)).expect("within the limits");
         let records = sample(&mut lights, &mut world, &requests);
         let mismatches = compare(&world, &requests, &records);
         // 9,000 km away, numbers are 1 m apart, and probabilities on both sides differ by up to 5e-5. Of

@@ -104,7 +104,7 @@ fn change(street: &mut Street, rng: &mut Rng, round: usize) {
         6 => {
             trains.drain(..5).for_each(|key| world.remove_instance(key).expect("it lives"));
             world.make_unique(trains[0]).expect("it lives");
-            world.set_origin(DVec3::new(5.0, -3.0, 40.0)).expect("near");
+            world.set_origin_near(DVec3::new(5.0, -3.0, 1040.0)).expect("near");
         }
         _ => world.replace_lights(*tree, rng.lights(300, 3.0)).expect("valid"),
     }

@@ -5,8 +5,8 @@ use std::collections::HashMap;
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::{GpuLights, GpuOptions};
 use girandole::{
-    DirectionalLight, Effects, FrameBudget, InstanceKey, Light, LightId, LightTree, LightWorld, ORIGIN_GRID,
-    OriginMode, Placement, Policy, Sky, TreeKey, wgpu,
+    DirectionalLight, Effects, FrameBudget, InstanceKey, Light, LightId, LightTree, LightWorld, ORIGIN_GRID, Placement,
+    Policy, Sky, TreeKey, wgpu,
 };
 
 use crate::gpu::{Gpu, answers_after, asker};
@@ -262,9 +262,8 @@ fn a_build_that_was_dropped_belongs_to_the_frame_in_which_it_is_made() {
 #[test]
 fn the_last_frame_keeps_the_origin_that_it_had() {
     let (mut asker, mut world, mut rng) = (Asker::new(), LightWorld::new(), Rng(72));
-    world.set_origin_mode(OriginMode::Following).expect("zero is on the grid");
     let start = DVec3::new(6.0e6, -40.0, 8.0e6);
-    world.set_viewpoint(start).expect("within the limits");
+    world.set_origin_near(start).expect("within the limits");
     let mut keys = Vec::new();
     for round in 0..30 {
         let tree = tree(&mut world, &mut rng, round % 8);
@@ -281,7 +280,7 @@ fn the_last_frame_keeps_the_origin_that_it_had() {
     // The queries stay where they were, relative to the origin of the first frame.
     let mut last = first.clone();
     for step in [1.2, 2.4, 6.0e3, 6.0e3] {
-        world.set_viewpoint(start + DVec3::X * step * ORIGIN_GRID).expect("within the limits");
+        world.set_origin_near(start + DVec3::X * step * ORIGIN_GRID).expect("within the limits");
         let answers = asker.frame(&mut world, &queries);
         assert!(answers.iter().zip(&last).all(|(now, last)| now[1] == last[0]), "{step}");
         last = answers;

@@ -37,12 +37,12 @@ fn world(rng: &mut Rng) -> LightWorld {
                 2 => Vec3::new(0.4, 2.0, 1.0),
                 _ => Vec3::new(1.0, 0.02, 1.0),
             };
-            let translation = rng.position(15.0).as_dvec3() + DVec3::splat(1000.0);
+            let translation = rng.position(15.0).as_dvec3() + DVec3::splat(1024.0);
             let placement = Placement { linear: turn() * Mat3::from_diagonal(scale) * turn(), translation };
             world.add_instance(key, placement, Policy::Static).expect("a placement");
         }
     }
-    world.set_origin(DVec3::splat(1000.0)).expect("an origin");
+    world.set_origin_near(DVec3::splat(1025.0)).expect("an origin");
     world
 }
 

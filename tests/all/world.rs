@@ -83,8 +83,8 @@ fn a_refused_call_leaves_the_world_as_it_was() {
         world.remove_instance(gone.1).err(),
         world.make_unique(gone.1).err(),
         world.add_directional(bad_moon).err(),
-        world.set_origin(DVec3::splat(1.0e12)).err(),
-        world.set_origin(DVec3::new(0.0, f64::NAN, 0.0)).err(),
+        world.set_origin_near(DVec3::splat(1.0e12)).err(),
+        world.set_origin_near(DVec3::new(0.0, f64::NAN, 0.0)).err(),
         world.set_viewpoint(DVec3::new(0.0, 0.0, f64::INFINITY)).err(),
         world.set_directional(moon, DirectionalLight { direction: Vec3::X * 2.0, ..bad_moon }).err(),
         world.set_appearance(instance, |a| a.factor = Vec3::new(1.0, -1.0e-9, 1.0)).err(),
@@ -114,7 +114,7 @@ fn a_refused_call_leaves_the_world_as_it_was() {
     };
     assert!(value(7).0 == "an entry of the linear part" && value(7).1.is_nan());
     assert_eq!(value(21), ("the length of direction", 0.0));
-    assert!(value(23).0 == "a coordinate of the origin" && value(23).1.is_nan());
+    assert!(value(23).0 == "a coordinate of the position near the origin" && value(23).1.is_nan());
     assert_eq!(value(24), ("a coordinate of the viewpoint", f64::INFINITY));
     assert_eq!(value(25), ("the length of direction", 2.0));
 }
@@ -332,15 +332,15 @@ fn a_hidden_instance_takes_part_in_edits_like_any_other() {
     assert_eq!((report.refit_trees, report.rebuilt_trees, report.waiting_trees), (1, 1, 0));
     let own = world.make_unique(first).expect("it lives");
     world.set_lights(own, &[(0, lamp(0.0))]).expect("valid");
-    world.set_origin(DVec3::splat(100.0)).expect("near");
+    world.set_origin_near(DVec3::splat(1100.0)).expect("near");
     world.update(FrameBudget::UNLIMITED);
     world.remove_instance(second).expect("it lives");
     world.remove_tree(tree).expect("unused");
     // Shown with a mirror, relative to the new origin.
-    let mirror = Placement { linear: Mat3::from_diagonal(Vec3::new(-1.0, 1.0, 1.0)), ..at(101.0) };
+    let mirror = Placement { linear: Mat3::from_diagonal(Vec3::new(-1.0, 1.0, 1.0)), ..at(1025.0) };
     world.move_instance(first, mirror).expect("valid");
     assert_eq!(world.effect_counts().of(Effects::NON_RIGID), 1);
-    let shading_point = ShadingPoint::volume(Vec3::new(1.0, -98.0, -100.0));
+    let shading_point = ShadingPoint::volume(Vec3::new(1.0, -1022.0, -1024.0));
     let lamp = LightId::Local { instance: first, light: 0 };
     let incident = world.sampler().sample_light(&shading_point, lamp, [0.0; 2]).expect("it is shown");
     assert_eq!((incident.dist, incident.direction), (2.0, Vec3::NEG_Y));

@@ -246,7 +246,7 @@ typedef struct GirandolePlacement {
     // The images of the three axes: the columns of a matrix. Either the matrix has an inverse, with scales
     // from 1e-9 to 1e9, or all axes are exactly 0, which hides the instance.
     struct GirandoleVec3 axes[3];
-    // Metres. Along each axis at most 1e9 from the world's origin.
+    // Metres. Along each axis at most 1e9 from zero.
     struct GirandoleDVec3 translation;
 } GirandolePlacement;
 
@@ -329,9 +329,6 @@ typedef struct GirandoleUpdateReport {
     // The time of the refits, which are not part of the budget, in microseconds.
     double refit_us;
 } GirandoleUpdateReport;
-
-// How the origin of a world moves: one of GIRANDOLE_ORIGIN_*.
-typedef uint32_t GirandoleOriginMode;
 
 // A light at infinity, such as the moon.
 typedef struct GirandoleDirectionalLight {
@@ -837,15 +834,6 @@ typedef struct GirandoleKernel {
 // Requests an urgent rebuild whenever the lights change.
 #define GIRANDOLE_POLICY_ALWAYS_REBUILD 6
 
-// The origin may be anywhere. Moving it costs time for each instance. The default.
-#define GIRANDOLE_ORIGIN_FREE 0
-
-// The origin is a multiple of 1024 m along each axis. Moving it is cheap.
-#define GIRANDOLE_ORIGIN_GRID 1
-
-// As GRID, and the origin follows girandole_world_set_viewpoint.
-#define GIRANDOLE_ORIGIN_FOLLOWING 2
-
 // The image again.
 #define GIRANDOLE_WRAP_REPEAT 0
 
@@ -1032,17 +1020,17 @@ GirandoleStatus girandole_world_set_background_builds(struct GirandoleWorld *wor
 // Sets the kinds of sampling that the world uses: bits of GIRANDOLE_SAMPLING_*. None at first.
 GirandoleStatus girandole_world_set_sampling(struct GirandoleWorld *world, uint32_t bits);
 
-// Sets how the origin moves: one of GIRANDOLE_ORIGIN_*. Best called before instances are added.
-GirandoleStatus girandole_world_set_origin_mode(struct GirandoleWorld *world, GirandoleOriginMode mode);
-
-// Moves the origin, in metres. Shading points are relative to it.
-GirandoleStatus girandole_world_set_origin(struct GirandoleWorld *world, struct GirandoleDVec3 origin);
+// Keeps the origin, which shading points are relative to, near a position in metres: once it is more than 1024 m away
+// along an axis, the origin moves to the nearest multiple of 1024 m. Call it with the camera before the reservation of
+// each frame.
+GirandoleStatus girandole_world_set_origin_near(struct GirandoleWorld *world,
+                                                struct GirandoleDVec3 position);
 
 // Stores the origin, in metres.
 GirandoleStatus girandole_world_origin(const struct GirandoleWorld *world, struct GirandoleDVec3 *origin);
 
 // Sets the position of the camera, in metres. Call it before the reservation of a frame. Rebuilds of
-// nearby trees get more weight, and with GIRANDOLE_ORIGIN_FOLLOWING the origin may move.
+// nearby trees get more weight.
 GirandoleStatus girandole_world_set_viewpoint(struct GirandoleWorld *world, struct GirandoleDVec3 viewpoint);
 
 // Adds a directional light and stores its key.

@@ -164,10 +164,9 @@ static void edits(GirandoleWorld *world, uint64_t tree, uint64_t instance)
 
     EXPECT(100, girandole_world_update(world, NAN, NULL));
     EXPECT(100, girandole_world_update(world, -1.0, NULL));
-    EXPECT(100, girandole_world_set_origin(world, nan3));
-    EXPECT(100, girandole_world_set_origin(world, far));
+    EXPECT(100, girandole_world_set_origin_near(world, nan3));
+    EXPECT(100, girandole_world_set_origin_near(world, far));
     EXPECT(100, girandole_world_set_viewpoint(world, nan3));
-    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_set_origin_mode(world, 3));
     EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_set_sampling(world, 8));
     EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_set_background_builds(world, 2));
     moon.direction = none, moon.illuminance = none;

@@ -496,14 +496,13 @@ void moves_and_edits() {
 
 void far_away() {
     auto world = make_world();
-    check(girandole_world_set_origin_mode(world.get(), GIRANDOLE_ORIGIN_FOLLOWING));
     const auto tree = add_tree(world.get(), {girandole_point_light(vec3(0, 2, 0), grey(8))});
     const auto instance = add_instance(world.get(), tree, 1.0e6 + 1.0, 0, 0);
     const auto reader = make<GirandoleReader>(girandole_reader_create);
     GirandoleChanges changes;
     check(girandole_reader_read(reader.get(), world.get(), &changes));
     require(changes.added_count == 1 && changes.origin_shift.x == 0.0, "the first call names all instances");
-    check(girandole_world_set_viewpoint(world.get(), GirandoleDVec3{1.0e6, 0, 0}));
+    check(girandole_world_set_origin_near(world.get(), GirandoleDVec3{1.0e6, 0, 0}));
     update(world.get());
     check(girandole_reader_read(reader.get(), world.get(), &changes));
     GirandoleDVec3 origin;

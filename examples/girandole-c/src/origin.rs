@@ -1,35 +1,22 @@
 //! The origin that shading points are relative to, and the camera.
 
 use crate::memory::{object, result};
-use crate::place::{GirandoleOriginMode, origin_mode};
 use crate::status::{GirandoleStatus, call};
 use crate::vectors::GirandoleDVec3;
 use crate::world::GirandoleWorld;
 
-/// Sets how the origin moves: one of GIRANDOLE_ORIGIN_*. Best called before instances are added.
+/// Keeps the origin, which shading points are relative to, near a position in metres: once it is more than 1024 m away
+/// along an axis, the origin moves to the nearest multiple of 1024 m. Call it with the camera before the reservation of
+/// each frame.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn girandole_world_set_origin_mode(
+pub unsafe extern "C" fn girandole_world_set_origin_near(
     world: *mut GirandoleWorld,
-    mode: GirandoleOriginMode,
+    position: GirandoleDVec3,
 ) -> GirandoleStatus {
     call(|| {
         // SAFETY: see the crate's documentation.
         let world = unsafe { object(world, "world")? };
-        let mode = origin_mode(mode)?;
-        world.edit(|world| Ok(world.set_origin_mode(mode)?))
-    })
-}
-
-/// Moves the origin, in metres. Shading points are relative to it.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn girandole_world_set_origin(
-    world: *mut GirandoleWorld,
-    origin: GirandoleDVec3,
-) -> GirandoleStatus {
-    call(|| {
-        // SAFETY: see the crate's documentation.
-        let world = unsafe { object(world, "world")? };
-        world.edit(|world| Ok(world.set_origin(origin.into())?))
+        world.edit(|world| Ok(world.set_origin_near(position.into())?))
     })
 }
 
@@ -48,7 +35,7 @@ pub unsafe extern "C" fn girandole_world_origin(
 }
 
 /// Sets the position of the camera, in metres. Call it before the reservation of a frame. Rebuilds of
-/// nearby trees get more weight, and with GIRANDOLE_ORIGIN_FOLLOWING the origin may move.
+/// nearby trees get more weight.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_set_viewpoint(
     world: *mut GirandoleWorld,

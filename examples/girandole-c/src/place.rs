@@ -1,7 +1,7 @@
-//! Placements, policies and modes of the origin as plain values.
+//! Placements and policies as plain values.
 
 use girandole::glam::{Mat3, Vec3};
-use girandole::{Attribute, OriginMode, Placement, Policy};
+use girandole::{Attribute, Placement, Policy};
 
 use crate::status::Failure;
 use crate::vectors::{GirandoleDVec3, GirandoleVec3};
@@ -13,7 +13,7 @@ pub struct GirandolePlacement {
     /// The images of the three axes: the columns of a matrix. Either the matrix has an inverse, with scales
     /// from 1e-9 to 1e9, or all axes are exactly 0, which hides the instance.
     pub axes: [GirandoleVec3; 3],
-    /// Metres. Along each axis at most 1e9 from the world's origin.
+    /// Metres. Along each axis at most 1e9 from zero.
     pub translation: GirandoleDVec3,
 }
 
@@ -73,22 +73,4 @@ pub(crate) fn policy(policy: &GirandolePolicy) -> Result<Policy, Failure> {
         GIRANDOLE_POLICY_ALWAYS_REBUILD => Policy::AlwaysRebuild,
         other => return Err(Failure::bad_value("policy", other)),
     })
-}
-
-/// How the origin of a world moves: one of GIRANDOLE_ORIGIN_*.
-pub type GirandoleOriginMode = u32;
-/// The origin may be anywhere. Moving it costs time for each instance. The default.
-pub const GIRANDOLE_ORIGIN_FREE: GirandoleOriginMode = 0;
-/// The origin is a multiple of 1024 m along each axis. Moving it is cheap.
-pub const GIRANDOLE_ORIGIN_GRID: GirandoleOriginMode = 1;
-/// As GRID, and the origin follows girandole_world_set_viewpoint.
-pub const GIRANDOLE_ORIGIN_FOLLOWING: GirandoleOriginMode = 2;
-
-pub(crate) fn origin_mode(mode: GirandoleOriginMode) -> Result<OriginMode, Failure> {
-    match mode {
-        GIRANDOLE_ORIGIN_FREE => Ok(OriginMode::Free),
-        GIRANDOLE_ORIGIN_GRID => Ok(OriginMode::Grid),
-        GIRANDOLE_ORIGIN_FOLLOWING => Ok(OriginMode::Following),
-        other => Err(Failure::bad_value("mode of the origin", other)),
-    }
 }

@@ -105,7 +105,7 @@ fn the_report_of_a_frame_covers_frames_that_were_refused() {
     assert_eq!(lists(&world, first), (vec![], slots.to_vec(), vec![]));
     assert_eq!(world.changes_since(first.since).origin_shift(), None);
     world.move_instance(keys[0], Placement::at(DVec3::X)).expect("valid");
-    world.set_origin(DVec3::X).expect("near");
+    world.set_origin_near(2048.0 * DVec3::X).expect("near");
     {
         let _refusals = Refusals::of_other_memory();
         assert!(matches!(frame(&mut world), Err(GpuError::OutOfMemory { .. })));
@@ -113,10 +113,10 @@ fn the_report_of_a_frame_covers_frames_that_were_refused() {
     world.remove_instance(keys[2]).expect("it lives");
     let reused = add(&mut world);
     assert_eq!(world.slot(reused), Some(slots[2]));
-    world.set_origin(3.0 * DVec3::X).expect("near");
+    world.set_origin_near(4096.0 * DVec3::X).expect("near");
     let second = frame(&mut world).expect("there is memory again");
     assert_eq!(lists(&world, second), (vec![slots[0]], vec![slots[2]], vec![slots[2]]));
-    assert_eq!(world.changes_since(second.since).origin_shift(), Some(3.0 * DVec3::X));
+    assert_eq!(world.changes_since(second.since).origin_shift(), Some(4096.0 * DVec3::X));
     let third = frame(&mut world).expect("room enough");
     assert!(world.changes_since(third.since).is_empty());
     assert_eq!(third.upload, UploadReport::default());

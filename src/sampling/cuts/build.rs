@@ -335,7 +335,22 @@ impl<'s, 'a> Sketch<'s, 'a> {
                 mean(&|view| share(view) * all[view]).max(MIN_SIDE * mean(&|view| all[view]))
             }
         };
-        let (sum, center): (f32, f32) = (weights.as_flattened().iter().sum(), share(POINTS));
+        self.hand_out(cut, &weights, share(POINTS), lit);
+        cut.count = self.count;
+        (cut.name, cut.sky) = (0, SkyState::of(self.sampler.world));
+        for (index, Opened { id, from, .. }) in self.opened[..self.count].iter().enumerate() {
+            let record = self.middle().nodes(id.instance).and_then(|nodes| nodes.get(id.node as usize));
+            cut.from[index] = *from;
+            cut.flux[index] = record.map_or([0; WIDTH], |record| record.flux.map(flux_step));
+            cut.name = cut.name.wrapping_add(name(self.middle(), *id).unwrap_or(0));
+        }
+    }
+
+    /// Hands out the units of a cut to the `lit` children of its nodes, by the importance at all points, by that at the
+    /// middle, whose sum is `center`, and evenly.
+    #[inline(always)]
+    fn hand_out(&self, cut: &mut SharedCut, weights: &[[f32; WIDTH]; SHARED_NODES], center: f32, lit: u32) {
+        let sum: f32 = weights.as_flattened().iter().sum();
         let inverse = |part: f32, sum: f32| if sum > 0.0 { part / sum } else { 0.0 };
         let by_points = inverse(1.0 - EVEN - CENTER, sum);
         let (by_center, even) = (inverse(CENTER, center), EVEN / lit.max(1) as f32);
@@ -350,14 +365,6 @@ impl<'s, 'a> Sketch<'s, 'a> {
                 }
                 cut.sums[index][slot] = total;
             }
-        }
-        cut.count = self.count;
-        (cut.name, cut.sky) = (0, SkyState::of(self.sampler.world));
-        for (index, Opened { id, from, .. }) in self.opened[..self.count].iter().enumerate() {
-            let record = self.middle().nodes(id.instance).and_then(|nodes| nodes.get(id.node as usize));
-            cut.from[index] = *from;
-            cut.flux[index] = record.map_or([0; WIDTH], |record| record.flux.map(flux_step));
-            cut.name = cut.name.wrapping_add(name(self.middle(), *id).unwrap_or(0));
         }
     }
 }

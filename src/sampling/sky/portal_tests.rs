@@ -5,8 +5,8 @@ use crate::light::luminance;
 use crate::sky::tests::cloudy;
 use crate::tree::testing::Rng;
 use crate::{
-    CutOptions, CutTable, Light, LightId, LightSampler, LightTree, LightWorld, OriginMode, Placement, Policy, Portal,
-    ShadingPoint, Sky, SkyError,
+    CutOptions, CutTable, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy, Portal, ShadingPoint,
+    Sky, SkyError,
 };
 
 const SIZE: [usize; 2] = [128, 64];
@@ -193,10 +193,9 @@ fn portals_follow_the_origin_and_come_and_go_with_their_effect() {
     world.set_portals(&portals(far)).expect("sound portals");
     assert_eq!(world.portals().len(), 2);
     assert!(world.effects().contains(crate::Effects::PORTALS));
-    for mode in [OriginMode::Free, OriginMode::Following] {
-        world.set_origin_mode(mode).ok();
-        let origin = if mode == OriginMode::Free { far } else { DVec3::new(4096.0, 0.0, -7168.0) };
-        world.set_origin(origin).expect("an origin");
+    for near in [far, far + 1100.0] {
+        world.set_origin_near(near).expect("an origin");
+        let origin = world.origin();
         let texels = texels(&world);
         for (in_room, at) in points(9) {
             let position = at.position + (far - origin).as_vec3();

@@ -20,7 +20,7 @@ impl Partition {
         let (min, max) = (min.min(place), max.max(place));
         let mut divided = Box::new(Divided::new(planes, (0.5 * (min + max), 0.5 * (max - min))));
         divided.exact[0] = former.center[axis] + side * (former.half[axis] + 0.5 * gaps[axis]);
-        divided.measure(self.base);
+        divided.measure();
         self.number += 1;
         // The side of the others.
         let slot = if side > 0.0 { 0 } else { 1 };

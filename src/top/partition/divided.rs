@@ -71,14 +71,13 @@ impl Divided {
         self.children[self.planes.child(is_below)]
     }
 
-    /// Measures the planes from the centres of sectors, or from `base` where there are no sectors.
-    pub fn measure(&mut self, base: Option<DVec3>) {
+    /// Measures the planes from the centres of sectors.
+    pub fn measure(&mut self) {
         for plane in 0..self.planes.count {
             let axis = self.planes.axes[plane] as usize;
             if axis < 3 {
-                let center =
-                    base.map_or_else(|| sector::nearest(DVec3::splat(self.exact[plane]))[axis], |base| base[axis]);
-                self.sectors[plane] = if base.is_some() { 0 } else { (center / f64::from(EDGE)) as i32 };
+                let center = sector::nearest(DVec3::splat(self.exact[plane])).x;
+                self.sectors[plane] = (center / f64::from(EDGE)) as i32;
                 self.planes.at[plane] = ((self.exact[plane] - center) as f32).to_bits();
             }
         }

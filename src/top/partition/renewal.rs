@@ -165,23 +165,7 @@ impl Partition {
             self.nodes.truncate(1);
             self.free.clear();
         }
-        // The numbers of the new nodes.
-        let mut numbers = vec![node; nodes.len()];
-        for (index, new) in nodes.iter().enumerate() {
-            let number = numbers[index];
-            let Some(divided) = &new.divided else {
-                self.nodes[number as usize].content = Content::Cell(Vec::with_capacity(new.items.len()));
-                continue;
-            };
-            let mut divided = divided.clone();
-            divided.measure(self.base);
-            for slot in 0..divided.children().len() {
-                let child = self.new_node(number * WIDTH as u32 + slot as u32);
-                numbers[divided.children[slot] as usize] = child;
-                divided.children[slot] = child;
-            }
-            self.nodes[number as usize].content = Content::Divided(divided);
-        }
+        let numbers = self.put_nodes(node, &nodes);
         let mut cells = vec![node; parts.len()];
         for (new, number) in nodes.iter().zip(&numbers).filter(|(new, _)| new.divided.is_none()) {
             for item in &items[new.items.clone()] {
@@ -220,6 +204,27 @@ impl Partition {
         let parent = self.path(node).nth(1);
         parent.filter(|parent| self.should_renew(*parent)).into_iter().for_each(|parent| self.set_due(parent));
         self.set_stages_above(node);
+    }
+
+    /// Puts the nodes of a division in the place of a node. Returns their numbers.
+    fn put_nodes(&mut self, node: u32, nodes: &[NewNode]) -> Vec<u32> {
+        let mut numbers = vec![node; nodes.len()];
+        for (index, new) in nodes.iter().enumerate() {
+            let number = numbers[index];
+            let Some(divided) = &new.divided else {
+                self.nodes[number as usize].content = Content::Cell(Vec::with_capacity(new.items.len()));
+                continue;
+            };
+            let mut divided = divided.clone();
+            divided.measure();
+            for slot in 0..divided.children().len() {
+                let child = self.new_node(number * WIDTH as u32 + slot as u32);
+                numbers[divided.children[slot] as usize] = child;
+                divided.children[slot] = child;
+            }
+            self.nodes[number as usize].content = Content::Divided(divided);
+        }
+        numbers
     }
 
     /// Counts what is below a node whose children are counted.

@@ -269,19 +269,7 @@ impl Splitting {
                     self.start_middle(whole);
                 }
             }
-            SplitPhase::Partition => {
-                let cut = self.cut.as_ref()?;
-                loop {
-                    let handled = self.sides.advance_along(items, &self.grid, cut);
-                    *ticks += CLASSIFY_TICKS * handled.max(1);
-                    if handled == 0 {
-                        return Some(of_tree(whole, self.sides.parts(cut)));
-                    }
-                    if most < items.len() {
-                        return None;
-                    }
-                }
-            }
+            SplitPhase::Partition => return self.partition(items, whole, most, ticks),
             SplitPhase::Select(selection, counted) => {
                 let end = items.len().min(counted.saturating_add(most));
                 selection.count(&items[*counted..end]);
@@ -301,17 +289,40 @@ impl Splitting {
                     self.phase = SplitPhase::Sum;
                 }
             }
-            SplitPhase::Sum => {
-                let (left, right) = items.split_at(middle(whole.count));
-                let [left_sums, right_sums] = &mut self.halves;
-                let (half, sums) = if left_sums.added() < left.len() { (left, left_sums) } else { (right, right_sums) };
-                *ticks += SUM_TICKS * sums.add_some(half, most, Group::add_items);
-                if self.halves[1].added() == right.len() {
-                    return Some(of_tree(whole, [*self.halves[0].get(), *self.halves[1].get()]));
-                }
-            }
+            SplitPhase::Sum => return self.sum_halves(items, whole, most, ticks),
         }
         None
+    }
+
+    /// Moves items to their side of the cut. Returns both sides once all are there.
+    fn partition(
+        &mut self,
+        items: &mut [BuildItem],
+        whole: &Group,
+        most: usize,
+        ticks: &mut usize,
+    ) -> Option<[Group; 2]> {
+        let cut = self.cut.as_ref()?;
+        loop {
+            let handled = self.sides.advance_along(items, &self.grid, cut);
+            *ticks += CLASSIFY_TICKS * handled.max(1);
+            if handled == 0 {
+                return Some(of_tree(whole, self.sides.parts(cut)));
+            }
+            if most < items.len() {
+                return None;
+            }
+        }
+    }
+
+    /// Sums up items of both halves. Returns the sums once all are added.
+    fn sum_halves(&mut self, items: &[BuildItem], whole: &Group, most: usize, ticks: &mut usize) -> Option<[Group; 2]> {
+        let (left, right) = items.split_at(middle(whole.count));
+        let [left_sums, right_sums] = &mut self.halves;
+        let (half, sums) = if left_sums.added() < left.len() { (left, left_sums) } else { (right, right_sums) };
+        *ticks += SUM_TICKS * sums.add_some(half, most, Group::add_items);
+        let is_done = self.halves[1].added() == right.len();
+        is_done.then(|| of_tree(whole, [*self.halves[0].get(), *self.halves[1].get()]))
     }
 }
 

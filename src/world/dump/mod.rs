@@ -18,7 +18,7 @@ mod write;
 
 use crate::effects::Effects;
 use crate::file::Mark;
-use crate::world::{OriginMode, TreeSource};
+use crate::world::TreeSource;
 
 /// What the world had that its dump lacks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -42,6 +42,5 @@ const SWITCHES: [Effects; 3] = [Effects::SOLID_ANGLES, Effects::GLOSSY, Effects:
 /// The first slot that an instance can have: slot maps never use slot 0.
 const FIRST_SLOT: usize = 1;
 
-/// The modes of an origin and the sources of trees, by their numbers.
-const MODES: [OriginMode; 3] = [OriginMode::Free, OriginMode::Grid, OriginMode::Following];
+/// The sources of trees, by their numbers.
 const SOURCES: [TreeSource; 3] = [TreeSource::Cpu, TreeSource::GpuMesh, TreeSource::GpuParticles];

@@ -5,11 +5,12 @@ use std::error::Error;
 use glam::Vec3;
 
 use super::record::{Header, InstanceRecord};
-use super::{LeftOut, MARK, MODES, SOURCES, SWITCHES};
-use crate::error::LoadError;
+use super::{LeftOut, MARK, SOURCES, SWITCHES};
+use crate::error::{LoadError, check_point};
 use crate::file::FileReader;
 use crate::instance::appearance::check_factor;
-use crate::instance::placement::{Anchor, Placed, Placement};
+use crate::instance::placement::{MAX_DISTANCE, Placed, Placement};
+use crate::instance::sector::ORIGIN_GRID;
 use crate::keys::{InstanceKey, TreeKey};
 use crate::light::DirectionalLight;
 use crate::policy::Policy;
@@ -71,12 +72,13 @@ struct Reader {
 
 impl Reader {
     fn header(&mut self, header: &Header) -> Result<(), Box<dyn Error>> {
-        let mode = *MODES.get(header.mode as usize).ok_or("an origin has no such mode")?;
         if header.switches >> SWITCHES.len() != 0 {
             return Err("an effect is switched on that has no switch".into());
         }
-        self.world.set_origin_mode(mode)?;
-        self.world.set_origin(header.origin)?;
+        let origin = header.sector.as_dvec3() * ORIGIN_GRID;
+        check_point("a coordinate of the origin", origin, MAX_DISTANCE)?;
+        self.world.scene.origin = origin;
+        self.world.record(Delta::Origin);
         for (effect, bit) in SWITCHES.into_iter().zip(0..) {
             self.world.record(Delta::Switch(effect, header.switches >> bit & 1 == 1));
         }
@@ -107,7 +109,7 @@ impl Reader {
         for index in 0..slots {
             let number: u32 = file.value()?;
             if number == 0 {
-                let placed = Placed::new(&Placement::IDENTITY, Anchor::Sector).unwrap_or_default();
+                let placed = Placed::new(&Placement::IDENTITY).unwrap_or_default();
                 let filler = Instance::new(of_fillers, Placement::IDENTITY, Policy::Static, placed);
                 fillers.push(self.world.insert_as_is(filler));
                 continue;
@@ -135,7 +137,7 @@ impl Reader {
         let (placement, policy, appearance) = record.read().ok_or("a field has a value that is never written")?;
         policy.validate()?;
         check_factor(appearance.factor)?;
-        let placed = Placed::new(&placement, self.world.scene.origin.anchor())?;
+        let placed = Placed::new(&placement)?;
         Ok(Instance { appearance, ..Instance::new(tree, placement, policy, placed) })
     }
 }

@@ -1,7 +1,7 @@
 //! The records of a dump, as they lie in the file.
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DVec3, Mat3, Vec3};
+use glam::{DVec3, IVec3, Mat3, Vec3};
 
 use crate::instance::appearance::Appearance;
 use crate::instance::placement::Placement;
@@ -12,9 +12,8 @@ use crate::tree::Attribute;
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 pub(super) struct Header {
-    pub origin: DVec3,
-    /// The mode of the origin.
-    pub mode: u32,
+    /// The sector of the origin.
+    pub sector: IVec3,
     /// A bit for each effect that is switched on.
     pub switches: u32,
     /// What the dump lacks: skies, portals, trees that wait, trees on the GPU.

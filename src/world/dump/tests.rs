@@ -10,7 +10,7 @@ use crate::profile::Profile;
 use crate::profile::tests::{of_degrees, street_lamp};
 use crate::tree::testing::Rng;
 use crate::tree::{Attribute, LightTree};
-use crate::world::{LightWorld, OriginMode, TreeSource};
+use crate::world::{LightWorld, TreeSource};
 use crate::{FrameBudget, Placement, Policy, ShadingPoint, Sky};
 
 fn lamps(rng: &mut Rng, count: usize, reach: f32) -> Vec<Light> {
@@ -50,8 +50,7 @@ fn at(x: f64, y: f64, z: f64) -> Placement {
 fn world() -> LightWorld {
     let mut rng = Rng(5);
     let mut world = LightWorld::new();
-    world.set_origin_mode(OriginMode::Grid).expect("zero is on the grid");
-    world.set_origin(DVec3::new(2048.0, 0.0, -1024.0)).expect("on the grid");
+    world.set_origin_near(DVec3::new(2048.0, 0.0, -1024.0)).expect("near");
     world.set_glossy_sampling(true);
     let stretch = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 1.0, 0.02)), ..at(2050.0, 0.0, -1000.0) };
     let profiled = |i: u64| Light::profile(Vec3::Y * i as f32, Quat::IDENTITY, street_lamp(i % 2), Vec3::ONE);
@@ -186,7 +185,7 @@ fn a_dump_has_the_same_nodes_instances_samples_and_probabilities() {
     };
     assert_eq!(instances(&back), instances(&world));
     assert_eq!(back.active_effects(), world.active_effects());
-    assert_eq!((back.origin(), back.origin_mode()), (world.origin(), world.origin_mode()));
+    assert_eq!(back.origin(), world.origin());
     assert_eq!(back.parts(), world.parts());
     assert_eq!(back.top_nodes(), world.top_nodes());
     assert_eq!(samples(&back), samples(&world));

@@ -7,6 +7,7 @@ use super::record::{Header, InstanceRecord};
 use super::{FIRST_SLOT, LeftOut, MARK, SWITCHES};
 use crate::effects::Effects;
 use crate::file::FileWriter;
+use crate::instance::sector;
 use crate::keys::TreeKey;
 use crate::light::Shape;
 use crate::profile::Profile;
@@ -54,8 +55,7 @@ impl LightWorld {
         let switched = SWITCHES.iter().zip(0..).filter(|(effect, _)| self.effects.counts().has(**effect));
         let mut file = FileWriter::new(&MARK, out)?;
         file.value(&Header {
-            origin: scene.origin.position,
-            mode: scene.origin.mode as u32,
+            sector: sector::number(scene.origin.as_vec3()).into(),
             switches: switched.map(|(_, bit)| 1 << bit).sum(),
             left_out: [skies, portals, waiting_trees, gpu_trees],
             profiles: profiles.len() as u32,

@@ -9,7 +9,7 @@ use super::Instance;
 use super::reference::reference_for;
 use crate::error::WorldError;
 use crate::instance::appearance::{Appearance, check_factor};
-use crate::instance::placement::{Anchor, Placed, Placement};
+use crate::instance::placement::{Placed, Placement};
 use crate::keys::TreeKey;
 use crate::policy::Policy;
 use crate::tree::LightTree;
@@ -143,15 +143,14 @@ impl Region {
     /// not made for the instance is rebuilt now. A tree of the world is rebuilt when the region is added.
     ///
     /// # Errors
-    /// [`WorldError::NoSuchRegionTree`], [`WorldError::Value`]. How far the placement is from the world's origin is checked when
-    /// the region is added.
+    /// [`WorldError::NoSuchRegionTree`], [`WorldError::Value`].
     pub fn add_instance(&mut self, instance: RegionInstance) -> Result<usize, WorldError> {
         let RegionInstance { tree: RegionTree(index), placement, policy, appearance } = instance;
         let count = self.trees.len();
         let source = self.trees.get_mut(index).ok_or(WorldError::NoSuchRegionTree { index, count })?;
         policy.validate()?;
         check_factor(appearance.factor)?;
-        let placed = Placed::new(&placement, Anchor::Point(placement.translation))?;
+        let placed = Placed::new(&placement)?;
         let instance = Instance { appearance, ..Instance::new(TreeKey::default(), placement, policy, placed) };
         if let RegionSource::Own { tree, has_instance } = source
             && !std::mem::replace(has_instance, true)

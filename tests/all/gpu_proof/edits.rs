@@ -50,7 +50,7 @@ impl Edited {
                 self.world.replace_lights(tree, self.rng.lights(count, 1.0)).expect("a live tree");
             }
             2 => self.replace_tree(),
-            3 => self.world.set_origin(self.rng.position(3.0).as_dvec3()).expect("near"),
+            3 => self.world.set_origin_near(self.rng.position(3000.0).as_dvec3()).expect("near"),
             4 => self.change_directionals(),
             5 => self.change_region(),
             _ => {

@@ -8,8 +8,8 @@ use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::plan::{LightPlanner, PlanLimits};
 use girandole::scheduler::{VirtualClock, WorkKind};
 use girandole::{
-    DirectionalLight, FrameBudget, InstanceKey, JobReport, Light, LightTree, LightWorld, OriginMode, Placement, Policy,
-    Region, RegionInstance, RegionKey, TreeKey,
+    DirectionalLight, FrameBudget, InstanceKey, JobReport, Light, LightTree, LightWorld, Placement, Policy, Region,
+    RegionInstance, RegionKey, TreeKey,
 };
 use testbed::testing::plan_device::{Device, Played};
 use testbed::testing::plan_records::check_as_new;
@@ -33,11 +33,10 @@ struct Edited {
 }
 
 impl Edited {
-    fn new(seed: u64, mode: OriginMode) -> Self {
+    fn new(seed: u64) -> Self {
         // 100 ns for each light, so that the large trees do not fit into a frame.
         let clock = Arc::new(VirtualClock::new(|work| Duration::from_nanos(100 * work.lights as u64)));
-        let mut world = LightWorld::with_clock(clock.clone());
-        world.set_origin_mode(mode).expect("the origin is 0");
+        let world = LightWorld::with_clock(clock.clone());
         let (trees, instances) = (Vec::new(), Vec::new());
         let mut edited = Self { world, rng: Rng(seed), trees, instances, region: None, clock, opened: 0 };
         (0..12).for_each(|_| edited.add_tree());
@@ -181,7 +180,7 @@ impl Edited {
         match self.below(4) {
             0 => {
                 let to = self.rng.position(5000.0).as_dvec3() * self.below(2) as f64;
-                self.world.set_origin(to).is_ok()
+                self.world.set_origin_near(to).is_ok()
             }
             1 => {
                 let first = self.world.directionals().next();
@@ -229,8 +228,7 @@ impl Edited {
 
 /// Runs so many edits, and compares all records every few of them.
 fn run(seed: u64, edits: u64) {
-    let mode = [OriginMode::Free, OriginMode::Grid][seed as usize % 2];
-    let mut edited = Edited::new(seed, mode);
+    let mut edited = Edited::new(seed);
     edited.world.set_background_builds(seed % 4 < 2);
     // One planner has all it wants, another one little memory and few bytes in each frame.
     let limited = PlanLimits::default().with_tree_memory(400_000).with_frame_bytes(20_000);

@@ -134,7 +134,7 @@ fn node_levels(nodes: &[Node]) -> Vec<Vec<Aabb>> {
 mod tests {
     use super::*;
     use girandole::glam::DVec3;
-    use girandole::{FrameBudget, Light, LightTree, OriginMode, Placement, Policy};
+    use girandole::{FrameBudget, Light, LightTree, Placement, Policy};
     use testbed::scene::Camera;
 
     fn view() -> View {
@@ -171,8 +171,7 @@ mod tests {
         // The camera is relative to the origin, as all of the world is.
         let far = DVec3::new(1024.0e4, 0.0, 0.0);
         let key = world.instances().next().expect("an instance");
-        world.set_origin_mode(OriginMode::Grid).expect("zero is on the grid");
-        world.set_origin(far).expect("on the grid");
+        world.set_origin_near(far).expect("within the limits");
         world.move_instance(key, Placement::at(far - DVec3::Z * 10.0)).expect("near the origin");
         assert_eq!(boxes(&world, 0).lines, overlay.lines);
     }

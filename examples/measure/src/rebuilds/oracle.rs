@@ -175,7 +175,7 @@ impl Gains {
             return Ok(Arc::clone(lux));
         }
         let mut world = LightWorld::new();
-        world.set_origin(self.origin)?;
+        world.set_origin_near(self.origin)?;
         let tree = world.add_tree(LightTree::new(snapshot.lights.to_vec())?);
         let place = |placement: &Placement| world.add_instance(tree, *placement, Policy::Static);
         let instances: Vec<InstanceKey> = history.placements.iter().map(place).collect::<Result<_, _>>()?;

@@ -9,7 +9,7 @@ use super::traffic::Traffic;
 use girandole::glam::DVec3;
 use girandole::plan::{FramePlan, LightPlanner, PlanError};
 use girandole::scheduler::VirtualClock;
-use girandole::{FrameBudget, FrameReport, LightWorld, OriginMode, WorldError};
+use girandole::{FrameBudget, FrameReport, LightWorld, WorldError};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use testbed::common::stopwatch::thread_time;
@@ -79,7 +79,6 @@ impl Flight {
     pub fn start(settings: Settings, play: impl FnOnce(&FramePlan)) -> Result<Self, FlightError> {
         let clock = VirtualClock::new(|work| LIGHT_TIME * work.lights as u32);
         let mut world = LightWorld::with_clock(Arc::new(clock));
-        world.set_origin_mode(OriginMode::Following)?;
         let builder = Builder::new(&settings, &mut world)?;
         let traffic = Traffic::new(&settings, &mut world)?;
         let loader = Loader::start(builder.clone()).map_err(FlightError)?;
@@ -94,6 +93,7 @@ impl Flight {
             stream.resident.insert(block, key);
         }
         world.set_viewpoint(camera)?;
+        world.set_origin_near(camera)?;
         world.update(FrameBudget::UNLIMITED);
         planner.set_frame_bytes(None);
         play(&planner.reserve(&world)?.plan());
@@ -146,6 +146,7 @@ impl Flight {
             self.world.set_lights(*tree, lights)?;
         }
         self.world.set_viewpoint(camera)?;
+        self.world.set_origin_near(camera)?;
         parts[2] = thread_time();
         costs.report = self.world.update(FrameBudget::new(self.settings.budget));
         parts[3] = thread_time();

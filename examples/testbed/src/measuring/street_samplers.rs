@@ -8,9 +8,7 @@ use crate::measuring::reference::choice::{Below, Tree, distribution};
 use crate::measuring::reference::place::{Map, View};
 use crate::measuring::reference::rough::walk;
 use girandole::glam::{DMat3, DVec3};
-use girandole::{
-    InstanceKey, Light, LightId, LightSampler, LightTree, LightWorld, OriginMode, Placement, Policy, WorldError,
-};
+use girandole::{InstanceKey, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy, WorldError};
 use std::collections::BTreeMap;
 
 /// A sampler of the lights of a [`Street`] that was moved away from zero.
@@ -45,8 +43,7 @@ struct Shown {
 impl TwoLevel {
     pub fn new(street: &Street, shift: DVec3) -> Result<Self, WorldError> {
         let mut world = LightWorld::new();
-        world.set_origin_mode(OriginMode::Following)?;
-        world.set_viewpoint(shift)?;
+        world.set_origin_near(shift)?;
         let add = |lights: &Vec<Emitter<f64>>| {
             Ok(world.add_tree(LightTree::new(lights.iter().map(Emitter::rounded).collect())?))
         };

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use girandole::cluster::Aabb;
 use girandole::glam::{DVec3, Vec3};
-use girandole::{LeftOut, LightWorld, OriginMode};
+use girandole::{LeftOut, LightWorld};
 
 use super::{Camera, Scene, SceneError, Sky, Stage, Still};
 
@@ -21,11 +21,7 @@ const DIRECTION: Vec3 = Vec3::new(0.5, 0.45, 0.74);
 pub fn stage(path: &Path, aspect: f32) -> Result<Stage, SceneError> {
     let refuse = |error: &dyn std::fmt::Display| SceneError(format!("{}: {error}", path.display()));
     let bytes = std::fs::read(path).map_err(|error| refuse(&error))?;
-    let (mut world, left_out) = LightWorld::from_dump(&bytes).map_err(|error| refuse(&error))?;
-    if world.origin_mode() == OriginMode::Following {
-        // It would follow the camera, which it is the origin of.
-        world.set_origin_mode(OriginMode::Grid)?;
-    }
+    let (world, left_out) = LightWorld::from_dump(&bytes).map_err(|error| refuse(&error))?;
     let scene = Scene {
         materials: Vec::new(),
         textures: Vec::new(),
@@ -95,8 +91,7 @@ mod tests {
         let lights = (0..300).map(|i| Light::point(Vec3::new(i as f32, (i % 7) as f32, (i % 90) as f32), Vec3::ONE));
         let tree = world.add_tree(LightTree::new(lights.collect()).expect("valid lights"));
         let origin = DVec3::new(2048.0e3, 0.0, 0.0);
-        world.set_origin_mode(OriginMode::Following).expect("zero is on the grid");
-        world.set_viewpoint(origin).expect("finite");
+        world.set_origin_near(origin).expect("finite");
         world.add_instance(tree, Placement::at(origin), Policy::Budgeted).expect("valid");
         let path = std::env::temp_dir().join(format!("girandole-{}.dump", std::process::id()));
         world.write_dump(&mut std::fs::File::create(&path).expect("a folder for temporary files")).expect("room");

@@ -86,7 +86,7 @@ fn a_tree_that_was_baked_when_the_version_was_made_still_loads() {
     // The file is what `bake` returned for `LightTree::new_for` of the lights below and a placement
     // that squashes z by 0.01, when the format was made. Nothing that is compared here depends on the
     // machine's mathematical library.
-    let bytes = include_bytes!("../../../../tests/data/version_5.tree");
+    let bytes = include_bytes!("../../../../tests/data/version_6.tree");
     let tree = LightTree::from_baked(bytes).expect("a file of this version");
     let lights = any_lights(&mut Rng(14), 60);
     assert_eq!(tree.lights(), lights);
