@@ -4,8 +4,8 @@
 //! sample and one shadow ray, whose result is recorded.
 
 use super::effort::Effort;
-use super::shadow_oracle::places::{self, Place};
-use super::shadow_oracle::receivers::{Receiver, receivers};
+use super::places::{self, Place};
+use super::receivers::{Receiver, receivers};
 use girandole::glam::{Vec3, vec3};
 use girandole::light::luminance;
 use girandole::{

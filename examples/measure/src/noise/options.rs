@@ -9,7 +9,7 @@ use testbed::scene::procedural::Size;
 
 use super::effort::Effort;
 use super::{
-    candidates, deform, gloss, kept, learning, measure, report, segments, shadow_oracle, signs, sky, stages, torture,
+    candidates, deform, gloss, kept, learning, measure, report, segments, signs, sky, stages, torture,
 };
 
 /// What to measure.
@@ -29,8 +29,6 @@ pub enum Question {
     Cliffs,
     /// The light that fog scatters into segments of camera rays, by their length
     Segments,
-    /// What a sampler that knows which lights are visible would gain; takes minutes
-    Shadows,
     /// What a table of learnt visibility gains
     Learn,
     /// A sky beside lamps, and a room with a window
@@ -66,8 +64,8 @@ pub struct Options {
 impl Options {
     /// An option that does not apply to the question.
     fn superfluous(&self) -> Option<&'static str> {
-        use Question::{Candidates, Deform, Gloss, Kept, Samplers, Segments, Shadows};
-        let takes_file = matches!(self.question, Samplers | Deform | Candidates | Segments | Shadows);
+        use Question::{Candidates, Deform, Gloss, Kept, Samplers, Segments};
+        let takes_file = matches!(self.question, Samplers | Deform | Candidates | Segments);
         let takes_world = matches!(self.question, Samplers | Candidates | Gloss | Segments | Kept);
         match () {
             () if self.gltf.is_some() && !takes_file => Some("--gltf"),
@@ -97,7 +95,6 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
         Question::Torture => torture::run(effort, out),
         Question::Cliffs => torture::run_cliffs(effort, out),
         Question::Segments => segments::run(world, file, (count, effort), out),
-        Question::Shadows => shadow_oracle::run(file, count, out),
         Question::Learn => learning::run(count, effort, out),
         Question::Sky => sky::run(count, effort, out),
         Question::Signs => signs::run(count, effort, out),

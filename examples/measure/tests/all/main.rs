@@ -4,7 +4,6 @@ mod documents;
 mod gpu;
 mod gpu_lights;
 mod kernels;
-mod noise;
 mod paper;
 mod pictures;
 mod rebuilds;

@@ -26,7 +26,6 @@ pub const FIGURES: &[Figure] = &[
     noise::GLOSS,
     noise::SEGMENTS,
     noise::CANDIDATES,
-    noise::SHADOWS,
     noise::LEARNING,
     noise::SKY,
     noise::SIGNS,

@@ -253,19 +253,6 @@ pub const CANDIDATES: Figure = table(
     }],
 );
 
-pub const SHADOWS: Figure = table(
-    "shadows",
-    "docs/data/shadows.csv",
-    &[View {
-        from: &["shadows/shadows.csv"],
-        drop: &[("knows", "clusters by instance"), ("clusters", "300")],
-        keys: &[("knows", "what is known"), ("clusters", "clusters"), ("cell_m", "cell, m")],
-        across: Some("scene"),
-        cells: &[cell("σ", "sigma_mean", Digits(3)), cell("gain", "gain_mean", Digits(3))],
-        ..VIEW
-    }],
-);
-
 pub const LEARNING: Figure = table(
     "learning",
     "docs/data/learning.csv",

@@ -60,15 +60,6 @@ pub const RUNS: &[Run] = &[
         ..RUN
     },
     Run {
-        name: "shadows",
-        arguments: "noise shadows --shading-points 200",
-        quick: Some("noise shadows --quick --shading-points 2"),
-        out: Some("shadows.csv"),
-        scene: Scene::Added,
-        seconds: 300,
-        ..RUN
-    },
-    Run {
         name: "learn",
         arguments: "noise learn",
         quick: Some("noise learn --quick --shading-points 2"),

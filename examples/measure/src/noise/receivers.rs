@@ -45,12 +45,6 @@ impl Illuminance {
         let (all, visible) = ids.iter().map(|light| shadows.illuminance(lights, shading_point, *light)).unzip();
         Self { all, visible }
     }
-
-    /// The share of the illuminance that is shadowed; 0 where nothing contributes.
-    pub fn shadowed(&self) -> f64 {
-        let [all, visible] = [&self.all, &self.visible].map(|lux| lux.iter().map(|lux| f64::from(*lux)).sum::<f64>());
-        if all > 0.0 { 1.0 - visible / all } else { 0.0 }
-    }
 }
 
 /// Finds `count` surfaces that some light reaches. Each is what a camera ray from one of the eyes

@@ -2,12 +2,11 @@
 
 use girandole::LightWorld;
 use girandole::glam::{Vec3, vec3};
-use std::path::Path;
 use testbed::direct_light::stage::prepare;
 use testbed::render::geometry::Geometry;
 use testbed::scene::procedural::{self, CityOptions, Size};
 use testbed::scene::rooms;
-use testbed::scene::{Scene, SceneError, Stage, gltf_scene};
+use testbed::scene::{Scene, SceneError, Stage};
 
 /// How long the scenes have moved, in seconds.
 const TIME: f64 = 1.0;
@@ -50,12 +49,6 @@ pub fn rooms() -> Result<Place, SceneError> {
 pub fn rooms_with_doors(are_open: bool) -> Result<Place, SceneError> {
     let (scene, world, eyes) = rooms::rooms(10, are_open)?;
     Ok(Place { name: "ten rooms".into(), geometry: Geometry::new(&scene)?, scene, world, eyes })
-}
-
-/// A glTF scene, named after its file, from the place of its camera.
-pub fn gltf(path: &Path) -> Result<Place, SceneError> {
-    let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-    from_stage(name, gltf_scene::stage(path, None)?, |scene| vec![scene.camera.eye])
 }
 
 fn from_stage(name: String, stage: Stage, eyes: impl Fn(&Scene) -> Vec<Vec3>) -> Result<Place, SceneError> {
