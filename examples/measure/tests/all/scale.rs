@@ -1,4 +1,4 @@
-//! The flight of `examples/flight` at a small scale: regions come and go, vehicles move, lights
+//! The flight of `examples/measure/src/scale` at a small scale: regions come and go, vehicles move, lights
 //! flicker and memory is scarce, and all invariants hold.
 
 use girandole::glam::DVec3;

@@ -1,4 +1,4 @@
-//! The measurements of `examples/stability` in a quick run: what this library promises over scale,
+//! The measurements of `examples/measure/src/stability` in a quick run: what this library promises over scale,
 //! distance from the origin and contrast, and that the program sees what breaks such a promise.
 
 use std::path::Path;
