@@ -73,4 +73,3 @@ fi
 unset CARGO_TARGET_DIR RUSTFLAGS
 step cargo clippy --locked --no-default-features --lib -- -D warnings
 step cargo clippy --locked --no-default-features --features gpu-plan --lib -- -D warnings
-step cargo clippy --locked -p girandole-c --all-targets -- -D warnings

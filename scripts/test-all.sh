@@ -5,6 +5,8 @@ cd "$(dirname "$0")/.."
 source scripts/common.sh
 
 step bash .ci/run
+# The window of the city.
+step bash scripts/window.sh
 # The plugin for Bevy 0.19 and 0.20.
 step bash examples/bevy_girandole/test.sh --all
 step bash examples/bevy_girandole/ray-queries.sh
