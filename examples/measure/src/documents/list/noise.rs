@@ -283,7 +283,7 @@ pub const LEARNING: Figure = table(
 /// A sky beside lamps.
 pub const SKY: Figure = table(
     "sky",
-    "docs/sky.md",
+    "docs/data/sky.csv",
     &[View {
         from: &["sky/sky.csv"],
         keys: &[("scene", "scene"), ("sampler", "sampler")],
@@ -302,7 +302,7 @@ pub const SKY: Figure = table(
 /// Signs and films in parts.
 pub const SIGNS: Figure = table(
     "signs",
-    "docs/textures.md",
+    "docs/data/signs.csv",
     &[View {
         from: &["signs/signs.csv"],
         keys: &[("image", "image"), ("parts", "parts")],

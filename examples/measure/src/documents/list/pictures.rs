@@ -53,7 +53,7 @@ pub const README_REUSE: Figure = selection(
 
 pub const REUSE: Figure = table(
     "reuse",
-    PAGE,
+    "docs/data/reuse.csv",
     &[View {
         cells: &[cell("", "over", OVER)],
         drop: &[("sampler", "Girandole, learnt"), ("sampler", "presampled 8")],
