@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! cargo run --release -p accuracy -- --out DIR [--quick]
-//!     [--world S|M|L | --gltf FILE | --lamps FILE.csv --traffic FILE.xml] [--camera x,y,z,x,y,z]
+//!     [--world S|M|L | --gltf FILE | --lamps FILE.csv] [--camera x,y,z,x,y,z]
 //!     [--matte] [--size WxH] [--pictures N] [--passes N]
 //! ```
 //!
