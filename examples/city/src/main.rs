@@ -11,7 +11,7 @@
 //! fly through the scene, `--compare` renders the same view by other samplers in equal time, with
 //! their errors, `--video FILE` writes a film, and `--open FILE` shows a dump of any engine's
 //! lights. `docs/city.md` and `--help` tell the rest: other
-//! sizes of city, glTF scenes, and the lamps, traffic, roads and buildings of a real city.
+//! sizes of city, glTF scenes, and the street lamps of a real city.
 //!
 //! Scenes and the renderer are in the package `testbed`, and `app` is the program. Each folder's `mod.rs` states the order in which to read its files; `app/session.rs` shows how
 //! the library is used.

@@ -4,9 +4,8 @@ use super::scene::dump;
 use super::scene::dusk::{self, Dusk};
 use super::scene::festival;
 use super::scene::gltf_scene;
+use super::scene::lamps;
 use super::scene::procedural::{self, CityOptions, Size};
-use super::scene::real_city::lamp_columns::LampColumns;
-use super::scene::real_city::{self, RealCityOptions};
 use super::scene::screen;
 use super::scene::{Camera, SceneError, Stage};
 use clap::Args;
@@ -21,44 +20,21 @@ const FIELD_OF_VIEW: f32 = std::f32::consts::FRAC_PI_3;
 #[derive(Clone, Debug, Args)]
 pub struct SceneOptions {
     /// Size of the procedural city
-    #[arg(long, value_name = "SIZE", value_enum, ignore_case = true, default_value_t = Size::S, conflicts_with_all = ["gltf", "lamps", "traffic", "net", "buildings"])]
+    #[arg(long, value_name = "SIZE", value_enum, ignore_case = true, default_value_t = Size::S, conflicts_with_all = ["gltf", "lamps"])]
     pub world: Size,
-    /// Number of cars in the procedural city, or parked in a real city without traffic [default:
-    /// depends on the city]
-    #[arg(long, value_name = "N", conflicts_with_all = ["gltf", "traffic"])]
+    /// Number of cars in the procedural city [default: depends on its size]
+    #[arg(long, value_name = "N", conflicts_with_all = ["gltf", "lamps"])]
     pub cars: Option<usize>,
     /// Seed of the city and of the noise
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
     /// Use this glTF scene (.gltf or .glb) instead of the procedural city
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["lamps", "traffic", "net", "buildings"])]
+    #[arg(long, value_name = "FILE", conflicts_with = "lamps")]
     pub gltf: Option<PathBuf>,
-    /// Use the street lamps of a real city: CSV with a position, est_height_m and est_lumens, or points in
-    /// GeoJSON, compressed with gzip or not. Positions are x_m and y_m in metres, or lon and lat in degrees,
-    /// which need --net
-    #[arg(long, value_name = "FILE")]
+    /// Use the street lamps of a real city: a table in CSV with the columns x_m and y_m (metres east and north),
+    /// est_height_m (metres) and est_lumens
+    #[arg(long, value_name = "FILE.csv")]
     pub lamps: Option<PathBuf>,
-    /// The names of the columns of --lamps, or of the properties in GeoJSON, such as x=EAST,y=NORTH,height=MAST;
-    /// also lon, lat and lumens
-    #[arg(long, value_name = "KEY=NAME,..", requires = "lamps")]
-    pub lamps_columns: Option<LampColumns>,
-    /// Use the vehicles of a SUMO simulation: an XML file that `sumo --fcd-output` wrote, compressed
-    /// with gzip or not
-    #[arg(long, value_name = "FILE.xml")]
-    pub traffic: Option<PathBuf>,
-    /// The classes and sizes of the vehicles of --traffic: SUMO's route files or additional files with
-    /// their types, compressed with gzip or not, separated by commas; may be given several times
-    #[arg(long, value_name = "FILE.rou.xml", value_delimiter = ',', requires = "traffic")]
-    pub vtypes: Vec<PathBuf>,
-    /// Use the roads of a SUMO network, and the offset by which netconvert has moved it and the
-    /// traffic on it
-    #[arg(long, value_name = "FILE.net.xml")]
-    pub net: Option<PathBuf>,
-    /// Use these buildings: GeoJSON with footprints in the metres of the lamps, or in degrees, which need
-    /// --net, compressed with gzip or not. Their heights are the properties `height` or
-    /// `building:levels` [default: houses beside the roads]
-    #[arg(long, value_name = "FILE.geojson")]
-    pub buildings: Option<PathBuf>,
     /// Camera: position and target in metres [default: depends on the scene]
     #[arg(long, value_name = "x,y,z,x,y,z", value_parser = parse_camera, allow_hyphen_values = true)]
     pub camera: Option<(Vec3, Vec3)>,
@@ -82,41 +58,14 @@ const SCREEN: Vec3 = Vec3::new(0.0, 11.5, 84.0);
 impl SceneOptions {
     /// Loads the scene for pictures of this width and height.
     pub fn load(&self, (width, height): (u32, u32)) -> Result<Stage, SceneError> {
-        let Self {
-            gltf,
-            lamps,
-            traffic,
-            vtypes,
-            net,
-            buildings,
-            seed,
-            cars,
-            world,
-            lamps_columns,
-            fire,
-            dusk,
-            dump,
-            ..
-        } = self.clone();
+        let Self { gltf, lamps, seed, world, fire, dusk, dump, .. } = self.clone();
         let lamp_profile = dusk.as_ref().map(Dusk::profile).transpose()?;
         let mut stage = if let Some(path) = dump {
             dump::stage(&path, width as f32 / height as f32)?
         } else if let Some(path) = gltf {
             gltf_scene::stage_in_frame(&path, self.camera(), width as f32 / height as f32)?
-        } else if [&lamps, &traffic, &net, &buildings].into_iter().any(Option::is_some) {
-            let (vehicle_types, lamp_columns) = (vtypes, lamps_columns.unwrap_or_default());
-            let files = RealCityOptions {
-                lamps,
-                lamp_columns,
-                traffic,
-                vehicle_types,
-                net,
-                buildings,
-                cars,
-                seed,
-                lamp_profile,
-            };
-            real_city::stage(&files)?
+        } else if let Some(path) = lamps {
+            lamps::stage(&path, lamp_profile)?
         } else {
             let cars = self.procedural_cars();
             let city = procedural::stage(&CityOptions { size: world, cars, seed, lamp_profile })?;
@@ -155,7 +104,7 @@ impl SceneOptions {
 
     /// The files of a scene that is not the procedural city.
     fn files(&self) -> impl Iterator<Item = &PathBuf> {
-        [&self.dump, &self.gltf, &self.lamps, &self.traffic, &self.net, &self.buildings].into_iter().flatten()
+        [&self.dump, &self.gltf, &self.lamps].into_iter().flatten()
     }
 
     /// The camera of `--camera`.

@@ -21,8 +21,7 @@ const MAX_FRAMES: u32 = 100_000;
 /// Most samples per pixel.
 const MAX_SPP: u32 = 1 << 20;
 
-/// Renders a night city, a glTF scene, or the lamps, traffic, roads and buildings of a real city, lit
-/// through two-level light trees
+/// Renders a night city, a glTF scene, or the street lamps of a real city, lit through two-level light trees
 #[derive(Clone, Debug, Parser)]
 #[command(name = "city", version)]
 pub struct Options {
@@ -63,11 +62,11 @@ pub struct Options {
     pub ies: Option<PathBuf>,
     /// A fire of 100,000 sparks, and a dancer in a suit of lamps, on a crossing of the procedural city. The GPU moves
     /// their lights. Cars stay away, unless --cars lets them in
-    #[arg(long, conflicts_with_all = ["gltf", "lamps", "traffic", "net", "buildings", "sampler", "sum", "compare"])]
+    #[arg(long, conflicts_with_all = ["gltf", "lamps", "sampler", "sum", "compare"])]
     pub fire: bool,
     /// Show the lights and the trees of a dump, which `LightWorld::write_dump` has written in any engine: in a window
     /// with --window, or else in the picture dump.png
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["gltf", "lamps", "traffic", "net", "buildings", "world", "cars", "dusk", "fire", "frames", "spp", "sampler", "sum", "compare", "video", "dump"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["gltf", "lamps", "world", "cars", "dusk", "fire", "frames", "spp", "sampler", "sum", "compare", "video", "dump"])]
     pub open: Option<PathBuf>,
     /// What the view of trees shows: 0 the box of each instance, 1 and more the boxes of nodes below its root, -1 and
     /// less those of the top level, from its lowest nodes to its root
@@ -111,7 +110,7 @@ pub struct Options {
     /// Frames per second of the scene's time
     #[arg(long, value_name = "HZ", default_value_t = 24.0, value_parser = parse_fps, allow_negative_numbers = true)]
     pub fps: f64,
-    /// The scene's time in the first frame, in seconds: of traffic and of animations
+    /// The scene's time in the first frame, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0, value_parser = parse_start, allow_negative_numbers = true)]
     pub start: f64,
 }
@@ -265,9 +264,8 @@ mod tests {
             "--fire --compare",
             "--fire --sum",
             "--ies lamp.ies",
-            "--traffic a.xml --world S",
-            "--net a.net.xml --world S",
-            "--gltf a.glb --net b.net.xml",
+            "--lamps a.csv --world S",
+            "--lamps a.csv --cars 5",
             "--sampler all",
             "--sampler exhaustive",
             "--sum --sampler flux",
@@ -278,9 +276,6 @@ mod tests {
             "--compare --video a.y4m",
             "--video film",
             "--video .mp4",
-            "--vtypes a.rou.xml",
-            "--buildings a.geojson --world S",
-            "--gltf a.glb --buildings b.geojson",
             "--open a.dump --gltf a.glb",
             "--open a.dump --cars 5",
             "--open a.dump --dump b.dump",

@@ -14,7 +14,6 @@ use testbed::render::geometry::Geometry;
 use testbed::render::settings::{LightChoice, Settings};
 use testbed::render::shading::View;
 use testbed::render::textures::OpacitySeed;
-use testbed::scene::real_city::{self, RealCityOptions};
 use testbed::scene::{Scene, SceneError, Stage, gltf_scene};
 use testbed::testing::gltf_documents::{
     Document, SQUARE, SQUARE_INDICES, data_uri, floats, png, square, square_primitive, textured_scene,
@@ -122,7 +121,7 @@ fn invalid_textures_are_refused_in_one_line() {
     // Other formats are left out with a warning.
     let other = stage("other", &with("data:image/webp;base64,UklGRg=="));
     assert!(
-        other.scene.warnings.iter().any(|line| line.contains("is not PNG, JPEG or WebP")),
+        other.scene.warnings.iter().any(|line| line.contains("not PNG, JPEG or WebP")),
         "{:?}",
         other.scene.warnings
     );
@@ -140,20 +139,18 @@ fn buffers_outside_of_the_folder_and_unsupported_extensions_are_refused_in_one_l
     // Named before the buffer is missed.
     let line = refusal("extensions", &outside.replacen("\"nodes\"", required, 1));
     assert!(line.ends_with("the file requires extensions that are not supported: EXT_a, EXT_b"), "{line}");
-    let packed = text.replacen("\"nodes\"", "\"extensionsRequired\":[\"KHR_draco_mesh_compression\"],\"nodes\"", 1);
-    let advice = "KHR_draco_mesh_compression; \"gltf-transform copy IN OUT\" converts it";
-    assert!(refusal("draco", &packed).ends_with(advice));
 }
 
 #[test]
 fn what_is_not_used_is_named_once_with_its_count() {
     let coat = "'extensions':{'KHR_materials_clearcoat':{'clearcoatFactor':1},'KHR_materials_unlit':{}}";
-    let bumpy = "'normalTexture':{'index':0},'occlusionTexture':{'index':0}";
+    let bumpy = "'normalTexture':{'index':0}";
     let primitive = square_primitive(0);
     let points = primitive.replacen('{', "{'mode':0,", 1);
     let morphed = primitive.replacen('{', "{'targets':[{'POSITION':0}],", 1);
     let text = square().text(&format!(
-        "'nodes':[{{'mesh':0,'extensions':{{'MSFT_lod':{{}}}}}}],'meshes':[{{'primitives':[{primitive},{points}]}},\
+        "'extensionsUsed':['KHR_materials_clearcoat','KHR_materials_unlit','MSFT_lod'],'nodes':[{{'mesh':0}}],\
+         'meshes':[{{'primitives':[{primitive},{points}]}},\
          {{'primitives':[{morphed}]}}],'images':[{{'uri':'{}'}}],'textures':[{{'source':0}}],\
          'materials':[{{{coat}}},{{{coat},{bumpy}}},{{}}]",
         data_uri(&png(1, 1, |_, _| [0; 4])),
@@ -161,12 +158,11 @@ fn what_is_not_used_is_named_once_with_its_count() {
     let mut found = stage("unused", &text).scene.warnings;
     found.retain(|line| !line.contains("moon"));
     let expected = [
-        "KHR_materials_clearcoat is not used (materials: 2)",
-        "MSFT_lod is not used (nodes: 1)",
-        "morph targets are not used (meshes: 1)",
-        "normal textures are not used (materials: 1)",
-        "occlusion textures are not used (materials: 1)",
-        "points and lines are not shown (primitives: 1)",
+        "KHR_materials_clearcoat is not used (1)",
+        "MSFT_lod is not used (1)",
+        "morph targets are not used (1)",
+        "normal textures are not used (1)",
+        "points and lines are not shown (1)",
     ];
     assert_eq!(found, expected);
 }
@@ -213,7 +209,7 @@ fn colours_of_vertices_are_interpolated_and_multiply_the_material() {
         assert!(!stage.scene.warnings.iter().any(|line| line.contains("colours")), "{:?}", stage.scene.warnings);
     }
     let beyond = colored_square("beyond", &floats(&[2.0; 12]), "'componentType':5126,'type':'VEC3'");
-    let expected = "colours of vertices outside of 0 to 1 are clamped (corners: 6)";
+    let expected = "colours of vertices outside of 0 to 1 are clamped (6)";
     assert!(beyond.scene.warnings.iter().any(|line| line == expected), "{:?}", beyond.scene.warnings);
 }
 
@@ -326,36 +322,6 @@ fn the_smooth_surface_over_a_triangle_is_between_the_tangent_planes_of_its_corne
 }
 
 #[test]
-fn skins_pose_meshes_by_their_joints_whatever_the_transform_of_their_node() {
-    let mut document = square();
-    // The lower corners belong to the first joint, and the upper ones to both.
-    let joints = document.accessor(&[0, 1, 0, 0].repeat(4), 4, "'componentType':5121,'type':'VEC4'");
-    let weights = [[255, 0, 0, 0], [255, 0, 0, 0], [100, 100, 0, 0], [100, 100, 0, 0]];
-    let weights = document.accessor(weights.as_flattened(), 4, "'componentType':5121,'normalized':true,'type':'VEC4'");
-    let attributes = format!("'TEXCOORD_0':1,'JOINTS_0':{joints},'WEIGHTS_0':{weights}");
-    let primitive = square_primitive(0).replace("'TEXCOORD_0':1", &attributes);
-    let skinned = |scene: &str| {
-        document.text(&format!(
-            "'scene':0,'scenes':[{{'nodes':[{scene}]}}],'skins':[{{'joints':[1,2]}}],\
-             'nodes':[{{'mesh':0,'skin':0,'translation':[50,60,70]}},{{'translation':[0,0,5],'scale':[2,2,2]}},\
-             {{'translation':[4,0,5]}}],'meshes':[{{'primitives':[{primitive}]}}],'materials':[{{}}]",
-        ))
-    };
-    let posed = stage("skin", &skinned("0,1,2")).scene;
-    let object = posed.objects[0];
-    let corners =
-        posed.meshes[object.mesh as usize].triangles[0].vertices.map(|v| object.transform.transform_point3(v));
-    // Twice as large; and the mean of twice as large and 4 to the right.
-    let expected = [Vec3::new(-2.0, -2.0, 5.0), Vec3::new(2.0, -2.0, 5.0), Vec3::new(3.5, 1.5, 5.0)];
-    assert!(corners.iter().zip(expected).all(|(a, b)| a.abs_diff_eq(b, 1e-5)), "{corners:?}");
-    // Without its joints, the mesh stays with its node.
-    let left = stage("skin-without-joints", &skinned("0,1")).scene;
-    assert_eq!(left.objects[0].transform.translation, Vec3::new(50.0, 60.0, 70.0).into());
-    let expected = "skins that leave out joints or vertices are not used (nodes: 1)";
-    assert!(left.warnings.iter().any(|line| line == expected), "{:?}", left.warnings);
-}
-
-#[test]
 fn instances_are_placed_and_flat_nodes_are_hidden() {
     let mut document = square();
     let places = document.vec3(&[[0.0; 3], [0.0, 5.0, 0.0], [0.0, 0.0, 3.0]]);
@@ -450,7 +416,7 @@ fn files_without_a_camera_give_a_usable_picture() {
 }
 
 #[test]
-fn a_scene_without_a_camera_fills_pictures_of_any_shape() {
+fn a_scene_without_a_camera_is_all_in_pictures_of_any_shape() {
     let scenes =
         [still_life(1.0, [30_000.0, -500.0, 7.0], true, 0.0, true), still_life(3.0, [0.0; 3], false, 1.0, false)];
     for (index, text) in scenes.iter().enumerate() {
@@ -470,21 +436,11 @@ fn a_scene_without_a_camera_fills_pictures_of_any_shape() {
                 triangles.flat_map(|triangle| triangle.vertices.map(|v| place(object.transform.transform_point3(v))))
             });
             let (low, high) = corners.fold((Vec2::MAX, Vec2::MIN), |(low, high), at| (low.min(at), high.max(at)));
-            // From -1 to 1 is the whole picture. Both sides are in its middle, and the longer one fills 90 %.
-            let filled = (high - low) * 0.5;
-            assert!((high + low).abs().max_element() < 2e-3, "{width}x{height}: {low}, {high}");
-            assert!((filled.max_element() - 0.9).abs() < 2e-3, "{width}x{height}: {low}, {high}");
+            // From -1 to 1 is the whole picture.
+            let (filled, most) = ((high - low) * 0.5, low.abs().max(high.abs()).max_element());
+            assert!(most < 1.0 && filled.max_element() > 0.5, "{width}x{height}: {low}, {high}");
         }
     }
-}
-
-#[test]
-fn traffic_without_lamps_is_not_black() {
-    let traffic = Some(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/fcd_small.xml").into());
-    let city = real_city::stage(&RealCityOptions { traffic, ..RealCityOptions::default() }).expect("a valid file");
-    let (shown, _) = shown(city);
-    let mean = shown.iter().sum::<f32>() / shown.len() as f32;
-    assert!((0.15..0.5).contains(&mean) && shown.iter().all(|value| *value < 0.98), "mean {mean}");
 }
 
 /// The green of the pixels that show geometry in a picture of 32 by 18 pixels, from 0 to 1, and that of the

@@ -484,12 +484,7 @@ fn invalid_input_gives_one_line_and_creates_no_folder() {
     let folder = temporary("out");
     let whole = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/small.gltf"))
         .expect("a readable file");
-    let files = [
-        ("file", &b"not a folder"[..]),
-        ("gltf", &whole[..whole.len() / 2]),
-        ("csv", b"x_m,watts\n1,3\n"),
-        ("xml", b"<fcd-export><timestep time=\"0.00\"><vehicle id=\"a\" x=\"1\""),
-    ];
+    let files = [("file", &b"not a folder"[..]), ("gltf", &whole[..whole.len() / 2]), ("csv", b"x_m,watts\n1,3\n")];
     for (extension, bytes) in files {
         std::fs::write(temporary(extension), bytes).expect("a writable temporary folder");
     }
@@ -500,10 +495,8 @@ fn invalid_input_gives_one_line_and_creates_no_folder() {
         ("--budget-ms nan".into(), &folder),
         ("--gltf nowhere.glb".into(), &folder),
         ("--lamps nowhere.csv".into(), &folder),
-        ("--traffic nowhere.xml".into(), &folder),
         (with("--gltf", "gltf"), &folder),
         (with("--lamps", "csv"), &folder),
-        (with("--traffic", "xml"), &folder),
         ("--backend cpu --frames 1 --spp 1 --size 8x8".into(), &temporary("file")),
     ] {
         let args = ["city", "--out", out.to_str().expect("a UTF-8 path")].into_iter().chain(bad.split(' '));

@@ -103,65 +103,13 @@ fn malformed_gltf_files_are_refused() {
 #[test]
 fn malformed_lamp_tables_are_refused() {
     assert_refused("missing-csv", &["--lamps", "no-such-file.csv"], "no-such-file.csv");
-    assert_refused("columns", &["--lamps", &file("columns.csv", b"x_m,east\n1,2\n")], "x_m, east");
-    let degrees = file("degrees.csv", b"lon,lat\n8.4,49\n8.5,49\n");
-    assert_refused("degrees-csv", &["--lamps", &degrees], "--net");
-    assert_refused("named", &["--lamps", &degrees, "--lamps-columns", "lon=LON,height=MAST"], "\"MAST\"");
-    assert_refused("keys", &["--lamps", &degrees, "--lamps-columns", "z=LON"], "lumens=NAME");
+    assert_refused("columns", &["--lamps", &file("columns.csv", b"x_m,east\n1,2\n")], "\"y_m\"");
     let nan = b"x_m,y_m,est_height_m,est_lumens\n1,2,9,8000\n1,NaN,9,8000\n";
     assert_refused("nan-csv", &["--lamps", &file("nan.csv", nan)], "y_m");
     let word = b"x_m,y_m,est_height_m,est_lumens\n1,2,high,8000\n";
     assert_refused("word-csv", &["--lamps", &file("word.csv", word)], "est_height_m");
     let ragged = b"x_m,y_m,est_height_m,est_lumens\n1,2\n";
     assert_refused("ragged", &["--lamps", &file("ragged.csv", ragged)], "ragged.csv");
-}
-
-#[test]
-fn malformed_traffic_files_are_refused() {
-    assert_refused("missing-xml", &["--traffic", "no-such-file.xml"], "no-such-file.xml");
-    let whole = fs::read(data("fcd_small.xml")).expect("a test file");
-    assert_refused("cut-xml", &["--traffic", &file("cut.xml", &whole[..whole.len() / 2])], "cut.xml");
-    let nan = b"<fcd-export><timestep time=\"0\"><vehicle id=\"a\" x=\"NaN\" y=\"0\" angle=\"0\" speed=\"1\"/></timestep></fcd-export>";
-    assert_refused("nan-xml", &["--traffic", &file("nan.xml", nan)], "nan.xml");
-    assert_refused("not-xml", &["--traffic", &file("not.xml", b"<fcd-export><timestep")], "not.xml");
-    assert_refused("empty-xml", &["--traffic", &file("empty.xml", b"")], "empty.xml");
-}
-
-#[test]
-fn malformed_vehicle_types_are_refused() {
-    let traffic = data("fcd_small.xml");
-    let traffic = ["--traffic", traffic.to_str().expect("UTF-8"), "--vtypes"];
-    let with = |types: &str| [traffic[0], traffic[1], traffic[2], types].map(str::to_owned);
-    let refused = |name: &str, types: &str, hint: &str| {
-        let arguments = with(types);
-        assert_refused(name, &arguments.each_ref().map(String::as_str), hint);
-    };
-    let valid = file("valid.rou.xml", b"<routes><vType id=\"bus\" vClass=\"coach\"/></routes>");
-    let unknown = file("unknown.rou.xml", b"<routes><vType id=\"a\" vClass=\"hovercraft\"/></routes>");
-    refused("missing-types", "no-such-file.rou.xml", "no-such-file.rou.xml");
-    refused("second-types", &format!("{valid},{unknown}"), "\"hovercraft\"");
-    refused("no-types", &file("none.rou.xml", b"<routes/>"), "no <vType>");
-    assert_refused("types-alone", &["--vtypes", &valid], "--traffic");
-}
-
-#[test]
-fn malformed_buildings_are_refused() {
-    assert_refused("missing-geojson", &["--buildings", "no-such-file.geojson"], "no-such-file.geojson");
-    assert_refused("not-geojson", &["--buildings", &file("not.geojson", b"<html>")], "not.geojson");
-    let feature = |ring: &str, properties: &str| {
-        format!(
-            r#"{{"type":"FeatureCollection","features":[{{"type":"Feature","properties":{properties},"geometry":{{"type":"Polygon","coordinates":[{ring}]}}}}]}}"#
-        )
-    };
-    for (name, ring, properties, hint) in [
-        ("short.geojson", "[[0,0],[9,0],[0,0]]", "{}", "2 corner(s)"),
-        ("low.geojson", "[[0,0],[9,0],[9,9],[0,0]]", r#"{"height":-1}"#, "buildings; 1 building(s) are left out"),
-        ("infinite.geojson", "[[0,0],[1e400,0],[9,9],[0,0]]", "{}", "out of range"),
-        ("degrees.geojson", "[[8.4,49.0],[8.4001,49.0],[8.4001,49.0001],[8.4,49.0]]", "{}", "EPSG:32632"),
-    ] {
-        let path = file(name, feature(ring, properties).as_bytes());
-        assert_refused(name, &["--buildings", &path], hint);
-    }
 }
 
 #[test]

@@ -3,8 +3,7 @@
 use girandole::glam::{Affine3A, Quat, Vec3};
 use girandole::{LightWorld, Policy};
 use testbed::scene::assembly::{Assembly, Placed};
-use testbed::scene::designs::vehicles::body::Body;
-use testbed::scene::designs::vehicles::fleet::car_designs;
+use testbed::scene::designs::vehicles::{Body, car_designs};
 use testbed::scene::palette::Palette;
 use testbed::scene::{Animation, Scene, SceneError, Stage};
 

@@ -29,11 +29,11 @@ pub struct Options {
     pub matte: bool,
     /// Compare published samplers with the library in several scenes instead, and write rivals.csv. A glTF
     /// scene is one more of them
-    #[arg(long, conflicts_with_all = ["world", "cars", "lamps", "traffic", "net", "buildings", "passes"])]
+    #[arg(long, conflicts_with_all = ["world", "cars", "lamps", "passes"])]
     pub rivals: bool,
     /// Measure reservoirs that are kept over frames, with new samples by several samplers, in six scenes instead, and
     /// write reuse.csv
-    #[arg(long, conflicts_with_all = ["rivals", "world", "cars", "lamps", "traffic", "net", "buildings", "passes", "gltf", "size"])]
+    #[arg(long, conflicts_with_all = ["rivals", "world", "cars", "lamps", "passes", "gltf", "size"])]
     pub reuse: bool,
     /// A tiny picture, few settings and a short reference, to try it out
     #[arg(long)]

@@ -1,11 +1,11 @@
 //! Builds a scene and its light world together: one mesh and one light tree for each design, and
 //! any number of placements.
 
-use girandole::glam::{Affine3A, Vec3, vec3};
+use girandole::glam::{Affine3A, vec3};
 use girandole::{DirectionalLight, InstanceKey, LightTree, LightWorld, Policy, TreeKey};
 
 use super::part::Part;
-use super::{Camera, Mesh, Object, Scene, SceneError, Sky};
+use super::{Mesh, Object, Scene, SceneError, Sky};
 
 /// Haze of the night, per metre: things of high contrast are visible up to 35 km.
 const HAZE: f32 = 1.0 / 9_000.0;
@@ -44,22 +44,7 @@ impl Assembly {
 
     /// An empty scene and the given light world, which may have a clock of its own.
     pub fn with_world(world: LightWorld) -> Self {
-        let camera = Camera { eye: Vec3::Y, target: Vec3::Z, vertical_fov: 1.0, up: Vec3::Y };
-        let sky = Sky::default();
-        let scene = Scene {
-            materials: Vec::new(),
-            textures: Vec::new(),
-            meshes: Vec::new(),
-            objects: Vec::new(),
-            festival: None,
-            camera,
-            sky,
-            lamp_clearance: 0.1,
-            exposure: 1.0,
-            is_metered: false,
-            warnings: Vec::new(),
-        };
-        Self { scene, world }
+        Self { scene: Scene::default(), world }
     }
 
     /// Adds a deep blue sky with a city's glow at the horizon, haze that hides the end of the land, and

@@ -3,38 +3,21 @@
 use std::path::Path;
 
 use girandole::cluster::Aabb;
-use girandole::glam::{DVec3, Vec3};
+use girandole::glam::DVec3;
 use girandole::{LeftOut, LightWorld};
 
-use super::{Camera, Scene, SceneError, Sky, Stage, Still};
-
-/// The vertical field of view of the camera, radians.
-const FIELD_OF_VIEW: f32 = 1.0;
-/// The shortest distance of the camera from the middle of the lights, metres.
-const NEAREST: f32 = 2.0;
-/// How much farther the camera is than it has to be.
-const MARGIN: f32 = 1.05;
-/// Where the camera is, from the middle of the lights.
-const DIRECTION: Vec3 = Vec3::new(0.5, 0.45, 0.74);
+use super::{Camera, Scene, SceneError, Stage, Still};
 
 /// Reads a dump. The camera sees all lights in pictures of this width over their height; its coordinates are relative to the origin of the world.
 pub fn stage(path: &Path, aspect: f32) -> Result<Stage, SceneError> {
     let refuse = |error: &dyn std::fmt::Display| SceneError(format!("{}: {error}", path.display()));
     let bytes = std::fs::read(path).map_err(|error| refuse(&error))?;
     let (world, left_out) = LightWorld::from_dump(&bytes).map_err(|error| refuse(&error))?;
-    let scene = Scene {
-        materials: Vec::new(),
-        textures: Vec::new(),
-        meshes: Vec::new(),
-        objects: Vec::new(),
-        festival: None,
-        camera: camera(&bounds(&world), aspect),
-        sky: Sky::default(),
-        lamp_clearance: 0.0,
-        exposure: 1.0,
-        is_metered: false,
-        warnings: warnings(&left_out, world.origin()),
-    };
+    // A single lamp has no extent.
+    let lit = bounds(&world);
+    let camera = Camera::around(&Aabb { min: lit.min - 1.0, max: lit.max + 1.0 }, aspect);
+    let warnings = warnings(&left_out, world.origin());
+    let scene = Scene { camera, lamp_clearance: 0.0, warnings, ..Scene::default() };
     Ok(Stage { scene, world, animation: Box::new(Still) })
 }
 
@@ -43,22 +26,6 @@ pub fn bounds(world: &LightWorld) -> Aabb {
     let root = world.top_nodes().first();
     let boxes = root.into_iter().flat_map(|root| (0..root.count()).map(|slot| root.cluster(slot).aabb));
     boxes.fold(Aabb::EMPTY, |all, one| all.union(&one))
-}
-
-/// A camera that sees a box in a picture of this width over its height.
-fn camera(bounds: &Aabb, aspect: f32) -> Camera {
-    let bounds = if bounds.is_empty() { Aabb::point(Vec3::ZERO) } else { *bounds };
-    let (target, half) = (bounds.center(), 0.5 * bounds.extent());
-    let back = DIRECTION.normalize();
-    let right = Vec3::Y.cross(back).normalize();
-    let slope = (0.5 * FIELD_OF_VIEW).tan();
-    let corner = |i: i32| half * Vec3::from_array([0, 1, 2].map(|axis| if i >> axis & 1 == 0 { -1.0 } else { 1.0 }));
-    let needed = |corner: Vec3| {
-        let [x, y] = [corner.dot(right) / (slope * aspect), corner.dot(back.cross(right)) / slope];
-        x.abs().max(y.abs()) + corner.dot(back)
-    };
-    let distance = MARGIN * (0..8).map(corner).map(needed).fold(NEAREST, f32::max);
-    Camera { eye: target + back * distance, target, vertical_fov: FIELD_OF_VIEW, up: Vec3::Y }
 }
 
 /// What the user should know: what the dump lacks, and where its coordinates begin.
@@ -83,6 +50,7 @@ fn warnings(left_out: &LeftOut, origin: DVec3) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use girandole::glam::Vec3;
     use girandole::{Light, LightTree, Placement, Policy};
 
     #[test]

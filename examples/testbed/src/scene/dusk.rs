@@ -68,10 +68,7 @@ pub fn set(stage: &mut Stage) -> Result<(), SceneError> {
     sky.ambient = Vec3::ZERO;
     sky.glow = vec3(5.0, 2.0, 0.7);
     sky.sun = vec3(-0.35, -0.06, -1.0).normalize();
-    let moons: Vec<_> = stage.world.directionals().collect();
-    for moon in moons {
-        stage.world.remove_directional(moon)?;
-    }
+    stage.remove_directionals()?;
     let map = Sky::from_fn(WIDTH, |direction| sky_radiance(&stage.scene.sky, direction))
         .map_err(|refused| SceneError(refused.to_string()))?;
     stage.world.set_sky(map);

@@ -1,9 +1,8 @@
-//! Scenes: what the example draws, how it moves, and the light world that goes with it.
+//! Scenes: what the examples draw, how it moves, and the light world that goes with it.
 //!
-//! A loader returns a [`Stage`]: geometry, lights and an animation. There are three loaders, each
-//! in a folder: `procedural` builds a city, `real_city` reads the lamps, the traffic, the roads and
-//! the buildings of a real one, and `gltf_scene` reads a file. Renderers take any stage and do not
-//! depend on the loader.
+//! A loader returns a [`Stage`]: geometry, lights and an animation. There are four loaders: `procedural`
+//! builds a city, `gltf_scene` reads a file, `lamps` reads a table of the street lamps of a real city, and
+//! `dump` reads a light world without surfaces. Renderers take any stage and do not depend on the loader.
 //!
 //! Metres, right-handed, Y up. Radiance and emission are in nits, per linear Rec. 709 channel.
 //!
@@ -13,10 +12,8 @@
 //! 2. `palette`, `part` and `assembly`: materials, and meshes that are built together with their
 //!    lights (`rng` is in `examples/testbed/src/common/pcg.rs`);
 //! 3. `designs`: buildings, street furniture, signs and vehicles;
-//! 4. `dusk`, `screen` and `festival`: what is added to a city, and `rooms`: a house for measurements;
-//! 5. the loaders, in any order; each folder's `mod.rs` states the order of its files;
-//! 6. `dump`: a light world without surfaces, of any engine;
-//! 7. `size_argument`: the sizes of the procedural city on a command line.
+//! 4. `procedural`: the city, and `dusk`, `screen` and `festival`: what is added to it;
+//! 5. the other loaders, in any order, and `rooms`: a house for measurements.
 
 pub mod texture;
 mod stage;
@@ -26,23 +23,19 @@ pub mod part;
 pub mod assembly;
 
 pub mod designs;
+pub mod procedural;
 pub mod dusk;
-pub mod festival;
 #[cfg(feature = "native")]
 pub mod screen;
+pub mod festival;
 
-pub mod rooms;
 #[cfg(feature = "native")]
 pub mod gltf_scene;
-pub mod procedural;
 #[cfg(feature = "native")]
-pub mod real_city;
-
+pub mod lamps;
 #[cfg(feature = "native")]
 pub mod dump;
-
-#[cfg(feature = "native")]
-mod size_argument;
+pub mod rooms;
 
 /// Random numbers.
 pub use crate::common::pcg as rng;

@@ -53,35 +53,44 @@ pub fn rooms(count: usize, are_open: bool) -> Result<(Scene, LightWorld, Vec<Vec
     let mut palette = Palette::default();
     let shell = assembly.mesh(shell(&mut palette, count, are_open).mesh);
     assembly.object(shell, Affine3A::IDENTITY);
-    let cabinet = assembly.mesh(cabinet(&mut palette).mesh);
-    let window = palette.glow(COOL, WINDOW);
-    let window = assembly.design(window_part(window))?;
-    let kits: Vec<Kit> =
-        LEVELS.iter().map(|level| Kit::new(&mut assembly, &mut palette, *level)).collect::<Result<_, SceneError>>()?;
+    let mut cabinet = Part::default();
+    cabinet.cuboid(vec3(-0.25, 0.0, -0.5), vec3(0.25, 2.0, 0.5), palette.matte(0.45, 0.43, 0.4));
+    let cabinet = assembly.mesh(cabinet.mesh);
+    let mut window = Part::default();
+    window.glow(Vec3::ZERO, Vec3::NEG_X, Vec3::Y * 0.6, palette.glow(COOL, WINDOW));
+    let window = assembly.design(window)?;
+    let mut kits = Vec::new();
+    for level in LEVELS {
+        let panel = palette.glow(NEUTRAL, PANEL * level);
+        let desk = assembly.design(desk(&mut palette, DESK_LAMP * level))?;
+        kits.push((panel, desk, assembly.design(track(&mut palette, SPOT * level))?));
+    }
     let mut eyes = Vec::new();
     for room in 0..count {
         let mut rng = Rng::new(SEED, room as u64);
-        let kit = &kits[rng.below(kits.len())];
+        let (panel, desk, track) = rng.pick(&kits);
         // The room's own space has its middle on the floor at the origin and the corridor at -z.
         let to_world = room_to_world(room);
-        let ceiling = ceiling([3 + rng.below(3), 4 + rng.below(4)], kit.panel);
-        let ceiling = assembly.design(ceiling)?;
+        let ceiling = assembly.design(ceiling([3 + rng.below(3), 4 + rng.below(4)], panel))?;
         let mut place = |design: Design, local: Affine3A| assembly.place(design, to_world * local, Policy::Static);
         place(ceiling, Affine3A::IDENTITY)?;
         place(window, Affine3A::from_translation(vec3(0.0, 1.6, ROOM.y * 0.5 - GAP)))?;
         for _ in 0..4 + rng.below(5) {
             let at = vec3(rng.range(-1.6, 1.6), 0.0, rng.range(-1.8, 2.3));
-            place(kit.desk, Affine3A::from_translation(at))?;
+            place(desk, Affine3A::from_translation(at))?;
         }
         for _ in 0..2 + rng.below(2) {
             let at = vec3(rng.range(-1.2, 1.2), HEIGHT - 0.1, rng.range(-2.0, 2.0));
-            place(kit.track, Affine3A::from_translation(at))?;
+            place(track, Affine3A::from_translation(at))?;
         }
         let side = if rng.chance(0.5) { 2.2 } else { -2.2 };
         assembly.object(cabinet, to_world * Affine3A::from_translation(vec3(side, 0.0, rng.range(0.5, 2.0))));
         eyes.push(to_world.transform_point3(Vec3::Y * EYE_HEIGHT));
     }
-    let corridor = assembly.design(corridor_panels(count, palette.glow(NEUTRAL, PANEL * 0.3)))?;
+    let mut corridor = Part::default();
+    let panel = palette.glow(NEUTRAL, PANEL * 0.3);
+    (0..count).for_each(|room| add_panel(&mut corridor, vec2((room as f32 + 0.5) * PITCH * 0.5, 0.0), panel));
+    let corridor = assembly.design(corridor)?;
     assembly.place(corridor, Affine3A::IDENTITY, Policy::Static)?;
     let length = PITCH * (count / 2) as f32;
     eyes.extend([0.25, 0.75].map(|share| vec3(length * share, EYE_HEIGHT, 0.0)));
@@ -101,22 +110,6 @@ pub fn door(material: u32) -> (Part, Affine3A) {
     // In the space of the room, whose wall to the corridor is at -z.
     let hinge = Affine3A::from_translation(vec3(-0.5 * DOOR.x, 0.0, -0.5 * (ROOM.y + WALL)));
     (part, room_to_world(CAMERA_ROOM) * hinge)
-}
-
-/// The lamps of a level of brightness.
-struct Kit {
-    panel: Glow,
-    desk: Design,
-    track: Design,
-}
-
-impl Kit {
-    fn new(assembly: &mut Assembly, palette: &mut Palette, level: f32) -> Result<Self, SceneError> {
-        let panel = palette.glow(NEUTRAL, PANEL * level);
-        let desk = assembly.design(desk(palette, DESK_LAMP * level))?;
-        let track = assembly.design(track(palette, SPOT * level))?;
-        Ok(Self { panel, desk, track })
-    }
 }
 
 /// From the space of a room to the world. Rooms at negative z are turned by half a turn.
@@ -144,18 +137,14 @@ fn shell(palette: &mut Palette, count: usize, are_open: bool) -> Part {
         wall(&mut part, vec2(x - half, low.y), vec2(x + half, high.y), None, plaster);
     }
     for side in [-1.0, 1.0] {
-        let across = |near: f32, far: f32| [(side * near).min(side * far), (side * near).max(side * far)];
-        let [from, to] = across(outer, outer + WALL);
-        wall(&mut part, vec2(low.x, from), vec2(high.x, to), None, plaster);
+        wall(&mut part, vec2(low.x, side * outer), vec2(high.x, side * (outer + WALL)), None, plaster);
         for column in 0..count / 2 {
             let start = column as f32 * PITCH;
-            let [from, to] = across(inner - WALL, inner);
-            let door = start + PITCH * 0.5;
-            wall(&mut part, vec2(start, from), vec2(start + PITCH, to), are_open.then_some(door), plaster);
+            let door = are_open.then_some(start + PITCH * 0.5);
+            wall(&mut part, vec2(start, side * (inner - WALL)), vec2(start + PITCH, side * inner), door, plaster);
             if column > 0 {
-                let [from, to] = across(inner, outer);
-                let door = side * (inner + 1.5);
-                wall(&mut part, vec2(start - half, from), vec2(start + half, to), are_open.then_some(door), plaster);
+                let door = are_open.then_some(side * (inner + 1.5));
+                wall(&mut part, vec2(start - half, side * inner), vec2(start + half, side * outer), door, plaster);
             }
         }
     }
@@ -164,7 +153,8 @@ fn shell(palette: &mut Palette, count: usize, are_open: bool) -> Part {
 
 /// A wall between two corners in (x, z), with a door whose middle is at `door` along the longer
 /// side.
-fn wall(part: &mut Part, min: Vec2, max: Vec2, door: Option<f32>, material: u32) {
+fn wall(part: &mut Part, from: Vec2, to: Vec2, door: Option<f32>, material: u32) {
+    let (min, max) = (from.min(to), from.max(to));
     let mut piece = |min: Vec2, max: Vec2, base: f32| {
         part.cuboid(vec3(min.x, base, min.y), vec3(max.x, HEIGHT, max.y), material);
     };
@@ -182,27 +172,14 @@ fn ceiling([columns, rows]: [usize; 2], panel: Glow) -> Part {
     let mut part = Part::default();
     for (column, row) in (0..columns).flat_map(|column| (0..rows).map(move |row| (column, row))) {
         let share = vec2((column as f32 + 0.5) / columns as f32, (row as f32 + 0.5) / rows as f32) - 0.5;
-        let at = share * ROOM;
-        part.glow(vec3(at.x, HEIGHT - GAP, at.y), Vec3::X * 0.15, Vec3::Z * 0.15, panel);
+        add_panel(&mut part, share * ROOM, panel);
     }
     part
 }
 
-/// A panel over the corridor for each room.
-fn corridor_panels(count: usize, panel: Glow) -> Part {
-    let mut part = Part::default();
-    for column in 0..count {
-        let x = (column as f32 + 0.5) * PITCH * 0.5;
-        part.glow(vec3(x, HEIGHT - GAP, 0.0), Vec3::X * 0.15, Vec3::Z * 0.15, panel);
-    }
-    part
-}
-
-/// A bright panel of 2 m by 1.2 m that faces -z.
-fn window_part(glow: Glow) -> Part {
-    let mut part = Part::default();
-    part.glow(Vec3::ZERO, Vec3::NEG_X, Vec3::Y * 0.6, glow);
-    part
+/// A square panel in the ceiling that faces down.
+fn add_panel(part: &mut Part, at: Vec2, panel: Glow) {
+    part.glow(vec3(at.x, HEIGHT - GAP, at.y), Vec3::X * 0.15, Vec3::Z * 0.15, panel);
 }
 
 /// A desk and a lamp with an opaque shade. `candela` in all directions, as if there was no shade.
@@ -232,13 +209,6 @@ fn track(palette: &mut Palette, candela: f32) -> Part {
         let direction = vec3(aside.x, -1.0, aside.y).normalize();
         part.lights.push(Light::spot(at, direction, 0.2, 0.4, SOFT / SOFT.max_element() * candela));
     }
-    part
-}
-
-/// A cabinet of 2 m height.
-fn cabinet(palette: &mut Palette) -> Part {
-    let mut part = Part::default();
-    part.cuboid(vec3(-0.25, 0.0, -0.5), vec3(0.25, 2.0, 0.5), palette.matte(0.45, 0.43, 0.4));
     part
 }
 

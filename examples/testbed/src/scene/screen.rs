@@ -1,14 +1,15 @@
 //! A screen over the street that plays a film: the light that it sends follows each frame.
 
-use girandole::glam::{Affine2, Mat3, Vec3, Vec4, vec3};
+use girandole::glam::{Affine2, Affine3A, Vec2, Vec2Swizzles, Vec3, vec3};
 use girandole::{LightTree, LightWorld, Placement, Policy, TreeKey};
-use girandole_assets::AssetError;
 use girandole_assets::texture::{Texture, TexturedSurface};
 use std::f32::consts::TAU;
 use std::sync::Arc;
 
+use super::assembly::Assembly;
+use super::part::Part;
 use super::texture::{Pixels, Texture as SceneTexture, Wrap};
-use super::{Animation, Material, Mesh, Object, Scene, SceneError, Stage, Triangle};
+use super::{Animation, Material, Mesh, Scene, SceneError, Stage};
 
 /// Columns and rows of a frame.
 const SIZE: [usize; 2] = [64, 36];
@@ -59,36 +60,34 @@ fn frame(number: usize) -> Pixels {
     Pixels { width: width as u32, height: height as u32, rgba: (0..width * height).map(pixel).collect() }
 }
 
-fn refused(error: AssetError) -> SceneError {
-    SceneError(error.to_string())
-}
-
 fn texture(pixels: &Pixels) -> Result<Texture<'_>, SceneError> {
-    Texture::srgb(SIZE[0], pixels.rgba.as_flattened()).map_err(refused)
+    Ok(Texture::srgb(SIZE[0], pixels.rgba.as_flattened())?)
 }
 
 /// Hangs a screen in a stage: `center` is its middle, and it faces +Z.
 pub fn hang(stage: Stage, center: Vec3) -> Result<Stage, SceneError> {
-    let Stage { mut scene, mut world, animation } = stage;
+    let Stage { scene, world, animation } = stage;
+    let mut assembly = Assembly { scene, world };
     let [half_u, half_v] = [Vec3::X * HALF[0], Vec3::Y * HALF[1]];
     let surface = TexturedSurface::rectangle(Vec3::ZERO, half_u, half_v, Vec3::splat(WHITE));
     // Cut as a picture whose texels all differ is cut: evenly.
     let noisy: Vec<Vec3> = (0..SIZE[0] * SIZE[1]).map(|i| Vec3::splat(((i * 7919) % 1009) as f32)).collect();
-    let parts = Texture::linear(SIZE[0], &noisy[..]).map_err(refused)?.split(&[surface], 0.0, PARTS);
+    let parts = Texture::linear(SIZE[0], &noisy[..])?.split(&[surface], 0.0, PARTS);
     let images: Vec<Arc<Pixels>> = (0..FRAMES).map(|number| Arc::new(frame(number))).collect();
     let mut first = texture(&images[0])?;
-    let tree = world.add_tree(LightTree::new(parts.iter().map(|part| first.light(part)).collect())?);
-    world.add_instance(tree, Placement::at(center.as_dvec3()), Policy::Budgeted)?;
-    let objects = images.iter().map(|image| add_picture(&mut scene, image, center)).collect();
-    add_frame(&mut scene, center);
+    let tree = assembly.world.add_tree(LightTree::new(parts.iter().map(|part| first.light(part)).collect())?);
+    assembly.world.add_instance(tree, Placement::at(center.as_dvec3()), Policy::Budgeted)?;
+    let objects = images.iter().map(|image| add_picture(&mut assembly, image, center)).collect();
+    add_frame(&mut assembly, center);
+    let Assembly { scene, world } = assembly;
     let screen = Screen { rest: animation, tree, parts, objects, images, shown: FRAMES };
     Ok(Stage { scene, world, animation: Box::new(screen) })
 }
 
 /// Adds a rectangle that shows a picture, hidden.
-fn add_picture(scene: &mut Scene, image: &Arc<Pixels>, center: Vec3) -> usize {
-    let texture = scene.textures.len() as u32;
-    scene.textures.push(SceneTexture {
+fn add_picture(assembly: &mut Assembly, image: &Arc<Pixels>, center: Vec3) -> usize {
+    let Scene { textures, materials, .. } = &mut assembly.scene;
+    textures.push(SceneTexture {
         pixels: image.clone(),
         coordinates: 0,
         transform: Affine2::IDENTITY,
@@ -96,40 +95,33 @@ fn add_picture(scene: &mut Scene, image: &Arc<Pixels>, center: Vec3) -> usize {
         is_nearest: true,
         is_srgb: true,
     });
-    let material = scene.materials.len() as u32;
     let (emission, base_color) = (Vec3::splat(WHITE), Vec3::splat(0.03));
-    scene.materials.push(Material { emission, base_color, emission_texture: Some(texture), ..Material::default() });
-    let corner = |x: f32, y: f32| vec3(x * HALF[0], y * HALF[1], 0.0);
-    let at = |u: f32, v: f32| Vec4::new(u, v, u, v);
-    let triangles = [
-        [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0)],
-        [corner(-1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
-    ];
-    let tex_coords = vec![[at(0.0, 1.0), at(1.0, 1.0), at(1.0, 0.0)], [at(0.0, 1.0), at(1.0, 0.0), at(0.0, 0.0)]];
-    let triangles = triangles.map(|vertices| Triangle { vertices, material }).to_vec();
-    add(scene, Mesh { triangles, tex_coords, ..Mesh::default() }, center, false)
+    let emission_texture = Some(textures.len() as u32 - 1);
+    materials.push(Material { emission, base_color, emission_texture, ..Material::default() });
+    let mut part = Part::default();
+    let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+    part.quad(corners.map(|[x, y]| vec3(x * HALF[0], y * HALF[1], 0.0)), materials.len() as u32 - 1);
+    let at = |[x, y]: [f32; 2]| Vec2::new(0.5 + 0.5 * x, 0.5 - 0.5 * y).xyxy();
+    let [a, b, c, d] = corners.map(at);
+    let mesh = assembly.mesh(Mesh { tex_coords: vec![[a, b, c], [a, c, d]], ..part.mesh });
+    let object = assembly.object(mesh, Affine3A::from_translation(center));
+    assembly.scene.objects[object].visible = false;
+    object
 }
 
 /// Adds the back of the screen, with a rim, and two posts that carry it.
-fn add_frame(scene: &mut Scene, center: Vec3) {
-    let material = scene.materials.len() as u32;
-    scene.materials.push(Material { base_color: Vec3::splat(0.04), roughness: 0.4, ..Material::default() });
-    let mut part = super::part::Part::default();
+fn add_frame(assembly: &mut Assembly, center: Vec3) {
+    let material = assembly.scene.materials.len() as u32;
+    assembly.scene.materials.push(Material { base_color: Vec3::splat(0.04), roughness: 0.4, ..Material::default() });
+    let mut part = Part::default();
     let rim = vec3(HALF[0] + RIM, HALF[1] + RIM, 0.0);
     part.cuboid(-rim - Vec3::Z * 0.4, rim - Vec3::Z * 0.02, material);
     for x in [-HALF[0] - 1.2, HALF[0] + 1.2] {
         part.column(vec3(x, -center.y, -0.2), center.y + HALF[1], [0.2, 0.14], 10, material);
     }
     part.beam(vec3(-HALF[0] - 1.2, HALF[1], -0.2), vec3(HALF[0] + 1.2, HALF[1], -0.2), 0.12, material);
-    add(scene, part.mesh, center, true);
-}
-
-fn add(scene: &mut Scene, mesh: Mesh, at: Vec3, visible: bool) -> usize {
-    let number = scene.meshes.len() as u32;
-    scene.meshes.push(mesh);
-    let transform = girandole::glam::Affine3A::from_mat3_translation(Mat3::IDENTITY, at);
-    scene.objects.push(Object { mesh: number, transform, emission_scale: 1.0, visible });
-    scene.objects.len() - 1
+    let mesh = assembly.mesh(part.mesh);
+    assembly.object(mesh, Affine3A::from_translation(center));
 }
 
 impl Animation for Screen {
@@ -151,6 +143,7 @@ impl Animation for Screen {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Object;
     use super::super::procedural::{CityOptions, Size, stage};
     use super::*;
 

@@ -1,6 +1,7 @@
 //! What a loader returns: geometry, materials, camera, lights and motion.
 
 use girandole::LightWorld;
+use girandole::cluster::Aabb;
 use girandole::glam::{Affine3A, Vec3, Vec4};
 
 use super::festival::Festival;
@@ -129,6 +130,29 @@ pub struct Camera {
     pub up: Vec3,
 }
 
+impl Camera {
+    /// The vertical field of view where nothing states another, radians.
+    pub const FIELD_OF_VIEW: f32 = 1.0;
+
+    /// A camera outside of a box that sees all of it, in a picture that is `aspect` times as wide as high.
+    pub fn around(bounds: &Aabb, aspect: f32) -> Self {
+        /// How much farther the camera is than it has to be.
+        const MARGIN: f32 = 1.05;
+        let bounds = if bounds.is_empty() { Aabb::point(Vec3::ZERO) } else { *bounds };
+        let (target, half) = (bounds.center(), (0.5 * bounds.extent()).max(Vec3::splat(1e-3)));
+        let back = Vec3::new(0.5, 0.45, 0.74).normalize();
+        let right = Vec3::Y.cross(back).normalize();
+        let slope = (0.5 * Self::FIELD_OF_VIEW).tan();
+        let needed = |i: i32| {
+            let corner = half * Vec3::from_array([0, 1, 2].map(|axis| if i >> axis & 1 == 0 { -1.0 } else { 1.0 }));
+            let [x, y] = [corner.dot(right) / (slope * aspect), corner.dot(back.cross(right)) / slope];
+            x.abs().max(y.abs()) + corner.dot(back)
+        };
+        let distance = MARGIN * (0..8).map(needed).fold(0.0, f32::max);
+        Self { eye: target + back * distance, target, vertical_fov: Self::FIELD_OF_VIEW, up: Vec3::Y }
+    }
+}
+
 /// The radiance of the sky, and the faint light without shadows that it adds to surfaces. Nits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sky {
@@ -174,6 +198,34 @@ pub struct Scene {
     pub is_metered: bool,
     /// What the user should know about the files: one line each.
     pub warnings: Vec<String>,
+}
+
+impl Scene {
+    /// The corners of the triangles of an object, in world space.
+    pub fn vertices(&self, object: &Object) -> impl Iterator<Item = Vec3> {
+        let transform = object.transform;
+        let corners = self.meshes[object.mesh as usize].triangles.iter().flat_map(|triangle| triangle.vertices);
+        corners.map(move |corner| transform.transform_point3(corner))
+    }
+}
+
+impl Default for Scene {
+    /// An empty scene.
+    fn default() -> Self {
+        Self {
+            materials: Vec::new(),
+            textures: Vec::new(),
+            meshes: Vec::new(),
+            objects: Vec::new(),
+            festival: None,
+            camera: Camera { eye: Vec3::Y, target: Vec3::Z, vertical_fov: Camera::FIELD_OF_VIEW, up: Vec3::Y },
+            sky: Sky::default(),
+            lamp_clearance: 0.1,
+            exposure: 1.0,
+            is_metered: false,
+            warnings: Vec::new(),
+        }
+    }
 }
 
 /// What moves a stage. `time` is in seconds from the start and never decreases.
@@ -234,6 +286,12 @@ impl std::error::Error for SceneError {}
 
 impl From<girandole::WorldError> for SceneError {
     fn from(error: girandole::WorldError) -> Self {
+        Self(error.to_string())
+    }
+}
+
+impl From<girandole_assets::AssetError> for SceneError {
+    fn from(error: girandole_assets::AssetError) -> Self {
         Self(error.to_string())
     }
 }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use girandole::glam::{Affine2, Vec2, Vec4, Vec4Swizzles};
+pub use girandole_assets::texture::TextureWrap as Wrap;
 
 /// Longest side of an image, pixels. The renderer packs a side into 16 bits, and larger images show
 /// no more in pictures of usual sizes.
@@ -17,17 +18,6 @@ pub struct Pixels {
     pub height: u32,
     /// `width` times `height` pixels.
     pub rgba: Vec<[u8; 4]>,
-}
-
-/// What a texture shows beyond the sides of its image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wrap {
-    /// The image again.
-    Repeat,
-    /// The image again, each copy mirrored.
-    Mirror,
-    /// The texels at its sides.
-    Clamp,
 }
 
 /// How a material uses an image. `texels.wgsl` has the same functions.

@@ -1,11 +1,10 @@
-//! Buildings for the lots of a block: street corners, narrow and wide houses in a row, and detached
-//! houses.
+//! Buildings for the lots of a block: street corners, and narrow and wide houses in a row.
 
 use std::f32::consts::FRAC_PI_2;
 
 use girandole::glam::{Quat, Vec3, vec3};
 
-use super::facade::{self, Plane, Style};
+use super::facade::{Builder, Plane, Style};
 use super::palette::{NEON, Palette, WALLS};
 use super::part::Part;
 use super::rng::Rng;
@@ -20,8 +19,6 @@ pub enum Lot {
     Narrow,
     /// 32 m wide and 24 m deep, from (-16, -24) to (16, 0).
     Wide,
-    /// The size of a narrow lot, with windows on all sides.
-    Detached,
 }
 
 /// Depth of every lot and width of a corner lot, metres.
@@ -51,42 +48,26 @@ impl Volume {
 fn style(rng: &mut Rng, floors: usize, palette: &mut Palette) -> Style {
     let office = floors > 9 || rng.chance(0.12);
     let office_walls = [[0.12, 0.13, 0.15], [0.3, 0.3, 0.31], [0.22, 0.2, 0.19], [0.4, 0.39, 0.37]];
-    let [red, green, blue] = if office { rng.pick(&office_walls) } else { rng.pick(&WALLS) };
-    let wall = palette.matte(red, green, blue);
+    let wall = palette.glossy(if office { rng.pick(&office_walls) } else { rng.pick(&WALLS) }, 0.85);
     let trim = if office { palette.metal([0.35, 0.36, 0.38], 0.45) } else { palette.matte(0.45, 0.43, 0.4) };
     let glass = palette.glossy([0.015, 0.02, 0.028], 0.12);
-    if office {
-        Style {
-            wall,
-            trim,
-            glass,
-            bay: rng.pick(&[2.0, 2.6, 3.2]),
-            floor: 3.6,
-            window_width: 0.9,
-            window_height: rng.pick(&[0.6, 0.7, 0.8]),
-            depth: 0.15,
-            lit: rng.range(0.2, 0.4),
-            office,
-            balconies: false,
-        }
-    } else {
-        Style {
-            wall,
-            trim,
-            glass,
-            bay: rng.pick(&[2.4, 2.7, 3.1]),
-            floor: 3.2,
-            window_width: rng.pick(&[0.46, 0.52, 0.6]),
-            window_height: rng.pick(&[0.52, 0.58]),
-            depth: 0.24,
-            lit: rng.range(0.22, 0.4),
-            office,
-            balconies: rng.chance(0.35),
-        }
+    Style {
+        wall,
+        trim,
+        glass,
+        bay: rng.pick(if office { &[2.0, 2.6, 3.2] } else { &[2.4, 2.7, 3.1] }),
+        floor: if office { 3.6 } else { 3.2 },
+        window_width: if office { 0.9 } else { rng.pick(&[0.46, 0.52, 0.6]) },
+        window_height: if office { rng.pick(&[0.6, 0.7, 0.8]) } else { rng.pick(&[0.52, 0.58]) },
+        depth: if office { 0.15 } else { 0.24 },
+        lit: rng.range(if office { 0.2 } else { 0.22 }, 0.4),
+        office,
+        balconies: !office && rng.chance(0.35),
     }
 }
 
-fn roof(part: &mut Part, volume: &Volume, style: &Style, rng: &mut Rng, palette: &mut Palette) {
+fn roof(builder: &mut Builder<'_>, volume: &Volume) {
+    let Builder { part, style, palette, rng } = builder;
     let tar = palette.matte(0.07, 0.07, 0.075);
     let metal = palette.metal([0.45, 0.46, 0.47], 0.55);
     let (min, max, y) = (volume.min, volume.max, volume.y[1]);
@@ -137,12 +118,12 @@ fn roof(part: &mut Part, volume: &Volume, style: &Style, rng: &mut Rng, palette:
 
 /// A building with `floors` floors above a ground floor of shops.
 pub fn building(lot: Lot, floors: usize, palette: &mut Palette, rng: &mut Rng) -> Part {
-    let mut part = Part::default();
     let style = style(rng, floors, palette);
+    let mut builder = Builder { part: Part::default(), style, palette, rng };
     let ground = 4.8;
     let plan = match lot {
         Lot::Corner => ([-LOT_DEPTH, -LOT_DEPTH], [0.0, 0.0]),
-        Lot::Narrow | Lot::Detached => ([-8.0, -LOT_DEPTH], [8.0, 0.0]),
+        Lot::Narrow => ([-8.0, -LOT_DEPTH], [8.0, 0.0]),
         Lot::Wide => ([-16.0, -LOT_DEPTH], [16.0, 0.0]),
     };
     // A tower is set back above a base of five floors, so that facades along the street have
@@ -154,40 +135,29 @@ pub fn building(lot: Lot, floors: usize, palette: &mut Palette, rng: &mut Rng) -
     for quarter in 0..4 {
         let plane = base.side(quarter);
         if fronts.contains(&quarter) {
-            facade::shops(&mut part, &plane, ground, &style, palette, rng);
-            facade::windows(&mut part, &plane, base.y, &style, 1.0, palette, rng);
-        } else if lot == Lot::Detached || (quarter == 2 && lot != Lot::Corner) {
-            wall(&mut part, &plane, [0.0, ground], style.wall);
-            facade::windows(&mut part, &plane, base.y, &style, 0.7, palette, rng);
+            builder.shops(&plane, ground);
+            builder.windows(&plane, base.y, 1.0);
+        } else if quarter == 2 && lot != Lot::Corner {
+            plane.rectangle(&mut builder.part, [0.0, plane.width], [0.0, ground], 0.0, style.wall);
+            builder.windows(&plane, base.y, 0.7);
         } else {
             // Walls between neighbours have no windows.
-            wall(&mut part, &plane, [0.0, base.y[1]], style.wall);
+            plane.rectangle(&mut builder.part, [0.0, plane.width], [0.0, base.y[1]], 0.0, style.wall);
         }
     }
     for &quarter in fronts {
-        let plane = base.side(quarter);
-        band(&mut part, &plane, ground, 0.3, style.trim);
+        let (plane, y) = (base.side(quarter), [ground - 0.15, ground + 0.15]);
+        plane.relief(&mut builder.part, [0.0, plane.width], y, [0.0, 0.3], style.trim);
     }
-    roof(&mut part, &base, &style, rng, palette);
+    roof(&mut builder, &base);
     if tower {
-        let inset = rng.pick(&[2.0, 3.0, 4.0]);
+        let inset = builder.rng.pick(&[2.0, 3.0, 4.0]);
         let y = [base.y[1], base.y[1] + (floors - base_floors) as f32 * style.floor];
         let shaft = Volume { min: plan.0.map(|v| v + inset), max: plan.1.map(|v| v - inset), y };
         for quarter in 0..4 {
-            facade::windows(&mut part, &shaft.side(quarter), y, &style, 1.0, palette, rng);
+            builder.windows(&shaft.side(quarter), y, 1.0);
         }
-        roof(&mut part, &shaft, &style, rng, palette);
+        roof(&mut builder, &shaft);
     }
-    part
-}
-
-fn wall(part: &mut Part, plane: &Plane, y: [f32; 2], material: u32) {
-    let corners = [(0.0, y[0]), (plane.width, y[0]), (plane.width, y[1]), (0.0, y[1])];
-    part.quad(corners.map(|(x, y)| plane.at(x, y, 0.0)), material);
-}
-
-fn band(part: &mut Part, plane: &Plane, y: f32, out: f32, material: u32) {
-    let [a, b] = [plane.at(0.0, y, out * 0.5), plane.at(plane.width, y, out * 0.5)];
-    let toward = plane.at(0.0, 0.0, out * 0.5) - plane.at(0.0, 0.0, 0.0);
-    part.oriented_box((a + b) * 0.5, (b - a) * 0.5, Vec3::Y * 0.15, toward, material);
+    builder.part
 }

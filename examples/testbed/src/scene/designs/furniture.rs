@@ -3,7 +3,7 @@
 use girandole::Light;
 use girandole::glam::{Quat, Vec3, vec3};
 
-use super::palette::{COOL, Glow, NEUTRAL, Palette, SODIUM, SOFT};
+use super::palette::{COOL, NEUTRAL, Palette, SODIUM, SOFT};
 use super::part::Part;
 use super::rng::Rng;
 
@@ -67,7 +67,7 @@ pub fn lamp(kind: Lamp, height: f32, lumens: f32, palette: &mut Palette) -> Part
 /// Height of the middle lens of a traffic light, metres.
 const SIGNAL_HEIGHT: f32 = 4.1;
 /// Offsets of the red, amber and green lens from the middle one, metres.
-pub const LENS_OFFSETS: [f32; 3] = [0.36, 0.0, -0.36];
+const LENS_OFFSETS: [f32; 3] = [0.36, 0.0, -0.36];
 
 /// Pole and housing of a traffic light that faces +Z. The pole stands on the origin.
 pub fn signal_body(palette: &mut Palette) -> Part {
@@ -84,12 +84,12 @@ pub fn signal_body(palette: &mut Palette) -> Part {
 }
 
 /// The red, amber or green lens of a traffic light, for an `index` of 0, 1 or 2.
-pub fn signal_lens(index: usize, palette: &mut Palette) -> (Part, Glow) {
+pub fn signal_lens(index: usize, palette: &mut Palette) -> Part {
     let color = [vec3(1.0, 0.04, 0.02), vec3(1.0, 0.45, 0.02), vec3(0.03, 1.0, 0.45)][index];
     let glow = palette.glow(color, 130.0);
     let mut part = Part::default();
     part.bulb(vec3(0.0, SIGNAL_HEIGHT + LENS_OFFSETS[index], 0.33), 0.13, 10, glow);
-    (part, glow)
+    part
 }
 
 /// A street tree, 5 to 8 m high.

@@ -16,68 +16,60 @@ const RINGS: usize = 4;
 /// Beats in a second.
 const TEMPO: f64 = 2.0;
 /// Nits of the brightest channel of a lamp.
-const NITS: f32 = 260.0;
-/// The lamps: those of the trunk, of arms and of legs.
-pub const COLORS: [Vec3; 3] = [scaled(palette::NEON[0]), scaled(palette::NEON[1]), scaled(palette::NEON[2])];
-
-const fn scaled(color: Vec3) -> Vec3 {
-    vec3(color.x * NITS, color.y * NITS, color.z * NITS)
-}
+pub const NITS: f32 = 260.0;
+/// The colours of the lamps of the trunk, of arms and of legs. The brightest channel of each is 1.
+pub const COLORS: [Vec3; 3] = [palette::NEON[0], palette::NEON[1], palette::NEON[2]];
 
 /// A bone along +Y of its own space.
 struct Bone {
-    parent: Option<usize>,
+    /// Unless it is the first.
+    parent: usize,
     /// Where it begins, in the space of its parent.
     joint: Vec3,
     length: f32,
     /// At its beginning and at its end.
     radius: [f32; 2],
-    /// Angles about X, Y and Z: in the mean, and how far they swing.
+    /// Angles about X, Y and Z: in the mean, and how far they swing in two beats.
     rest: Vec3,
     swing: Vec3,
-    /// Swings in a beat, and the phase of the swing in turns.
-    rate: f32,
+    /// Of the swing, in turns.
     phase: f32,
-    color: usize,
 }
 
-const fn bone(parent: usize, joint: Vec3, length: f32, radius: [f32; 2], color: usize) -> Bone {
-    let (rest, swing) = (Vec3::ZERO, Vec3::ZERO);
-    Bone { parent: Some(parent), joint, length, radius, rest, swing, rate: 0.5, phase: 0.0, color }
-}
-
-const fn above(height: f32) -> Vec3 {
-    vec3(0.0, height, 0.0)
-}
-
-impl Bone {
-    const fn moves(self, rest: Vec3, swing: Vec3, rate: f32, phase: f32) -> Self {
-        Self { rest, swing, rate, phase, ..self }
-    }
+const fn bone(
+    parent: usize,
+    joint: [f32; 3],
+    [length, first, last]: [f32; 3],
+    rest: [f32; 3],
+    swing: [f32; 3],
+    phase: f32,
+) -> Bone {
+    let [joint, rest, swing] = [Vec3::from_array(joint), Vec3::from_array(rest), Vec3::from_array(swing)];
+    Bone { parent, joint, length, radius: [first, last], rest, swing, phase }
 }
 
 /// Each after its parent: the trunk and the head, arms, legs.
 const SKELETON: [Bone; BONES] = [
-    Bone { parent: None, ..bone(0, above(0.95), 0.2, [0.13, 0.12], 0) }.moves(
-        Vec3::ZERO,
-        vec3(0.0, 0.5, 0.12),
-        0.5,
-        0.0,
-    ),
-    bone(0, above(0.2), 0.3, [0.12, 0.17], 0).moves(vec3(0.06, 0.0, 0.0), vec3(0.08, -0.4, -0.2), 0.5, 0.0),
-    bone(1, above(0.3), 0.1, [0.06, 0.06], 0).moves(Vec3::ZERO, vec3(0.1, 0.0, 0.1), 1.0, 0.2),
-    bone(2, above(0.1), 0.18, [0.1, 0.1], 0).moves(Vec3::ZERO, vec3(0.12, 0.3, 0.0), 0.5, 0.3),
-    bone(1, vec3(0.19, 0.26, 0.0), 0.29, [0.055, 0.045], 1).moves(vec3(0.0, 0.0, -1.2), vec3(0.5, 0.2, 0.7), 0.5, 0.0),
-    bone(4, above(0.29), 0.27, [0.045, 0.035], 1).moves(vec3(0.2, 0.0, 0.7), vec3(0.3, 0.0, 0.6), 0.5, 0.15),
-    bone(1, vec3(-0.19, 0.26, 0.0), 0.29, [0.055, 0.045], 1).moves(vec3(0.0, 0.0, 1.2), vec3(0.5, 0.2, 0.7), 0.5, 0.5),
-    bone(6, above(0.29), 0.27, [0.045, 0.035], 1).moves(vec3(0.2, 0.0, -0.7), vec3(0.3, 0.0, 0.6), 0.5, 0.65),
-    bone(0, vec3(0.1, 0.0, 0.0), 0.45, [0.085, 0.06], 2).moves(vec3(PI, 0.0, 0.12), vec3(0.5, 0.0, 0.1), 0.5, 0.0),
-    bone(8, above(0.45), 0.44, [0.06, 0.04], 2).moves(vec3(-0.45, 0.0, 0.0), vec3(0.45, 0.0, 0.0), 0.5, 0.75),
-    bone(9, above(0.44), 0.2, [0.04, 0.03], 2).moves(vec3(1.4, 0.0, 0.0), Vec3::ZERO, 0.5, 0.0),
-    bone(0, vec3(-0.1, 0.0, 0.0), 0.45, [0.085, 0.06], 2).moves(vec3(PI, 0.0, -0.12), vec3(0.5, 0.0, 0.1), 0.5, 0.5),
-    bone(11, above(0.45), 0.44, [0.06, 0.04], 2).moves(vec3(-0.45, 0.0, 0.0), vec3(0.45, 0.0, 0.0), 0.5, 0.25),
-    bone(12, above(0.44), 0.2, [0.04, 0.03], 2).moves(vec3(1.4, 0.0, 0.0), Vec3::ZERO, 0.5, 0.0),
+    bone(0, [0.0, 0.95, 0.0], [0.2, 0.13, 0.12], [0.0; 3], [0.0, 0.5, 0.12], 0.0),
+    bone(0, [0.0, 0.2, 0.0], [0.3, 0.12, 0.17], [0.06, 0.0, 0.0], [0.08, -0.4, -0.2], 0.0),
+    bone(1, [0.0, 0.3, 0.0], [0.1, 0.06, 0.06], [0.0; 3], [0.1, 0.0, 0.1], 0.2),
+    bone(2, [0.0, 0.1, 0.0], [0.18, 0.1, 0.1], [0.0; 3], [0.12, 0.3, 0.0], 0.3),
+    bone(1, [0.19, 0.26, 0.0], [0.29, 0.055, 0.045], [0.0, 0.0, -1.2], [0.5, 0.2, 0.7], 0.0),
+    bone(4, [0.0, 0.29, 0.0], [0.27, 0.045, 0.035], [0.2, 0.0, 0.7], [0.3, 0.0, 0.6], 0.15),
+    bone(1, [-0.19, 0.26, 0.0], [0.29, 0.055, 0.045], [0.0, 0.0, 1.2], [0.5, 0.2, 0.7], 0.5),
+    bone(6, [0.0, 0.29, 0.0], [0.27, 0.045, 0.035], [0.2, 0.0, -0.7], [0.3, 0.0, 0.6], 0.65),
+    bone(0, [0.1, 0.0, 0.0], [0.45, 0.085, 0.06], [PI, 0.0, 0.12], [0.5, 0.0, 0.1], 0.0),
+    bone(8, [0.0, 0.45, 0.0], [0.44, 0.06, 0.04], [-0.45, 0.0, 0.0], [0.45, 0.0, 0.0], 0.75),
+    bone(9, [0.0, 0.44, 0.0], [0.2, 0.04, 0.03], [1.4, 0.0, 0.0], [0.0; 3], 0.0),
+    bone(0, [-0.1, 0.0, 0.0], [0.45, 0.085, 0.06], [PI, 0.0, -0.12], [0.5, 0.0, 0.1], 0.5),
+    bone(11, [0.0, 0.45, 0.0], [0.44, 0.06, 0.04], [-0.45, 0.0, 0.0], [0.45, 0.0, 0.0], 0.25),
+    bone(12, [0.0, 0.44, 0.0], [0.2, 0.04, 0.03], [1.4, 0.0, 0.0], [0.0; 3], 0.0),
 ];
+
+/// The colour of the lamps of a bone: its index in [`COLORS`].
+fn color(bone: usize) -> usize {
+    usize::from(bone >= 4) + usize::from(bone >= 8)
+}
 
 /// A lamp: a triangle in the space of its bone.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -105,11 +97,11 @@ pub fn pose(time: f64) -> Pose {
     let beat = (time * TEMPO).rem_euclid(1000.0) as f32;
     let mut pose = Pose { bones: [Affine3A::IDENTITY; BONES], glow: [1.0; BONES] };
     for (index, bone) in SKELETON.iter().enumerate() {
-        let angles = bone.rest + bone.swing * (TAU * (bone.rate * beat + bone.phase)).sin();
+        let angles = bone.rest + bone.swing * (TAU * (0.5 * beat + bone.phase)).sin();
         let turn = Quat::from_euler(EulerRot::YXZ, angles.y, angles.x, angles.z);
         let own = Affine3A::from_rotation_translation(turn, bone.joint);
         let root = vec3(0.25 * (0.5 * PI * beat).sin(), 0.05 * (TAU * beat).sin().abs() - 0.05, 0.0);
-        let parent = bone.parent.map_or(Affine3A::from_translation(root), |parent| pose.bones[parent]);
+        let parent = if index == 0 { Affine3A::from_translation(root) } else { pose.bones[bone.parent] };
         pose.bones[index] = parent * own;
         // A wave of light runs from the trunk to hands and feet.
         pose.glow[index] = 0.55 + 0.45 * (TAU * (0.5 * beat - 0.11 * index as f32)).sin();
@@ -120,7 +112,7 @@ pub fn pose(time: f64) -> Pose {
 /// The lamps of all bones.
 pub fn lamps() -> Vec<Lamp> {
     let of_bone = |(index, bone): (usize, &Bone)| {
-        let Bone { length, radius: [first, last], color, .. } = *bone;
+        let Bone { length, radius: [first, last], .. } = *bone;
         let place = move |i: usize| {
             let along = ((i / SIDES) as f32 + 0.5) / RINGS as f32;
             let (sin, cos) = (((i % SIDES) as f32 + 0.5) * TAU / SIDES as f32).sin_cos();
@@ -128,7 +120,11 @@ pub fn lamps() -> Vec<Lamp> {
             let (outward, side) = (vec3(cos, 0.0, -sin), vec3(-sin, 0.0, -cos));
             let (center, half) = (outward * (0.93 * radius + 0.004) + Vec3::Y * (along * length), 0.33 * radius);
             let (a, b) = (center - side * half - Vec3::Y * half, center + side * half - Vec3::Y * half);
-            Lamp { vertices: [a, b, center + Vec3::Y * half], bone: index as u32, radiance: COLORS[color] }
+            Lamp {
+                vertices: [a, b, center + Vec3::Y * half],
+                bone: index as u32,
+                radiance: COLORS[color(index)] * NITS,
+            }
         };
         (0..SIDES * RINGS).map(place).collect::<Vec<_>>()
     };
@@ -147,13 +143,13 @@ pub fn lights(lamps: &[Lamp], pose: &Pose) -> Vec<Light> {
 
 /// What is drawn of a bone, in its own space: a limb of `cloth`, and its lamps in the materials `glows`.
 pub fn limb(index: usize, lamps: &[Lamp], cloth: u32, glows: [u32; COLORS.len()]) -> Part {
-    let Bone { length, radius, color, .. } = SKELETON[index];
+    let Bone { length, radius, .. } = SKELETON[index];
     let mut part = Part::default();
     part.column(Vec3::ZERO, length, radius, SIDES, cloth);
     part.ball(Vec3::ZERO, Vec3::splat(radius[0]), SIDES, cloth);
     part.ball(Vec3::Y * length, Vec3::splat(radius[1]), SIDES, cloth);
     let own = lamps.iter().filter(|lamp| lamp.bone == index as u32);
-    part.mesh.triangles.extend(own.map(|lamp| Triangle { vertices: lamp.vertices, material: glows[color] }));
+    part.mesh.triangles.extend(own.map(|lamp| Triangle { vertices: lamp.vertices, material: glows[color(index)] }));
     part
 }
 
@@ -165,11 +161,10 @@ mod tests {
     fn bones_stay_together_and_no_foot_is_far_below_the_ground() {
         for step in 0..400 {
             let Pose { bones, glow } = pose(0.01 * f64::from(step));
-            for (bone, placed) in SKELETON.iter().zip(&bones) {
+            for (index, (bone, placed)) in SKELETON.iter().zip(&bones).enumerate() {
                 assert!((placed.matrix3.determinant() - 1.0).abs() < 1e-3);
-                let Some(parent) = bone.parent else { continue };
-                let joint = bones[parent].transform_point3(bone.joint);
-                assert!((joint - Vec3::from(placed.translation)).length() < 1e-5);
+                let joint = bones[bone.parent].transform_point3(bone.joint);
+                assert!(index == 0 || (joint - Vec3::from(placed.translation)).length() < 1e-5);
                 let end = placed.transform_point3(Vec3::Y * bone.length);
                 assert!(end.y > -0.1 && end.y < 2.4, "{end}");
             }

@@ -9,11 +9,13 @@ pub mod dancer;
 pub mod fire;
 
 use girandole::glam::{Affine3A, Vec3, vec3};
-use girandole::{LightTree, LightWorld, Placement, Policy, TreeKey, TreeSource};
+use girandole::{Light, LightTree, LightWorld, Placement, Policy, TreeKey, TreeSource};
 use std::sync::Arc;
 
+use super::assembly::Assembly;
+use super::palette::Palette;
 use super::part::Part;
-use super::{Animation, Camera, Material, Object, Scene, SceneError, Stage};
+use super::{Animation, Camera, Scene, SceneError, Stage};
 use dancer::{BONES, Lamp, Pose};
 
 /// The middle of the fire, and the place of the dancer beside it, in metres.
@@ -46,61 +48,48 @@ struct Dance {
 
 /// Puts a festival on the crossing before the camera, which steps nearer.
 pub fn celebrate(stage: Stage) -> Result<Stage, SceneError> {
-    let Stage { mut scene, mut world, animation } = stage;
-    let sparks = add_lights(&mut world, fire::lights(), FIRE, TreeSource::GpuParticles)?;
-    let [steel, wood, cloth] =
-        [(0.05, 0.5, 1.0), (0.06, 0.9, 0.0), (0.02, 0.3, 0.0)].map(|(tone, roughness, metallic)| {
-            let base_color = Vec3::splat(tone);
-            add_material(&mut scene, Material { base_color, roughness, metallic, ..Material::default() })
-        });
-    add_object(&mut scene, fire::basket(steel, wood), FIRE);
-    let glows = dancer::COLORS.map(|emission| {
-        let material = Material { base_color: Vec3::splat(0.1), emission, ..Material::default() };
-        add_material(&mut scene, material)
-    });
+    let Stage { scene, world, animation } = stage;
+    let mut assembly = Assembly { scene, world };
+    let sparks = add_lights(&mut assembly, fire::lights(), FIRE, TreeSource::GpuParticles)?;
+    let mut palette = Palette { materials: std::mem::take(&mut assembly.scene.materials), ..Palette::default() };
+    let basket = fire::basket(palette.metal([0.05; 3], 0.5), palette.glossy([0.06; 3], 0.9));
+    let cloth = palette.glossy([0.02; 3], 0.3);
+    let glows = dancer::COLORS.map(|color| palette.glow(color, dancer::NITS).material);
+    assembly.scene.materials = palette.materials;
+    let place = |assembly: &mut Assembly, part: Part, at: Vec3| {
+        let mesh = assembly.mesh(part.mesh);
+        assembly.object(mesh, Affine3A::from_translation(at))
+    };
+    place(&mut assembly, basket, FIRE);
     let lamps = dancer::lamps();
     let pose = dancer::pose(0.0);
-    let suit = add_lights(&mut world, dancer::lights(&lamps, &pose), DANCER, TreeSource::GpuMesh)?;
-    let bones = std::array::from_fn(|bone| add_object(&mut scene, dancer::limb(bone, &lamps, cloth, glows), DANCER));
+    let suit = add_lights(&mut assembly, dancer::lights(&lamps, &pose), DANCER, TreeSource::GpuMesh)?;
+    let bones = std::array::from_fn(|bone| place(&mut assembly, dancer::limb(bone, &lamps, cloth, glows), DANCER));
+    let Assembly { mut scene, world } = assembly;
     scene.camera = Camera { eye: vec3(-2.6, 2.1, 116.5), target: vec3(0.5, 4.3, 100.0), ..scene.camera };
     scene.festival = Some(Festival { sparks, base: FIRE, steps: 0, suit, lamps: lamps.into(), pose });
     Ok(Stage { scene, world, animation: Box::new(Dance { rest: animation, bones }) })
 }
 
 fn add_lights(
-    world: &mut LightWorld,
-    lights: Vec<girandole::Light>,
+    assembly: &mut Assembly,
+    lights: Vec<Light>,
     at: Vec3,
     source: TreeSource,
 ) -> Result<TreeKey, SceneError> {
-    let tree = world.add_tree(LightTree::new(lights)?);
-    world.add_instance(tree, Placement::at(at.as_dvec3()), Policy::Budgeted)?;
-    world.set_light_source(tree, source)?;
+    let tree = assembly.world.add_tree(LightTree::new(lights)?);
+    assembly.world.add_instance(tree, Placement::at(at.as_dvec3()), Policy::Budgeted)?;
+    assembly.world.set_light_source(tree, source)?;
     Ok(tree)
-}
-
-fn add_material(scene: &mut Scene, material: Material) -> u32 {
-    scene.materials.push(material);
-    scene.materials.len() as u32 - 1
-}
-
-fn add_object(scene: &mut Scene, part: Part, at: Vec3) -> usize {
-    let mesh = scene.meshes.len() as u32;
-    scene.meshes.push(part.mesh);
-    let transform = Affine3A::from_translation(at);
-    scene.objects.push(Object { mesh, transform, emission_scale: 1.0, visible: true });
-    scene.objects.len() - 1
 }
 
 impl Animation for Dance {
     fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
         self.rest.advance(time, scene, world)?;
         let pose = dancer::pose(time);
-        for (bone, object) in pose.bones.iter().zip(self.bones) {
-            scene.objects[object].transform = Affine3A::from_translation(DANCER) * *bone;
-        }
-        for (glow, object) in pose.glow.iter().zip(self.bones) {
-            scene.objects[object].emission_scale = *glow;
+        for (bone, object) in self.bones.into_iter().enumerate() {
+            scene.objects[object].transform = Affine3A::from_translation(DANCER) * pose.bones[bone];
+            scene.objects[object].emission_scale = pose.glow[bone];
         }
         if let Some(festival) = &mut scene.festival {
             festival.pose = pose;

@@ -27,9 +27,7 @@ fn read<const N: usize>(
 pub fn colors(source: Source<'_>, notes: &mut Notes) -> Result<Option<Attribute>, AssetError> {
     let mut clamped = |color: Vec4| {
         let inside = color.max(Vec4::ZERO).min(Vec4::ONE);
-        if inside != color {
-            notes.add("colours of vertices outside of 0 to 1 are clamped", "corners");
-        }
+        notes.add(inside != color, "colours of vertices outside of 0 to 1 are clamped");
         inside
     };
     let semantic = Semantic::Colors(0);
@@ -44,7 +42,7 @@ pub fn normals(source: Source<'_>, notes: &mut Notes) -> Result<Option<Attribute
     let unit = |normal| Vec3::from(normal).normalize_or_zero().extend(0.0);
     let mut normals = read::<3>(source, &Semantic::Normals, unit)?;
     for corners in normals.iter_mut().flatten().filter(|corners| corners.contains(&Vec4::ZERO)) {
-        notes.add("normals without a direction are not used", "triangles");
+        notes.add(true, "normals without a direction are not used");
         *corners = [Vec4::ZERO; 3];
     }
     Ok(normals)

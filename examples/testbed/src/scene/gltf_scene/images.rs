@@ -1,5 +1,6 @@
 //! Decodes the images of glTF files: PNG, JPEG and WebP.
 
+use std::collections::BTreeSet;
 use std::io::Cursor;
 use std::sync::Arc;
 
@@ -12,7 +13,7 @@ use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::SceneError;
-use super::notes::shown;
+use super::notes::{Notes, shown};
 use super::texture::{MAX_IMAGE_SIDE, Pixels, srgb_to_linear};
 
 /// Longest side of an image before it is reduced, pixels.
@@ -20,89 +21,75 @@ const MAX_STORED_SIDE: u32 = 16_384;
 /// Most pixels of all images together, after they are reduced.
 const MAX_PIXELS: usize = 1 << 28;
 
-/// The images of a file that its materials use, and what the user should know about them.
-pub struct Images {
-    /// By the index of the image; `None` for images that no material uses or that are not decoded.
-    pub pixels: Vec<Option<Arc<Pixels>>>,
-    /// One line each.
-    pub warnings: Vec<String>,
-}
+/// The images of a file, by index; `None` for those that no material uses or that are not decoded.
+pub struct Images(pub Vec<Option<Arc<Pixels>>>);
 
 /// Decodes all images that materials use. An image of another format is left out, with a warning.
-pub fn load(file: &GltfFile) -> Result<Images, SceneError> {
-    let count = file.document.images().len();
-    let mut images = Images { pixels: vec![None; count], warnings: Vec::new() };
-    // Whether each image is used, and shows colours.
-    let mut uses: Vec<Option<bool>> = vec![None; count];
-    for material in file.document.materials() {
+pub fn load(file: &GltfFile, notes: &mut Notes) -> Result<Images, SceneError> {
+    let mut images = vec![None; file.document.images().len()];
+    let used = file.document.materials().flat_map(|material| {
         let surface = material.pbr_metallic_roughness();
-        let colors = [surface.base_color_texture(), material.emissive_texture()].into_iter().flatten();
-        for info in colors {
-            uses[TextureUse::of(&info).image] = Some(true);
-        }
-        if let Some(info) = surface.metallic_roughness_texture() {
-            uses[TextureUse::of(&info).image].get_or_insert(false);
-        }
-    }
+        [surface.base_color_texture(), material.emissive_texture(), surface.metallic_roughness_texture()]
+    });
+    let used: BTreeSet<usize> = used.flatten().map(|info| TextureUse::of(&info).image).collect();
     let mut total = 0;
-    for (index, is_color) in uses.into_iter().enumerate() {
-        let Some(is_color) = is_color else { continue };
-        let bytes = read_image(file, index, &GltfOptions::default()).map_err(|error| SceneError(error.to_string()))?;
+    for index in used {
+        let bytes = read_image(file, index, &GltfOptions::default())?;
         let label = label(&file.document, index);
         let Some(pixels) = decode(&bytes).map_err(|what| SceneError(format!("{label}: {what}")))? else {
-            images.warnings.push(format!("{label} is not PNG, JPEG or WebP; its surfaces show their plain colours"));
+            notes.add(true, "images that are not PNG, JPEG or WebP are not used");
             continue;
         };
-        let pixels = reduced(pixels, is_color);
+        let pixels = reduced(pixels);
         total += pixels.rgba.len();
         if total > MAX_PIXELS {
             return Err(SceneError(format!("its images have more than {MAX_PIXELS} pixels in total")));
         }
-        images.pixels[index] = Some(Arc::new(pixels));
+        images[index] = Some(Arc::new(pixels));
     }
-    Ok(images)
+    Ok(Images(images))
 }
 
 impl Images {
     /// The images as the library averages them.
     pub fn for_lights(&self) -> Vec<Option<TextureImage<'_>>> {
-        let decoded = self.pixels.iter().map(Option::as_deref);
-        decoded.map(|pixels| pixels.map(as_texture_image)).collect()
+        let decoded = self.0.iter().map(Option::as_deref);
+        let image = decoded.map(|pixels| {
+            let Pixels { width, height, rgba } = pixels?;
+            Some(TextureImage { width: *width, height: *height, rgba: rgba.as_flattened() })
+        });
+        image.collect()
     }
 }
 
 /// How messages name an image: by its index, and by its file or its name.
 fn label(document: &Document, index: usize) -> String {
-    let Some(image) = document.images().nth(index) else { return format!("image {index}") };
-    let file = match image.source() {
-        Source::Uri { uri, .. } => Some(uri).filter(|uri| !uri.starts_with("data:")),
-        Source::View { .. } => None,
-    };
-    file.or(image.name()).map_or_else(|| format!("image {index}"), |name| format!("image {index} ({})", shown(name)))
+    let image = document.images().nth(index);
+    let name = image.and_then(|image| match image.source() {
+        Source::Uri { uri, .. } if !uri.starts_with("data:") => Some(uri),
+        _ => image.name(),
+    });
+    format!("image {index}{}", name.map_or(String::new(), |name| format!(" ({})", shown(name))))
 }
 
-/// An image as the library averages it.
-fn as_texture_image(pixels: &Pixels) -> TextureImage<'_> {
-    TextureImage { width: pixels.width, height: pixels.height, rgba: pixels.rgba.as_flattened() }
-}
+/// Width, height and channels of an image file.
+type Decoded = Result<(u32, u32, Vec<u8>), String>;
 
 /// The pixels of an image file, whatever its size; `None` if the format is not one that is decoded.
 fn decode(bytes: &[u8]) -> Result<Option<Pixels>, String> {
-    if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
-        decode_png(bytes).map(Some).map_err(|error| one_line("PNG", error))
+    let (format, decoded) = if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
+        ("PNG", decode_png(bytes))
     } else if bytes.starts_with(b"\xff\xd8\xff") {
-        decode_jpeg(bytes).map(Some).map_err(|error| one_line("JPEG", error))
+        ("JPEG", decode_jpeg(bytes))
     } else if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
-        decode_webp(bytes).map(Some).map_err(|error| one_line("WebP", error))
+        ("WebP", decode_webp(bytes))
     } else {
-        Ok(None)
-    }
-}
-
-/// An error of a decoder on one line.
-fn one_line(format: &str, error: String) -> String {
-    let words: Vec<&str> = error.split_whitespace().collect();
-    format!("it is not a valid {format} file: {}", words.join(" "))
+        return Ok(None);
+    };
+    decoded.and_then(with_all_pixels).map(Some).map_err(|error| {
+        let words: Vec<&str> = error.split_whitespace().collect();
+        format!("it is not a valid {format} file: {}", words.join(" "))
+    })
 }
 
 fn check_size(width: u32, height: u32) -> Result<(), String> {
@@ -113,78 +100,61 @@ fn check_size(width: u32, height: u32) -> Result<(), String> {
     Err(format!("{width} x {height} pixels; sides from 1 to {MAX_STORED_SIDE} are read"))
 }
 
-fn decode_png(bytes: &[u8]) -> Result<Pixels, String> {
+fn decode_png(bytes: &[u8]) -> Decoded {
     let mut decoder = png::Decoder::new(Cursor::new(bytes));
     decoder.set_transformations(png::Transformations::normalize_to_color8() | png::Transformations::ALPHA);
     let mut reader = decoder.read_info().map_err(|error| error.to_string())?;
     let (width, height) = (reader.info().width, reader.info().height);
     check_size(width, height)?;
-    let size = reader.output_buffer_size().ok_or("it is too large")?;
-    let mut data = vec![0; size];
-    let info = reader.next_frame(&mut data).map_err(|error| error.to_string())?;
-    let rgba = match info.color_type {
-        png::ColorType::Rgba => data.as_chunks().0.to_vec(),
-        png::ColorType::Rgb => opaque(&data),
-        png::ColorType::GrayscaleAlpha => {
-            data.as_chunks().0.iter().map(|[gray, a]| [*gray, *gray, *gray, *a]).collect()
-        }
-        png::ColorType::Grayscale => data.iter().map(|gray| [*gray, *gray, *gray, 255]).collect(),
-        png::ColorType::Indexed => return Err("its palette is not expanded".into()),
-    };
-    with_all_pixels(Pixels { width, height, rgba })
+    let mut data = vec![0; reader.output_buffer_size().ok_or("it is too large")?];
+    reader.next_frame(&mut data).map_err(|error| error.to_string())?;
+    Ok((width, height, data))
 }
 
-fn decode_jpeg(bytes: &[u8]) -> Result<Pixels, String> {
+fn decode_jpeg(bytes: &[u8]) -> Decoded {
     let side = MAX_STORED_SIDE as usize;
     let options =
         DecoderOptions::default().set_max_width(side).set_max_height(side).jpeg_set_out_colorspace(ColorSpace::RGBA);
     let mut decoder = JpegDecoder::new_with_options(Cursor::new(bytes), options);
     let data = decoder.decode().map_err(|error| error.to_string())?;
     let info = decoder.info().ok_or("it has no size")?;
-    let (width, height) = (u32::from(info.width), u32::from(info.height));
-    check_size(width, height)?;
-    with_all_pixels(Pixels { width, height, rgba: data.as_chunks().0.to_vec() })
+    Ok((u32::from(info.width), u32::from(info.height), data))
 }
 
-fn decode_webp(bytes: &[u8]) -> Result<Pixels, String> {
+fn decode_webp(bytes: &[u8]) -> Decoded {
     let mut decoder = WebPDecoder::new(Cursor::new(bytes)).map_err(|error| error.to_string())?;
     let (width, height) = decoder.dimensions();
     check_size(width, height)?;
     let mut data = vec![0; decoder.output_buffer_size().ok_or("it is too large")?];
     decoder.read_image(&mut data).map_err(|error| error.to_string())?;
-    let rgba = if decoder.has_alpha() { data.as_chunks().0.to_vec() } else { opaque(&data) };
-    with_all_pixels(Pixels { width, height, rgba })
+    Ok((width, height, data))
 }
 
-/// Pixels of red, green and blue.
-fn opaque(data: &[u8]) -> Vec<[u8; 4]> {
-    data.as_chunks().0.iter().map(|[r, g, b]| [*r, *g, *b, 255]).collect()
+/// Pixels of as many channels as a decoder returned: gray or colour, with alpha or without.
+fn with_all_pixels((width, height, data): (u32, u32, Vec<u8>)) -> Result<Pixels, String> {
+    check_size(width, height)?;
+    let count = width as usize * height as usize;
+    let rgba = match (data.len() % count, data.len() / count) {
+        (0, 1) => data.iter().map(|gray| [*gray, *gray, *gray, 255]).collect(),
+        (0, 2) => data.as_chunks().0.iter().map(|[gray, a]| [*gray, *gray, *gray, *a]).collect(),
+        (0, 3) => data.as_chunks().0.iter().map(|[r, g, b]| [*r, *g, *b, 255]).collect(),
+        (0, 4) => data.as_chunks().0.to_vec(),
+        _ => return Err(format!("{} bytes for {count} pixels", data.len())),
+    };
+    Ok(Pixels { width, height, rgba })
 }
 
-/// Checks that a decoder returned as many pixels as it stated.
-fn with_all_pixels(mut pixels: Pixels) -> Result<Pixels, String> {
-    let expected = pixels.width as usize * pixels.height as usize;
-    if pixels.rgba.len() < expected {
-        return Err(format!("{} of {expected} pixels", pixels.rgba.len()));
-    }
-    pixels.rgba.truncate(expected);
-    Ok(pixels)
-}
-
-/// An image whose sides are at most [`MAX_IMAGE_SIDE`]: squares of pixels are averaged, in linear light
-/// if they show colours.
-fn reduced(pixels: Pixels, is_color: bool) -> Pixels {
+/// An image whose sides are at most [`MAX_IMAGE_SIDE`]: squares of pixels are averaged, in linear light.
+fn reduced(pixels: Pixels) -> Pixels {
     let step = pixels.width.max(pixels.height).div_ceil(MAX_IMAGE_SIDE);
     if step == 1 {
         return pixels;
     }
     let (width, height) = (pixels.width.div_ceil(step), pixels.height.div_ceil(step));
-    let decode = |byte: u8| if is_color { srgb_to_linear(f32::from(byte) / 255.0) } else { f32::from(byte) / 255.0 };
-    let decoded: Vec<f32> = (0..=255).map(decode).collect();
+    let decoded: Vec<f32> = (0..=255).map(|byte| srgb_to_linear(byte as f32 / 255.0)).collect();
     let encode = |value: f32| {
-        let byte = decoded.partition_point(|known| *known < value).min(255);
-        // The nearer of two neighbours.
-        if byte > 0 && value - decoded[byte - 1] < decoded[byte] - value { byte as u8 - 1 } else { byte as u8 }
+        let encoded = if value <= 0.003_130_8 { 12.92 * value } else { 1.055 * value.powf(1.0 / 2.4) - 0.055 };
+        (encoded * 255.0).round() as u8
     };
     let mut rgba = Vec::with_capacity(width as usize * height as usize);
     for y in 0..height {
@@ -262,15 +232,14 @@ mod tests {
 
     #[test]
     fn large_images_are_averaged_in_linear_light() {
-        // Columns of black and white: their mean, 0.5, is 188 in sRGB and 127.5 as a number.
+        // Columns of black and white: their mean, 0.5, is 188 in sRGB.
         let width = 2 * MAX_IMAGE_SIDE;
         let image = || Pixels {
             width,
             height: 1,
             rgba: (0..width).map(|x| [[0, 0, 0, 0], [255; 4]][x as usize % 2]).collect(),
         };
-        let color = reduced(image(), true);
+        let color = reduced(image());
         assert_eq!((color.width, color.height, color.rgba[7]), (MAX_IMAGE_SIDE, 1, [188, 188, 188, 128]));
-        assert!([127, 128].contains(&reduced(image(), false).rgba[7][0]));
     }
 }

@@ -1,8 +1,10 @@
-//! Which objects and which lights belong to each node of a glTF scene.
+//! Which objects and which lights belong to each node of a glTF scene, and moves them.
 
-use girandole::glam::{Affine3A, DAffine3, Mat3A};
-use girandole_assets::gltf::gltf::Document;
+use girandole::glam::{Affine3A, DAffine3, DVec3, Mat3A};
+use girandole::{DirectionalLight, LightWorld};
 use girandole_assets::gltf::{GltfLights, is_hidden};
+
+use super::{Scene, SceneError};
 
 /// An object of a node.
 #[derive(Clone, Copy, Debug)]
@@ -16,29 +18,41 @@ pub struct NodeObject {
     pub local: DAffine3,
 }
 
-/// The objects and lights that move with each node.
+/// The objects and lights of all nodes.
 #[derive(Clone, Debug)]
 pub struct NodeMap {
-    /// The objects of each node that has a mesh and is part of the scene.
-    pub objects: Vec<Vec<NodeObject>>,
-    /// The instances and directional lights of the nodes.
+    /// The objects.
+    pub objects: Vec<NodeObject>,
+    /// The instances and directional lights.
     pub lights: GltfLights,
 }
 
 impl NodeMap {
-    /// Sorts objects by their nodes.
-    pub fn new(document: &Document, node_objects: &[NodeObject], lights: &GltfLights) -> Self {
-        let mut objects = vec![Vec::new(); document.nodes().len()];
-        node_objects.iter().for_each(|object| objects[object.node].push(*object));
-        Self { objects, lights: lights.clone() }
-    }
-
-    /// The object of a node that has exactly one.
-    pub fn only_object(&self, node: usize) -> Option<usize> {
-        match self.objects[node][..] {
-            [only] => Some(only.object),
-            _ => None,
+    /// Moves what belongs to the nodes for which `transform` has one, from the space of the node to the world.
+    pub fn place(
+        &self,
+        transform: impl Fn(usize) -> Option<DAffine3>,
+        scene: &mut Scene,
+        world: &mut LightWorld,
+    ) -> Result<(), SceneError> {
+        for object in &self.objects {
+            if let Some(transform) = transform(object.node) {
+                scene.objects[object.object].transform = to_single(transform * object.local);
+            }
         }
+        for lights in &self.lights.nodes {
+            let placement = |transform| lights.source.placement(&(transform * lights.local));
+            if let Some(placement) = transform(lights.node).and_then(placement) {
+                world.move_instance(lights.instance, placement)?;
+            }
+        }
+        for (node, key) in &self.lights.directional {
+            let direction = transform(*node).and_then(|moved| (moved.matrix3 * DVec3::NEG_Z).try_normalize());
+            if let (Some(direction), Some(light)) = (direction, world.directional(*key).copied()) {
+                world.set_directional(*key, DirectionalLight { direction: direction.as_vec3(), ..light })?;
+            }
+        }
+        Ok(())
     }
 }
 

@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 
 use girandole::LightWorld;
-use girandole::glam::{Affine3A, DAffine3, DMat3, Quat, Vec3, vec3};
-use girandole_assets::gltf::LightSource;
+use girandole::glam::{DAffine3, DQuat, Vec3};
+use girandole_assets::gltf::SceneNode;
 use girandole_assets::gltf::gltf::Document;
 
 use super::node_map::NodeMap;
@@ -15,15 +15,11 @@ use super::{Animation, Scene, SceneError};
 /// point.
 const STRING_LENGTH: f32 = 1.5;
 
-/// Nodes that swing together.
+/// How nodes swing that swing together.
 struct Group {
-    /// Objects and their transforms at rest.
-    objects: Vec<(usize, Affine3A)>,
-    nodes: Vec<usize>,
     pivot: Vec3,
-    axis: Vec3,
-    /// Whether it hangs by both ends.
-    is_string: bool,
+    /// The line between both ends, if it hangs by them.
+    axis: Option<Vec3>,
     /// Radians.
     phase: f32,
 }
@@ -31,6 +27,8 @@ struct Group {
 /// The animation of everything that swings.
 pub struct Sway {
     groups: Vec<Group>,
+    /// The group of each node, and its transform at rest.
+    nodes: Vec<Option<(usize, DAffine3)>>,
     node_map: NodeMap,
 }
 
@@ -41,24 +39,15 @@ fn group_name(name: &str) -> Option<&str> {
         let part = part.to_ascii_lowercase();
         part.contains("stringlight") || part.contains("lantern")
     };
-    let mut end = 0;
-    let mut found = None;
-    for part in name.split('/') {
-        end += part.len();
-        if is_named(part) {
-            found = Some(&name[..end]);
-            if part.bytes().any(|byte| byte.is_ascii_digit()) {
-                return found;
-            }
-        }
-        end += 1;
-    }
-    found.map(|_| name)
+    let ends = name.match_indices('/').map(|(end, _)| end).chain([name.len()]);
+    let mut named = name.split('/').zip(ends).filter(|(part, _)| is_named(part));
+    let numbered = named.clone().find(|(part, _)| part.bytes().any(|byte| byte.is_ascii_digit()));
+    numbered.map(|(_, end)| &name[..end]).or_else(|| named.next().map(|_| name))
 }
 
 impl Sway {
-    /// Finds the groups by the names of nodes and meshes.
-    pub fn new(document: &Document, scene: &Scene, node_map: NodeMap) -> Self {
+    /// Finds the groups by the names of nodes and meshes. `placed` are the nodes of the scene, by index.
+    pub fn new(document: &Document, scene: &Scene, placed: &[Option<SceneNode>], node_map: NodeMap) -> Self {
         let mut names: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
         for node in document.nodes() {
             let mesh = node.mesh().and_then(|mesh| mesh.name());
@@ -67,56 +56,43 @@ impl Sway {
                 names.entry(group).or_default().push(node.index());
             }
         }
-        // Nodes that place their mesh many times stay where they are.
-        let mut groups = Vec::new();
-        for (index, nodes) in names.into_values().enumerate() {
-            let objects: Vec<usize> = nodes.iter().filter_map(|&node| node_map.only_object(node)).collect();
-            let points: Vec<Vec3> = objects.iter().flat_map(|&object| vertices(scene, object)).collect();
-            let Some((pivot, axis, is_string)) = suspension(&points) else { continue };
-            let objects = objects.into_iter().map(|object| (object, scene.objects[object].transform)).collect();
+        let (mut groups, mut nodes) = (Vec::new(), vec![None; placed.len()]);
+        for (index, members) in names.into_values().enumerate() {
+            let objects = node_map.objects.iter().filter(|object| members.contains(&object.node));
+            let points: Vec<Vec3> = objects.flat_map(|object| scene.vertices(&scene.objects[object.object])).collect();
+            let Some((pivot, axis)) = suspension(&points) else { continue };
+            members.iter().for_each(|&node| nodes[node] = placed[node].map(|placed| (groups.len(), placed.transform)));
             // Multiples of the golden angle keep neighbours out of step.
-            let phase = index as f32 * 2.399_963;
-            groups.push(Group { objects, nodes, pivot, axis, is_string, phase });
+            groups.push(Group { pivot, axis, phase: index as f32 * 2.399_963 });
         }
-        Self { groups, node_map }
+        Self { groups, nodes, node_map }
     }
 }
 
-/// The vertices of an object in world space.
-fn vertices(scene: &Scene, object: usize) -> impl Iterator<Item = Vec3> {
-    let object = scene.objects[object];
-    let triangles = &scene.meshes[object.mesh as usize].triangles;
-    triangles.iter().flat_map(|t| t.vertices).map(move |vertex| object.transform.transform_point3(vertex))
-}
-
-/// The point and the axis about which a group of points swings, and whether it hangs by both ends.
-fn suspension(points: &[Vec3]) -> Option<(Vec3, Vec3, bool)> {
-    let first = *points.first()?;
+/// The point about which a group of points swings, and the axis if it hangs by both ends.
+fn suspension(points: &[Vec3]) -> Option<(Vec3, Option<Vec3>)> {
     let farthest = |from: Vec3| {
         points.iter().copied().max_by(|a, b| a.distance_squared(from).total_cmp(&b.distance_squared(from)))
     };
-    let from = farthest(first)?;
-    let to = farthest(from)?;
-    let along = to - from;
+    let from = farthest(*points.first()?)?;
+    let along = farthest(from)? - from;
     if along.with_y(0.0).length() > STRING_LENGTH {
-        return Some((from, along.normalize(), true));
+        return Some((from, Some(along.normalize())));
     }
-    let top = points.iter().copied().max_by(|a, b| a.y.total_cmp(&b.y))?;
-    Some((top, Vec3::X, false))
+    Some((points.iter().copied().max_by(|a, b| a.y.total_cmp(&b.y))?, None))
 }
 
 impl Group {
     /// The motion from rest at a time, in seconds.
-    fn swing(&self, time: f32) -> Affine3A {
+    fn swing(&self, time: f32) -> DAffine3 {
         let wave = (1.9 * time + self.phase).sin() + 0.35 * (4.3 * time + 2.0 * self.phase).sin();
-        let turn = if self.is_string {
-            Quat::from_axis_angle(self.axis, 0.11 * wave)
-        } else {
-            let other = (2.3 * time + 1.7 * self.phase).cos();
-            Quat::from_axis_angle(vec3(self.axis.x, 0.0, self.axis.z), 0.07 * wave)
-                * Quat::from_rotation_z(0.06 * other)
+        let turn = |axis: Vec3, angle: f32| DQuat::from_axis_angle(axis.as_dvec3().normalize(), f64::from(angle));
+        let turn = match self.axis {
+            Some(axis) => turn(axis, 0.11 * wave),
+            None => turn(Vec3::X, 0.07 * wave) * turn(Vec3::Z, 0.06 * (2.3 * time + 1.7 * self.phase).cos()),
         };
-        Affine3A::from_translation(self.pivot) * Affine3A::from_quat(turn) * Affine3A::from_translation(-self.pivot)
+        let pivot = self.pivot.as_dvec3();
+        DAffine3::from_translation(pivot) * DAffine3::from_quat(turn) * DAffine3::from_translation(-pivot)
     }
 }
 
@@ -126,36 +102,16 @@ impl Animation for Sway {
     }
 
     fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
-        for group in &self.groups {
-            let swing = group.swing(time as f32);
-            for &(object, rest) in &group.objects {
-                scene.objects[object].transform = swing * rest;
-            }
-            for lights in self.node_map.lights.nodes.iter().filter(|lights| group.nodes.contains(&lights.node)) {
-                let object = self.node_map.only_object(lights.node);
-                let Some(object) = object else { continue };
-                let transform = scene.objects[object].transform;
-                match lights.source {
-                    LightSource::Surfaces => world.move_instance(lights.instance, transform)?,
-                    source => {
-                        let wide = DAffine3::from_mat3_translation(
-                            DMat3::from_cols_array(&transform.matrix3.to_cols_array().map(f64::from)),
-                            Vec3::from(transform.translation).as_dvec3(),
-                        );
-                        if let Some(placement) = source.placement(&wide) {
-                            world.move_instance(lights.instance, placement)?;
-                        }
-                    }
-                }
-            }
-        }
-        Ok(())
+        let swings: Vec<DAffine3> = self.groups.iter().map(|group| group.swing(time as f32)).collect();
+        let moved = |node: usize| self.nodes[node].map(|(group, rest)| swings[group] * rest);
+        self.node_map.place(moved, scene, world)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use girandole::glam::vec3;
 
     #[test]
     fn parts_of_one_string_have_the_same_group() {
@@ -168,9 +124,9 @@ mod tests {
     #[test]
     fn wide_groups_hang_by_their_ends_and_small_ones_by_their_top() {
         let string = [vec3(-5.0, 4.0, 0.0), vec3(0.0, 3.0, 0.0), vec3(5.0, 4.0, 0.0)];
-        let (pivot, axis, is_string) = suspension(&string).unwrap();
-        assert!(is_string && pivot.y == 4.0 && axis.x.abs() > 0.99);
+        let (pivot, axis) = suspension(&string).unwrap();
+        assert!(axis.is_some_and(|axis| axis.x.abs() > 0.99) && pivot.y == 4.0);
         let lantern = [vec3(0.1, 2.0, 0.0), vec3(0.0, 3.0, 0.0)];
-        assert_eq!(suspension(&lantern).map(|(pivot, _, is_string)| (pivot.y, is_string)), Some((3.0, false)));
+        assert_eq!(suspension(&lantern), Some((vec3(0.0, 3.0, 0.0), None)));
     }
 }

@@ -12,16 +12,8 @@ use super::buildings::{self, Lot};
 use super::furniture::{self, Lamp};
 use super::ground::{self, FRONT, KERB, LandUse, PAVEMENT};
 use super::palette::Palette;
-use super::part::Part;
 use super::rng::Rng;
 use super::signs;
-
-/// A design of a building.
-struct House {
-    lot: Lot,
-    floors: usize,
-    design: Design,
-}
 
 /// A kind of neon sign and its copies.
 pub struct Sign {
@@ -35,16 +27,10 @@ pub struct Sign {
     is_blade: bool,
 }
 
-impl Sign {
-    fn new(part: Part, is_blade: bool, assembly: &mut Assembly) -> Result<Self, SceneError> {
-        let lights = part.lights.clone();
-        Ok(Self { design: assembly.design(part)?, objects: Vec::new(), lights, is_blade })
-    }
-}
-
 /// The designs of everything that stands still.
 pub struct Kit {
-    houses: Vec<House>,
+    /// With the lot that each fills, and whether it is a tower.
+    houses: Vec<(Lot, bool, Design)>,
     tiles: Vec<(LandUse, Design)>,
     /// Blades, then boards, each in the order of [`signs::WORDS`].
     pub signs: Vec<Sign>,
@@ -67,7 +53,7 @@ impl Kit {
             for (index, &floors) in heights.iter().enumerate() {
                 let mut rng = Rng::new(seed, 0x8000 + index as u64 + 64 * lot as u64);
                 let design = assembly.design(buildings::building(lot, floors, palette, &mut rng))?;
-                houses.push(House { lot, floors, design });
+                houses.push((lot, floors > 10, design));
             }
         }
         let mut rng = Rng::new(seed, 0x9000);
@@ -76,31 +62,23 @@ impl Kit {
             tiles.push((land_use, assembly.design(ground::tile(land_use, palette, &mut rng))?));
         }
         let mut kinds = Vec::new();
-        for word in signs::WORDS {
-            let part = signs::blade(word, palette, &mut rng);
-            kinds.push(Sign::new(part, true, assembly)?);
+        for (is_blade, word) in [true, false].into_iter().flat_map(|is_blade| signs::WORDS.map(|word| (is_blade, word)))
+        {
+            let make = if is_blade { signs::blade } else { signs::board };
+            let part = make(word, palette, &mut rng);
+            let lights = part.lights.clone();
+            kinds.push(Sign { design: assembly.design(part)?, objects: Vec::new(), lights, is_blade });
         }
-        for word in signs::WORDS {
-            let part = signs::board(word, palette, &mut rng);
-            kinds.push(Sign::new(part, false, assembly)?);
-        }
-        let lamp = |kind: Lamp, height: f32, lumens: f32, assembly: &mut Assembly, palette: &mut Palette| {
-            assembly.design(furniture::lamp(kind, height, lumens, palette))
-        };
         let lamps = [
-            lamp(Lamp::Sodium, furniture::LAMP_HEIGHT, 11_000.0, assembly, palette)?,
-            lamp(Lamp::Led, furniture::LAMP_HEIGHT, 9_000.0, assembly, palette)?,
-            lamp(Lamp::Globe, 3.6, 3_500.0, assembly, palette)?,
+            furniture::lamp(Lamp::Sodium, furniture::LAMP_HEIGHT, 11_000.0, palette),
+            furniture::lamp(Lamp::Led, furniture::LAMP_HEIGHT, 9_000.0, palette),
+            furniture::lamp(Lamp::Globe, 3.6, 3_500.0, palette),
         ];
-        let mut trees = Vec::new();
-        for _ in 0..4 {
-            trees.push(assembly.design(furniture::tree(palette, &mut rng))?);
-        }
+        let [sodium, led, globe] = lamps.map(|part| assembly.design(part));
+        let lamps = [sodium?, led?, globe?];
+        let trees = (0..4).map(|_| assembly.design(furniture::tree(palette, &mut rng))).collect::<Result<_, _>>()?;
         let bench = assembly.design(furniture::bench(palette))?;
-        let mut stalls = Vec::new();
-        for _ in 0..4 {
-            stalls.push(assembly.design(furniture::stall(palette, &mut rng))?);
-        }
+        let stalls = (0..4).map(|_| assembly.design(furniture::stall(palette, &mut rng))).collect::<Result<_, _>>()?;
         Ok(Self { houses, tiles, signs: kinds, lamps, trees, bench, stalls })
     }
 
@@ -122,112 +100,113 @@ impl Kit {
         for quarter in 0..4 {
             let turn = Quat::from_rotation_y(quarter as f32 * FRAC_PI_2);
             let frame = Affine3A::from_rotation_translation(turn, center);
+            let mut quarter = Quarter { assembly: &mut *assembly, rng: &mut *rng, frame };
             if land_use == LandUse::Houses {
-                self.row(assembly, frame, tower_share, rng)?;
+                self.row(&mut quarter, tower_share)?;
             }
             for x in [-26.0, 0.0, 26.0] {
-                let post = frame * Affine3A::from_translation(vec3(x, PAVEMENT, KERB - 0.6));
-                assembly.place(lamp, post, Policy::Static)?;
+                quarter.put(lamp, vec3(x, PAVEMENT, KERB - 0.6), 0.0)?;
             }
             for x in [-33.0, -19.5, -8.0, 7.0, 18.5, 33.5] {
-                if rng.chance(0.42) {
-                    self.plant(assembly, frame, vec3(x + rng.range(-1.0, 1.0), PAVEMENT, KERB - 1.0), rng)?;
+                if quarter.rng.chance(0.42) {
+                    let x = x + quarter.rng.range(-1.0, 1.0);
+                    quarter.plant(&self.trees, vec3(x, PAVEMENT, KERB - 1.0))?;
                 }
             }
-            if rng.chance(0.5) {
-                let seat = Affine3A::from_translation(vec3(rng.pick(&[-14.0, 3.5, 13.0]), PAVEMENT, KERB - 2.2));
-                assembly.place(self.bench, frame * seat, Policy::Static)?;
+            if quarter.rng.chance(0.5) {
+                let x = quarter.rng.pick(&[-14.0, 3.5, 13.0]);
+                quarter.put(self.bench, vec3(x, PAVEMENT, KERB - 2.2), 0.0)?;
             }
             match land_use {
                 LandUse::Houses => {}
-                LandUse::Park => self.park(assembly, frame, rng)?,
-                LandUse::Market => self.market(assembly, frame, rng)?,
+                LandUse::Park => self.park(&mut quarter)?,
+                LandUse::Market => self.market(&mut quarter)?,
             }
         }
         Ok(())
     }
 
-    fn plant(&self, assembly: &mut Assembly, frame: Affine3A, at: Vec3, rng: &mut Rng) -> Result<(), SceneError> {
-        let turn = Quat::from_rotation_y(rng.range(0.0, TAU));
-        let size = Vec3::splat(rng.range(0.85, 1.25));
-        let place = frame * Affine3A::from_scale_rotation_translation(size, turn, at);
-        assembly.place(rng.pick(&self.trees), place, Policy::Static).map(drop)
-    }
-
     /// The corner house, the houses beside it and the signs along the +Z side of a block.
-    fn row(
-        &mut self,
-        assembly: &mut Assembly,
-        frame: Affine3A,
-        tower_share: f32,
-        rng: &mut Rng,
-    ) -> Result<(), SceneError> {
-        self.house(assembly, frame, Lot::Corner, vec3(FRONT, PAVEMENT, FRONT), tower_share, rng)?;
-        if rng.chance(0.45) {
-            self.house(assembly, frame, Lot::Wide, vec3(0.0, PAVEMENT, FRONT), tower_share, rng)?;
+    fn row(&mut self, quarter: &mut Quarter<'_>, tower_share: f32) -> Result<(), SceneError> {
+        self.house(quarter, Lot::Corner, FRONT, tower_share)?;
+        if quarter.rng.chance(0.45) {
+            self.house(quarter, Lot::Wide, 0.0, tower_share)?;
         } else {
-            for x in [-8.0, 8.0] {
-                self.house(assembly, frame, Lot::Narrow, vec3(x, PAVEMENT, FRONT), tower_share, rng)?;
-            }
+            self.house(quarter, Lot::Narrow, -8.0, tower_share)?;
+            self.house(quarter, Lot::Narrow, 8.0, tower_share)?;
         }
         // A sign every 7 to 60 m.
         let mut x = -FRONT + 2.0;
         loop {
-            x += rng.range(7.0, 60.0);
+            x += quarter.rng.range(7.0, 60.0);
             if x > FRONT - 2.0 {
                 return Ok(());
             }
-            let kind = rng.below(self.signs.len());
+            let kind = quarter.rng.below(self.signs.len());
             let sign = &mut self.signs[kind];
-            let height = if sign.is_blade { 5.6 } else { 4.95 };
-            let turn = if sign.is_blade { Quat::from_rotation_y(-FRAC_PI_2) } else { Quat::IDENTITY };
-            let place = Affine3A::from_rotation_translation(turn, vec3(x, height, FRONT));
-            let placed = assembly.place(sign.design, frame * place, Policy::RefitOnly)?;
-            sign.objects.push(placed.object);
+            let (height, turn) = if sign.is_blade { (5.6, -FRAC_PI_2) } else { (4.95, 0.0) };
+            let place = quarter.place(vec3(x, height, FRONT), turn);
+            sign.objects.push(quarter.assembly.place(sign.design, place, Policy::RefitOnly)?.object);
         }
     }
 
-    fn house(
-        &self,
-        assembly: &mut Assembly,
-        frame: Affine3A,
-        lot: Lot,
-        at: Vec3,
-        tower_share: f32,
-        rng: &mut Rng,
-    ) -> Result<(), SceneError> {
-        let tall = rng.chance(tower_share);
-        let fitting = |house: &&House| house.lot == lot && (house.floors > 10) == tall;
-        let designs: Vec<Design> = self.houses.iter().filter(fitting).map(|house| house.design).collect();
-        assembly.place(rng.pick(&designs), frame * Affine3A::from_translation(at), Policy::Static).map(drop)
+    fn house(&self, quarter: &mut Quarter<'_>, lot: Lot, x: f32, tower_share: f32) -> Result<(), SceneError> {
+        let tall = quarter.rng.chance(tower_share);
+        let fitting = self.houses.iter().filter(|house| (house.0, house.1) == (lot, tall));
+        let designs: Vec<Design> = fitting.map(|house| house.2).collect();
+        let design = quarter.rng.pick(&designs);
+        quarter.put(design, vec3(x, PAVEMENT, FRONT), 0.0)
     }
 
-    fn park(&self, assembly: &mut Assembly, frame: Affine3A, rng: &mut Rng) -> Result<(), SceneError> {
+    fn park(&self, quarter: &mut Quarter<'_>) -> Result<(), SceneError> {
         for z in [8.0, 22.0, 36.0] {
-            let post = Affine3A::from_translation(vec3(3.0, PAVEMENT, z));
-            assembly.place(self.lamps[2], frame * post, Policy::Static)?;
-            let seat =
-                Affine3A::from_rotation_translation(Quat::from_rotation_y(FRAC_PI_2), vec3(-2.8, PAVEMENT, z + 4.0));
-            assembly.place(self.bench, frame * seat, Policy::Static)?;
+            quarter.put(self.lamps[2], vec3(3.0, PAVEMENT, z), 0.0)?;
+            quarter.put(self.bench, vec3(-2.8, PAVEMENT, z + 4.0), FRAC_PI_2)?;
         }
         for _ in 0..9 {
-            let at = vec3(rng.range(6.0, 37.0), PAVEMENT, rng.range(6.0, 37.0));
-            self.plant(assembly, frame, at, rng)?;
+            let at = vec3(quarter.rng.range(6.0, 37.0), PAVEMENT, quarter.rng.range(6.0, 37.0));
+            quarter.plant(&self.trees, at)?;
         }
         Ok(())
     }
 
-    fn market(&self, assembly: &mut Assembly, frame: Affine3A, rng: &mut Rng) -> Result<(), SceneError> {
+    fn market(&self, quarter: &mut Quarter<'_>) -> Result<(), SceneError> {
         for (x, z) in [(12.0, 12.0), (20.0, 12.0), (28.0, 12.0), (12.0, 24.0), (20.0, 24.0), (28.0, 24.0)] {
+            let rng = &mut *quarter.rng;
             let at = vec3(x + rng.range(-0.8, 0.8), PAVEMENT, z + rng.range(-0.8, 0.8));
-            let turn = Quat::from_rotation_y(rng.pick(&[0.0, FRAC_PI_2, -FRAC_PI_2]) + rng.range(-0.1, 0.1));
-            let place = frame * Affine3A::from_rotation_translation(turn, at);
-            assembly.place(rng.pick(&self.stalls), place, Policy::Static)?;
+            let turn = rng.pick(&[0.0, FRAC_PI_2, -FRAC_PI_2]) + rng.range(-0.1, 0.1);
+            let stall = rng.pick(&self.stalls);
+            quarter.put(stall, at, turn)?;
         }
         for x in [8.0, 34.0] {
-            let post = Affine3A::from_translation(vec3(x, PAVEMENT, 34.0));
-            assembly.place(self.lamps[2], frame * post, Policy::Static)?;
+            quarter.put(self.lamps[2], vec3(x, PAVEMENT, 34.0), 0.0)?;
         }
         Ok(())
+    }
+}
+
+/// A quarter of a block.
+struct Quarter<'a> {
+    assembly: &'a mut Assembly,
+    rng: &'a mut Rng,
+    /// From a space in which the middle of the block is the origin and the street is at +Z.
+    frame: Affine3A,
+}
+
+impl Quarter<'_> {
+    /// The transform of what stands at a point of the quarter and is turned about +Y, in radians.
+    fn place(&self, at: Vec3, turn: f32) -> Affine3A {
+        self.frame * Affine3A::from_rotation_translation(Quat::from_rotation_y(turn), at)
+    }
+
+    fn put(&mut self, design: Design, at: Vec3, turn: f32) -> Result<(), SceneError> {
+        self.assembly.place(design, self.place(at, turn), Policy::Static).map(drop)
+    }
+
+    fn plant(&mut self, trees: &[Design], at: Vec3) -> Result<(), SceneError> {
+        let turn = Quat::from_rotation_y(self.rng.range(0.0, TAU));
+        let size = Vec3::splat(self.rng.range(0.85, 1.25));
+        let place = self.frame * Affine3A::from_scale_rotation_translation(size, turn, at);
+        self.assembly.place(self.rng.pick(trees), place, Policy::Static).map(drop)
     }
 }

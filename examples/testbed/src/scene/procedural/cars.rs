@@ -7,8 +7,7 @@ use super::palette::Palette;
 use super::rng::Rng;
 use super::roads::Roads;
 use super::traffic::Traffic;
-use super::vehicles::body::Body;
-use super::vehicles::fleet::{car_designs, car_transform};
+use super::vehicles::{car_designs, car_transform};
 use super::{Scene, SceneError};
 
 /// Most cars; no city has room for as many.
@@ -35,17 +34,15 @@ impl Cars {
         }
         let kinds = car_designs(assembly, palette)?;
         let mut rng = Rng::new(seed, 0xca45);
-        let mut chosen: Vec<(Body, Design)> = Vec::with_capacity(count);
-        for _ in 0..count {
+        let choose = |_| {
             // Many sedans and hatchbacks, fewer vans and taxis, few buses.
-            let kind = rng.pick(&[0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4]);
-            let (body, designs) = &kinds[kind];
-            chosen.push((*body, rng.pick(designs)));
-        }
-        let lengths: Vec<f32> = chosen.iter().map(|(body, _)| body.size().length()).collect();
+            let (body, designs) = &kinds[rng.pick(&[0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4])];
+            (body.size()[0], rng.pick(designs))
+        };
+        let (lengths, chosen): (Vec<f32>, Vec<Design>) = (0..count).map(choose).unzip();
         let traffic = Traffic::new(roads, &lengths, seed)?;
         let mut placed = Vec::with_capacity(count);
-        for (car, (_, design)) in chosen.into_iter().enumerate() {
+        for (car, design) in chosen.into_iter().enumerate() {
             let pose = traffic.pose(car, 0.0);
             placed.push(assembly.place(design, car_transform(pose.position, pose.angle), Policy::RefitOnly)?);
         }

@@ -1,57 +1,34 @@
 //! Neon signs that flicker: every third kind has a loose contact.
 
-use girandole::{Light, LightWorld, TreeKey};
+use girandole::{Light, LightWorld};
 
 use super::blocks::Sign;
 use super::rng::Rng;
 use super::{Scene, SceneError};
 
-/// The signs that flicker.
-pub struct FlickeringSigns {
-    kinds: Vec<FlickeringSign>,
-}
-
-/// One kind of sign, of which all copies flicker alike.
-struct FlickeringSign {
-    tree: TreeKey,
-    /// The lights at full power.
-    lights: Vec<Light>,
-    objects: Vec<usize>,
-    /// Of the random numbers.
-    stream: u64,
-    /// Present share of full power.
-    level: f32,
-}
+/// The kinds of signs that flicker: the stream of random numbers of each, and its present share of full power.
+pub struct FlickeringSigns(Vec<(u64, f32, Sign)>);
 
 impl FlickeringSigns {
     /// Selects the signs that flicker.
     pub fn new(signs: Vec<Sign>) -> Self {
-        let mut kinds = Vec::new();
-        for (index, sign) in
-            signs.into_iter().enumerate().filter(|(index, sign)| index % 3 == 1 && !sign.objects.is_empty())
-        {
-            let Some(tree) = sign.design.tree else { continue };
-            let (lights, objects) = (sign.lights, sign.objects);
-            kinds.push(FlickeringSign { tree, lights, objects, stream: index as u64, level: 1.0 });
-        }
-        Self { kinds }
+        let numbered = (0..).zip(signs).filter(|(number, sign)| number % 3 == 1 && !sign.objects.is_empty());
+        Self(numbered.map(|(number, sign)| (number, 1.0, sign)).collect())
     }
 
-    /// Sets the signs to their power at a time, in seconds.
+    /// Sets the signs to their power at a time, in seconds. All copies of a kind flicker alike.
     pub fn flicker(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
-        for sign in &mut self.kinds {
+        for (stream, shown, sign) in &mut self.0 {
             // Twelve states per second. In 30 % of the intervals of 1.7 s, 45 % of the states are
             // dark.
-            let is_unsteady = Rng::new((time / 1.7) as u64, sign.stream).chance(0.3);
-            let roll = Rng::new((time * 12.0) as u64, 0xf11c + sign.stream).unit();
+            let is_unsteady = Rng::new((time / 1.7) as u64, *stream).chance(0.3);
+            let roll = Rng::new((time * 12.0) as u64, 0xf11c + *stream).unit();
             let level = if !is_unsteady || roll > 0.55 { 1.0 } else { 0.06 };
-            if level == sign.level {
-                continue;
-            }
-            sign.level = level;
-            let dim = |(index, light): (usize, &Light)| (index as u32, light.with_emission(light.emission * level));
-            let changes: Vec<(u32, Light)> = sign.lights.iter().enumerate().map(dim).collect();
-            world.set_lights(sign.tree, &changes)?;
+            let Some(tree) = sign.design.tree.filter(|_| level != *shown) else { continue };
+            *shown = level;
+            let dim = |light: &Light| light.with_emission(light.emission * level);
+            let changes: Vec<(u32, Light)> = (0..).zip(sign.lights.iter().map(dim)).collect();
+            world.set_lights(tree, &changes)?;
             sign.objects.iter().for_each(|&object| scene.objects[object].emission_scale = level);
         }
         Ok(())

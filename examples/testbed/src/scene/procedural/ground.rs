@@ -43,9 +43,8 @@ pub fn tile(land_use: LandUse, palette: &mut Palette, rng: &mut Rng) -> Part {
         LandUse::Houses => part.floor([-FRONT; 2], [FRONT; 2], PAVEMENT, palette.matte(0.13, 0.13, 0.13)),
         LandUse::Park => {
             part.floor([-FRONT; 2], [FRONT; 2], PAVEMENT, palette.matte(0.045, 0.09, 0.025));
-            for ([x0, z0], [x1, z1]) in [([-FRONT, -2.0], [FRONT, 2.0]), ([-2.0, -FRONT], [2.0, FRONT])] {
-                part.floor([x0, z0], [x1, z1], PAVEMENT + 0.01, paving);
-            }
+            part.floor([-FRONT, -2.0], [FRONT, 2.0], PAVEMENT + 0.01, paving);
+            part.floor([-2.0, -FRONT], [2.0, FRONT], PAVEMENT + 0.01, paving);
         }
         LandUse::Market => {
             let slabs = [paving, palette.glossy([0.11, 0.1, 0.09], 0.45), palette.matte(0.15, 0.14, 0.13)];
@@ -86,10 +85,8 @@ fn side(palette: &mut Palette, rng: &mut Rng) -> Part {
     }
     let cut = KERB - 3.0;
     let at = |x: f32, z: f32| vec3(x, PAVEMENT, z);
-    let corner = [at(FRONT, KERB), at(cut, KERB), at(KERB, cut), at(KERB, FRONT), at(FRONT, FRONT)];
-    for i in 1..4 {
-        part.triangle([corner[0], corner[i], corner[i + 1]], slabs[0]);
-    }
+    part.quad([at(FRONT, KERB), at(cut, KERB), at(KERB, cut), at(KERB, FRONT)], slabs[0]);
+    part.triangle([at(FRONT, KERB), at(KERB, FRONT), at(FRONT, FRONT)], slabs[0]);
     let stone = palette.matte(0.36, 0.35, 0.34);
     let line = [at(KERB, -cut), at(KERB, cut), at(cut, KERB)];
     for pair in line.windows(2) {

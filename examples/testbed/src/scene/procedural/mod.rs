@@ -5,9 +5,8 @@
 //!
 //! 1. this file: the sizes of the city, and how it is put together;
 //! 2. `roads`, `ground` and `blocks`: the street grid, and what stands still in it;
-//! 3. `signals`, `traffic_lights`, `traffic` and `cars`: traffic lights and the cars that obey
-//!    them;
-//! 4. `light_string` and `festoons`: strings of bulbs, each a light tree that deforms;
+//! 3. `signals`, `traffic` and `cars`: traffic lights and the cars that obey them;
+//! 4. `strings`: strings of bulbs, each a light tree that deforms;
 //! 5. `swarm` and `flicker`: a drone swarm, which is one deforming light tree, and neon signs that
 //!    flicker.
 
@@ -25,33 +24,34 @@ pub mod ground;
 pub mod blocks;
 
 pub mod signals;
-pub mod traffic_lights;
 pub mod traffic;
 pub mod cars;
 
-pub mod light_string;
-pub mod festoons;
-
+pub mod strings;
 pub mod swarm;
 pub mod flicker;
 
 use blocks::Kit;
 use cars::Cars;
-use festoons::Festoons;
 use flicker::FlickeringSigns;
 use ground::LandUse;
 use roads::{PITCH, Roads};
+use signals::TrafficLights;
+use strings::Strings;
 use swarm::Swarm;
-use traffic_lights::TrafficLights;
 
-/// Size of a city. `size_argument.rs` has their names on a command line.
+/// Size of a city.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "native", derive(clap::ValueEnum))]
 pub enum Size {
     /// 25 blocks, about 1,000 instances and 20,000 lights.
+    #[cfg_attr(feature = "native", value(name = "S", alias = "s"))]
     S,
     /// 256 blocks, about 10,000 instances and 300,000 lights.
+    #[cfg_attr(feature = "native", value(name = "M", alias = "m"))]
     M,
     /// 2,500 blocks, about 100,000 instances and 3,000,000 lights.
+    #[cfg_attr(feature = "native", value(name = "L", alias = "l"))]
     L,
 }
 
@@ -74,7 +74,7 @@ struct Plan {
     blocks: usize,
     cars: usize,
     /// Streets with strings of bulbs.
-    festoon_streets: usize,
+    string_streets: usize,
     drones: usize,
     /// Share of towers among the buildings: everywhere, and in addition in the centre.
     towers: [f32; 2],
@@ -88,9 +88,9 @@ impl Size {
 
     fn plan(self) -> Plan {
         match self {
-            Size::S => Plan { blocks: 5, cars: 230, festoon_streets: 1, drones: 560, towers: [0.0, 0.04] },
-            Size::M => Plan { blocks: 16, cars: 2_800, festoon_streets: 8, drones: 3_000, towers: [0.08, 0.3] },
-            Size::L => Plan { blocks: 50, cars: 28_000, festoon_streets: 30, drones: 10_000, towers: [0.08, 0.3] },
+            Size::S => Plan { blocks: 5, cars: 230, string_streets: 1, drones: 560, towers: [0.0, 0.04] },
+            Size::M => Plan { blocks: 16, cars: 2_800, string_streets: 8, drones: 3_000, towers: [0.08, 0.3] },
+            Size::L => Plan { blocks: 50, cars: 28_000, string_streets: 30, drones: 10_000, towers: [0.08, 0.3] },
         }
     }
 }
@@ -107,13 +107,18 @@ pub fn stage_in(options: &CityOptions, world: LightWorld) -> Result<Stage, Scene
     let mut palette = Palette { lamp_profile: options.lamp_profile, ..Palette::default() };
     let mut kit = Kit::new(&mut assembly, &mut palette, options.seed)?;
     place_blocks(&mut assembly, &mut kit, &plan, options.seed)?;
-    place_land(&mut assembly, &mut palette, plan.blocks as f32 * PITCH);
+    // Dark land up to the horizon.
+    let reach = plan.blocks as f32 * PITCH + 2_000.0;
+    for part in land::land([[-reach; 2], [reach; 2]], -0.05, [0.03; 3], &mut palette) {
+        let mesh = assembly.mesh(part.mesh);
+        assembly.object(mesh, Affine3A::IDENTITY);
+    }
     // The street x = 0 is the avenue that the camera looks along, over the crossing at z = 104.
     let middle = plan.blocks / 2;
     let roads = Roads { side: plan.blocks as u32 - 1, corner: Vec2::splat(1.0 - middle as f32) * PITCH };
     let traffic_lights = TrafficLights::new(&mut assembly, &mut palette, &roads)?;
     let cars = Cars::new(&mut assembly, &mut palette, roads, options.cars.unwrap_or(plan.cars), options.seed)?;
-    let festoons = Festoons::new(&mut assembly, &mut palette, &roads, plan.blocks, plan.festoon_streets, options.seed)?;
+    let strings = Strings::new(&mut assembly, &mut palette, &roads, plan.blocks, plan.string_streets, options.seed)?;
     let glows = swarm::glows(&mut palette);
     let swarm = Swarm::new(&mut assembly, &glows, vec3(2.0, 78.0, -60.0), 30.0, plan.drones)?;
     let signs = FlickeringSigns::new(kit.signs);
@@ -128,7 +133,7 @@ pub fn stage_in(options: &CityOptions, world: LightWorld) -> Result<Stage, Scene
     };
     scene.lamp_clearance = 0.1;
     scene.exposure = 0.5;
-    Ok(Stage { scene, world, animation: Box::new(City { traffic_lights, cars, festoons, swarm, signs }) })
+    Ok(Stage { scene, world, animation: Box::new(City { traffic_lights, cars, strings, swarm, signs }) })
 }
 
 fn place_blocks(assembly: &mut Assembly, kit: &mut Kit, plan: &Plan, seed: u64) -> Result<(), SceneError> {
@@ -152,20 +157,11 @@ fn place_blocks(assembly: &mut Assembly, kit: &mut Kit, plan: &Plan, seed: u64) 
     Ok(())
 }
 
-/// Adds dark land up to the horizon.
-fn place_land(assembly: &mut Assembly, palette: &mut Palette, reach: f32) {
-    let reach = reach + 2_000.0;
-    for part in land::land([[-reach; 2], [reach; 2]], -0.05, [0.03; 3], palette) {
-        let mesh = assembly.mesh(part.mesh);
-        assembly.object(mesh, Affine3A::IDENTITY);
-    }
-}
-
 /// Everything that moves.
 struct City {
     traffic_lights: TrafficLights,
     cars: Cars,
-    festoons: Festoons,
+    strings: Strings,
     swarm: Swarm,
     signs: FlickeringSigns,
 }
@@ -174,7 +170,7 @@ impl Animation for City {
     fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
         self.traffic_lights.show(time, scene, world)?;
         self.cars.drive(time, scene, world)?;
-        self.festoons.swing(time, scene, world)?;
+        self.strings.swing(time, scene, world)?;
         self.swarm.fly(time, scene, world)?;
         self.signs.flicker(time, scene, world)
     }

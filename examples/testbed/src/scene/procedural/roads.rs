@@ -31,13 +31,18 @@ pub enum Turn {
 
 const TURNS: [Turn; 3] = [Turn::Straight, Turn::Right, Turn::Left];
 
-/// A piece of road on which cars drive one behind the other.
+/// A piece of road on which cars drive one behind the other: a lane from the crossing `node` in direction `heading` to
+/// the next crossing, or with a turn a way over the crossing `node`, which the car reaches in direction `heading`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Path {
-    /// From the crossing `node` in direction `heading` to the next crossing.
-    Lane { node: u32, heading: u32, lane: u32 },
-    /// Over the crossing `node`, which the car reaches in direction `heading`.
-    Connector { node: u32, heading: u32, lane: u32, turn: Turn },
+pub struct Path {
+    /// The crossing.
+    pub node: u32,
+    /// The direction of cars when they enter.
+    pub heading: u32,
+    /// The lane, from the kerb inwards.
+    pub lane: u32,
+    /// `None` between crossings.
+    pub turn: Option<Turn>,
 }
 
 /// A place on the road.
@@ -52,10 +57,6 @@ pub struct Pose {
 /// The unit vector (x, z) of a direction.
 pub fn heading_vector(heading: u32) -> Vec2 {
     [vec2(0.0, 1.0), vec2(1.0, 0.0), vec2(0.0, -1.0), vec2(-1.0, 0.0)][heading as usize % 4]
-}
-
-fn right_of(heading: u32) -> Vec2 {
-    heading_vector(heading + 3)
 }
 
 /// A square grid of crossings.
@@ -93,7 +94,7 @@ impl Roads {
     pub fn lanes(&self) -> Vec<Path> {
         let starts = (0..self.nodes()).flat_map(|node| (0..4).map(move |heading| (node, heading)));
         let roads = starts.filter(|&(node, heading)| self.neighbor(node, heading).is_some());
-        roads.flat_map(|(node, heading)| [0, 1].map(|lane| Path::Lane { node, heading, lane })).collect()
+        roads.flat_map(|(node, heading)| [0, 1].map(|lane| Path { node, heading, lane, turn: None })).collect()
     }
 
     /// One more than the largest value of [`Roads::index`].
@@ -102,73 +103,52 @@ impl Roads {
     }
 
     /// A number that is unique to the path.
-    pub fn index(&self, path: Path) -> usize {
-        let lanes = self.nodes() as usize * 8;
-        let slot = |node: u32, heading: u32, lane: u32| ((node * 4 + heading % 4) * 2 + lane) as usize;
-        match path {
-            Path::Lane { node, heading, lane } => slot(node, heading, lane),
-            Path::Connector { node, heading, lane, turn } => {
-                lanes + slot(node, heading, lane) * TURNS.len() + turn as usize
-            }
-        }
+    pub fn index(&self, Path { node, heading, lane, turn }: Path) -> usize {
+        let slot = ((node * 4 + heading % 4) * 2 + lane) as usize;
+        turn.map_or(slot, |turn| self.nodes() as usize * 8 + slot * TURNS.len() + turn as usize)
     }
 
     /// The crossing at which a path ends.
     pub fn end(&self, path: Path) -> u32 {
-        match path {
-            Path::Lane { node, heading, .. } => self.neighbor(node, heading).unwrap_or(node),
-            Path::Connector { node, .. } => node,
-        }
+        if path.turn.is_some() { path.node } else { self.neighbor(path.node, path.heading).unwrap_or(path.node) }
     }
 
-    /// The direction in which cars leave a path.
-    pub fn exit_heading(path: Path) -> u32 {
-        match path {
-            Path::Lane { heading, .. } | Path::Connector { heading, turn: Turn::Straight, .. } => heading % 4,
-            Path::Connector { heading, turn: Turn::Right, .. } => (heading + 3) % 4,
-            Path::Connector { heading, turn: Turn::Left, .. } => (heading + 1) % 4,
-        }
-    }
-
-    /// The turns at the end of a lane. The kerb lane leads straight on or right, the inner lane
+    /// The ways over the crossing at the end of a lane. The kerb lane leads straight on or right, the inner lane
     /// straight on or left. Where neither street exists, all turns that lead to a street.
-    pub fn turns(&self, node: u32, heading: u32, lane: u32) -> Vec<Turn> {
-        let is_street = |turn: Turn| {
-            self.neighbor(node, Self::exit_heading(Path::Connector { node, heading, lane, turn })).is_some()
+    pub fn ways(&self, lane: Path) -> Vec<Path> {
+        let node = self.end(lane);
+        let streets = |turns: &[Turn]| -> Vec<Path> {
+            let ways = turns.iter().map(|&turn| Path { node, turn: Some(turn), ..lane });
+            ways.filter(|&way| self.neighbor(node, self.after(way).heading).is_some()).collect()
         };
-        let own = [Turn::Straight, if lane == 0 { Turn::Right } else { Turn::Left }];
-        let own: Vec<Turn> = own.into_iter().filter(|&turn| is_street(turn)).collect();
-        if own.is_empty() { TURNS.into_iter().filter(|&turn| is_street(turn)).collect() } else { own }
+        let own = streets(&[Turn::Straight, if lane.lane == 0 { Turn::Right } else { Turn::Left }]);
+        if own.is_empty() { streets(&TURNS) } else { own }
     }
 
-    /// The lane that follows a connector.
-    pub fn after(&self, path: Path) -> Path {
-        let (Path::Connector { node, lane, .. } | Path::Lane { node, lane, .. }) = path;
-        Path::Lane { node, heading: Self::exit_heading(path), lane }
+    /// The lane that follows a way over a crossing.
+    pub fn after(&self, way: Path) -> Path {
+        let turned = way.turn.map_or(0, |turn| [0, 3, 1][turn as usize]);
+        Path { heading: (way.heading + turned) % 4, turn: None, ..way }
     }
 
     /// Length of a path, metres.
     pub fn length(&self, path: Path) -> f32 {
-        match path {
-            Path::Lane { .. } => LANE_LENGTH,
-            Path::Connector { turn: Turn::Straight, .. } => 2.0 * APPROACH,
-            Path::Connector { lane, turn, .. } => turn_radius(lane, turn) * FRAC_PI_2,
+        match path.turn {
+            None => LANE_LENGTH,
+            Some(Turn::Straight) => 2.0 * APPROACH,
+            Some(turn) => turn_radius(path.lane, turn) * FRAC_PI_2,
         }
     }
 
     /// The place `along` metres from the start of a path.
-    pub fn pose(&self, path: Path, along: f32) -> Pose {
-        let (Path::Lane { node, heading, lane } | Path::Connector { node, heading, lane, .. }) = path;
-        let (forward, right) = (heading_vector(heading), right_of(heading));
+    pub fn pose(&self, Path { node, heading, lane, turn }: Path, along: f32) -> Pose {
+        let (forward, right) = (heading_vector(heading), heading_vector(heading + 3));
         let side = right * LANES[lane as usize];
         // `heading` quarter turns take +Z to `forward`; -Z needs another half turn.
         let straight = heading as f32 * FRAC_PI_2 + std::f32::consts::PI;
-        let entry = match path {
-            Path::Lane { .. } => self.position(node) + forward * APPROACH + side,
-            Path::Connector { .. } => self.position(node) - forward * APPROACH + side,
-        };
-        match path {
-            Path::Connector { turn: turn @ (Turn::Right | Turn::Left), .. } => {
+        let entry = self.position(node) + forward * if turn.is_none() { APPROACH } else { -APPROACH } + side;
+        match turn {
+            Some(turn @ (Turn::Right | Turn::Left)) => {
                 let radius = turn_radius(lane, turn);
                 let sign = if turn == Turn::Right { 1.0 } else { -1.0 };
                 let (sin, cos) = (along / radius).sin_cos();
@@ -181,10 +161,7 @@ impl Roads {
 }
 
 fn turn_radius(lane: u32, turn: Turn) -> f32 {
-    match turn {
-        Turn::Right => APPROACH - LANES[lane as usize],
-        _ => APPROACH + LANES[lane as usize],
-    }
+    APPROACH + if turn == Turn::Right { -LANES[lane as usize] } else { LANES[lane as usize] }
 }
 
 #[cfg(test)]
@@ -195,12 +172,9 @@ mod tests {
     fn consecutive_paths_join_in_position_and_direction() {
         let roads = Roads { side: 3, corner: vec2(-100.0, 40.0) };
         for lane in roads.lanes() {
-            let Path::Lane { heading, lane: number, .. } = lane else { unreachable!() };
-            let node = roads.end(lane);
-            let turns = roads.turns(node, heading, number);
-            assert!(!turns.is_empty());
-            for turn in turns {
-                let over = Path::Connector { node, heading, lane: number, turn };
+            let ways = roads.ways(lane);
+            assert!(!ways.is_empty());
+            for over in ways {
                 let next = roads.after(over);
                 for (from, to) in [(lane, over), (over, next)] {
                     let (a, b) = (roads.pose(from, roads.length(from)), roads.pose(to, 0.0));

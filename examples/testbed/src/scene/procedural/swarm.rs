@@ -30,8 +30,6 @@ pub struct Swarm {
     radiance: Vec<Vec3>,
     /// Object of the first drone; the others follow it.
     first_object: usize,
-    /// Number of drones.
-    count: usize,
 }
 
 /// A saturated colour; `turn` is its hue in turns.
@@ -72,7 +70,7 @@ impl Swarm {
         let lights = radiance.iter().map(|&radiance| Light::sphere(Vec3::ZERO, drone_radius, radiance)).collect();
         let tree = assembly.world.add_tree(LightTree::new(lights)?);
         assembly.world.add_instance(tree, Affine3A::from_translation(center), Policy::Budgeted)?;
-        let mut swarm = Self { tree, center, radius, drone_radius, radiance, first_object, count };
+        let mut swarm = Self { tree, center, radius, drone_radius, radiance, first_object };
         swarm.fly(0.0, &mut assembly.scene, &mut assembly.world)?;
         Ok(swarm)
     }
@@ -80,7 +78,7 @@ impl Swarm {
     /// Position of a drone relative to the centre.
     fn position(&self, drone: usize, time: f32) -> Vec3 {
         let (arm, step) = (drone % ARMS, drone / ARMS);
-        let along = (step as f32 + 0.5) / self.count.div_ceil(ARMS) as f32;
+        let along = (step as f32 + 0.5) / self.radiance.len().div_ceil(ARMS) as f32;
         // The wheel: curved arms that open and close, with a wave across the plane of the wheel.
         let radius = self.radius * along.sqrt();
         let angle = arm as f32 / ARMS as f32 * TAU + 1.5 * along + 0.3 * time;
@@ -91,7 +89,7 @@ impl Swarm {
             self.radius * 0.12 * (2.0 * angle + time).sin(),
         );
         // The globe: a Fibonacci sphere that turns about the vertical axis.
-        let height = 1.0 - 2.0 * (drone as f32 + 0.5) / self.count as f32;
+        let height = 1.0 - 2.0 * (drone as f32 + 0.5) / self.radiance.len() as f32;
         let ring = (1.0 - height * height).sqrt();
         let turn = drone as f32 * 2.399_963 + 0.4 * time;
         let globe = vec3(ring * turn.cos(), height, ring * turn.sin()) * self.radius * 0.8;
@@ -103,11 +101,11 @@ impl Swarm {
 
     /// Moves drones and lights to where they are at a time, in seconds.
     pub fn fly(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
-        let mut changes = Vec::with_capacity(self.count);
-        for drone in 0..self.count {
+        let mut changes = Vec::with_capacity(self.radiance.len());
+        for (drone, &radiance) in self.radiance.iter().enumerate() {
             let position = self.position(drone, time as f32);
             scene.objects[self.first_object + drone].transform = Affine3A::from_translation(self.center + position);
-            changes.push((drone as u32, Light::sphere(position, self.drone_radius, self.radiance[drone])));
+            changes.push((drone as u32, Light::sphere(position, self.drone_radius, radiance)));
         }
         world.set_lights(self.tree, &changes)?;
         Ok(())

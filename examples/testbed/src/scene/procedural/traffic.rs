@@ -12,8 +12,9 @@ use super::signals::{Signal, signal, signal_group};
 
 /// Seconds per step. Between steps, cars move on at their current speed.
 const STEP: f64 = 0.1;
-/// Speed on a free lane, m/s.
+/// Speed on a free lane, and on each turn at a crossing, m/s.
 const FREE_SPEED: f32 = 12.5;
+const TURN_SPEEDS: [f32; 3] = [FREE_SPEED, 4.5, 6.5];
 /// Largest acceleration, m/s^2.
 const ACCELERATION: f32 = 1.8;
 /// Comfortable deceleration, m/s^2.
@@ -45,16 +46,7 @@ pub struct Traffic {
     queues: Vec<VecDeque<u32>>,
     /// The paths that exist, with their indices, in the order in which a step visits them.
     paths: Vec<(usize, Path)>,
-    accelerations: Vec<f32>,
     time: f64,
-}
-
-fn turn_speed(turn: Turn) -> f32 {
-    match turn {
-        Turn::Straight => FREE_SPEED,
-        Turn::Right => 4.5,
-        Turn::Left => 6.5,
-    }
 }
 
 impl Traffic {
@@ -76,41 +68,26 @@ impl Traffic {
             let other = taken + rng.below(places.len() - taken);
             places.swap(taken, other);
         }
-        let mut queues = vec![VecDeque::new(); roads.path_count()];
-        let mut cars = Vec::with_capacity(lengths.len());
-        let mut taken: Vec<(usize, f32)> = places[..lengths.len()].iter().map(|&place| (place, 0.0)).collect();
-        taken.iter_mut().zip(lengths).for_each(|(place, &length)| place.1 = length);
+        let car = |(car, &length): (usize, &f32)| {
+            let (path, along) = (lanes[places[car] / slots], ((places[car] % slots) as f32 + 0.5) * slot);
+            let mut rng = Rng::new(seed, 0x1000 + car as u64);
+            let pace = rng.range(0.8, 1.1);
+            let mut car = Car { path, along, speed: 8.0, length, turn: Turn::Straight, pace, rng };
+            car.choose_turn(&roads);
+            car
+        };
+        let cars: Vec<Car> = lengths.iter().enumerate().map(car).collect();
         // Higher slots are nearer to the end of the lane, so that cars enter their queues in
         // descending order of slots.
-        taken.sort_by_key(|place| std::cmp::Reverse(place.0));
-        // Car i has the i-th length.
-        let mut order: Vec<usize> = (0..lengths.len()).collect();
+        let mut order: Vec<usize> = (0..cars.len()).collect();
         order.sort_by_key(|&car| std::cmp::Reverse(places[car]));
-        cars.resize(lengths.len(), None);
-        for (&car, &(place, length)) in order.iter().zip(&taken) {
-            let path = lanes[place / slots];
-            let along = ((place % slots) as f32 + 0.5) * slot;
-            let mut rng = Rng::new(seed, 0x1000 + car as u64);
-            let mut entry =
-                Car { path, along, speed: 8.0, length, turn: Turn::Straight, pace: rng.range(0.8, 1.1), rng };
-            choose_turn(&roads, &mut entry);
-            queues[roads.index(path)].push_back(car as u32);
-            cars[car] = Some(entry);
-        }
-        let cars: Vec<Car> = cars.into_iter().flatten().collect();
-        let mut paths = Vec::new();
-        for lane in lanes {
-            paths.push((roads.index(lane), lane));
-            let Path::Lane { heading, lane: number, .. } = lane else { continue };
-            let node = roads.end(lane);
-            for turn in roads.turns(node, heading, number) {
-                let over = Path::Connector { node, heading, lane: number, turn };
-                paths.push((roads.index(over), over));
-            }
-        }
-        let accelerations = vec![0.0; cars.len()];
-        let warm_up = 43.0;
-        let mut traffic = Self { roads, cars, queues, paths, accelerations, time: -warm_up };
+        let mut queues = vec![VecDeque::new(); roads.path_count()];
+        order.into_iter().for_each(|car| queues[roads.index(cars[car].path)].push_back(car as u32));
+        let paths = lanes.into_iter().flat_map(|lane| [vec![lane], roads.ways(lane)].concat());
+        let paths = paths.map(|path| (roads.index(path), path)).collect();
+        /// Seconds before the first picture.
+        const WARM_UP: f64 = 43.0;
+        let mut traffic = Self { roads, cars, queues, paths, time: -WARM_UP };
         traffic.advance(0.0);
         Ok(traffic)
     }
@@ -132,11 +109,9 @@ impl Traffic {
 
     /// The path that a car follows next.
     fn next(&self, car: &Car) -> Path {
-        match car.path {
-            Path::Lane { heading, lane, .. } => {
-                Path::Connector { node: self.roads.end(car.path), heading, lane, turn: car.turn }
-            }
-            connector => self.roads.after(connector),
+        match car.path.turn {
+            None => Path { node: self.roads.end(car.path), turn: Some(car.turn), ..car.path },
+            Some(_) => self.roads.after(car.path),
         }
     }
 
@@ -153,38 +128,34 @@ impl Traffic {
         let left = self.roads.length(car.path) - car.along - car.length * 0.5;
         let free = (1e4, FREE_SPEED);
         let next = self.next(car);
-        match car.path {
-            Path::Lane { heading, .. } => {
-                let node = self.roads.end(car.path);
-                let shown = signal(signal_group(node, self.roads.side, heading), self.time);
-                let stops = car.speed * car.speed / (2.0 * 4.0) < left;
-                let closed = shown == Signal::Red || (shown == Signal::Amber && stops);
-                // A car does not enter a crossing that it could not leave.
-                let beyond = self.roads.after(next);
-                let full = self.free_length(beyond).is_some_and(|(room, speed)| room < car.length + 3.0 && speed < 3.0);
-                // A car whose front is past the line drives on; only its middle is still on the
-                // lane.
-                if (closed || full) && left > -0.5 {
-                    return (left + STANDSTILL - 0.6, 0.0);
-                }
-                match (self.free_length(next), self.free_length(beyond)) {
-                    (Some((room, speed)), _) => (left + room, speed),
-                    (None, Some((room, speed))) => (left + self.roads.length(next) + room, speed),
-                    (None, None) => free,
-                }
-            }
-            Path::Connector { .. } => self.free_length(next).map_or(free, |(room, speed)| (left + room, speed)),
+        if car.path.turn.is_some() {
+            return self.free_length(next).map_or(free, |(room, speed)| (left + room, speed));
+        }
+        let shown = signal(signal_group(next.node, self.roads.side, next.heading), self.time);
+        let stops = car.speed * car.speed / (2.0 * 4.0) < left;
+        let closed = shown == Signal::Red || (shown == Signal::Amber && stops);
+        // A car does not enter a crossing that it could not leave.
+        let beyond = self.roads.after(next);
+        let full = self.free_length(beyond).is_some_and(|(room, speed)| room < car.length + 3.0 && speed < 3.0);
+        // A car whose front is past the line drives on; only its middle is still on the lane.
+        if (closed || full) && left > -0.5 {
+            return (left + STANDSTILL - 0.6, 0.0);
+        }
+        match (self.free_length(next), self.free_length(beyond)) {
+            (Some((room, speed)), _) => (left + room, speed),
+            (None, Some((room, speed))) => (left + self.roads.length(next) + room, speed),
+            (None, None) => free,
         }
     }
 
     /// The acceleration of a car at a distance `gap` behind an obstacle of speed `leader_speed`.
     fn acceleration(&self, car: &Car, gap: f32, leader_speed: f32) -> f32 {
         let mut desired_speed = FREE_SPEED * car.pace;
-        match car.path {
-            Path::Connector { turn, .. } => desired_speed = desired_speed.min(turn_speed(turn)),
-            Path::Lane { .. } => {
+        match car.path.turn {
+            Some(turn) => desired_speed = desired_speed.min(TURN_SPEEDS[turn as usize]),
+            None => {
                 let left = (LANE_LENGTH - car.along).max(0.0);
-                let limit = turn_speed(car.turn);
+                let limit = TURN_SPEEDS[car.turn as usize];
                 desired_speed = desired_speed.min((limit * limit + 2.0 * 1.8 * left).sqrt());
             }
         }
@@ -196,6 +167,7 @@ impl Traffic {
     }
 
     fn step(&mut self) {
+        let mut accelerations = vec![0.0; self.cars.len()];
         for (index, _) in &self.paths {
             let queue = &self.queues[*index];
             for (place, &car) in queue.iter().enumerate() {
@@ -204,11 +176,11 @@ impl Traffic {
                     Some(ahead) => (ahead.along - own.along - (ahead.length + own.length) * 0.5, ahead.speed),
                     None => self.gap_of_first(own),
                 };
-                self.accelerations[car as usize] = self.acceleration(own, gap, leader_speed);
+                accelerations[car as usize] = self.acceleration(own, gap, leader_speed);
             }
         }
         let dt = STEP as f32;
-        for (car, acceleration) in self.cars.iter_mut().zip(&self.accelerations) {
+        for (car, acceleration) in self.cars.iter_mut().zip(accelerations) {
             car.speed = (car.speed + acceleration * dt).max(0.0);
             car.along += car.speed * dt;
         }
@@ -226,8 +198,8 @@ impl Traffic {
                 let car = &mut self.cars[first as usize];
                 car.path = next;
                 car.along -= length;
-                if matches!(next, Path::Lane { .. }) {
-                    choose_turn(&self.roads, car);
+                if next.turn.is_none() {
+                    car.choose_turn(&self.roads);
                 }
             }
         }
@@ -235,11 +207,13 @@ impl Traffic {
     }
 }
 
-fn choose_turn(roads: &Roads, car: &mut Car) {
-    let Path::Lane { heading, lane, .. } = car.path else { return };
-    let turns = roads.turns(roads.end(car.path), heading, lane);
-    let straight = turns.contains(&Turn::Straight) && car.rng.chance(0.6);
-    car.turn = if straight { Turn::Straight } else { car.rng.pick(&turns) };
+impl Car {
+    /// Chooses the turn at the end of its lane.
+    fn choose_turn(&mut self, roads: &Roads) {
+        let turns: Vec<Turn> = roads.ways(self.path).iter().filter_map(|way| way.turn).collect();
+        let straight = turns.contains(&Turn::Straight) && self.rng.chance(0.6);
+        self.turn = if straight { Turn::Straight } else { self.rng.pick(&turns) };
+    }
 }
 
 #[cfg(test)]
@@ -267,7 +241,7 @@ mod tests {
                 }
                 for car in queue {
                     assert!(car.along >= 0.0 && car.along <= traffic.roads.length(*path));
-                    turned += usize::from(matches!(path, Path::Connector { turn: Turn::Left | Turn::Right, .. }));
+                    turned += usize::from(matches!(path.turn, Some(Turn::Left | Turn::Right)));
                 }
             }
         }
