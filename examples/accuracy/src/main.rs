@@ -16,9 +16,7 @@
 //! - `accuracy.csv`: a row for each setting (`table.rs` explains the columns);
 //! - `front.csv` and `equal_time.csv`: the front of least error, and all samplers in equal time;
 //! - `error_over_time.svg`, `alternatives.svg`, `stages.svg`: the plots of the page;
-//! - `equal_time.svg`: the same part of the picture by several samplers in equal time;
-//! - `reference.bin`: the reference. A run that is interrupted continues it, and the next run of
-//!   the same view starts from it.
+//! - `equal_time.svg`: the same part of the picture by several samplers in equal time.
 //!
 //! ```text
 //! cargo run --release -p accuracy -- --rivals --out DIR [--quick] [--gltf FILE] [--camera x,y,z,x,y,z]

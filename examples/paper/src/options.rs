@@ -17,7 +17,7 @@ use testbed::scene_options::{parse_camera, parse_size};
 #[derive(Clone, Debug, Parser)]
 #[command(name = "paper", version)]
 pub struct Options {
-    /// The folder of the tables, plots and references
+    /// The folder of the tables and plots
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
     /// A small city, small pictures and few frames: seconds
@@ -119,7 +119,7 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
     let progress = progress("", steps);
     for source in &sources {
         progress.set_message(source.name());
-        let results = play(source, &plan, &threads, &options.out, || progress.inc(1))?;
+        let results = play(source, &plan, &threads, || progress.inc(1))?;
         tables.add(&results, &plan)?;
         for kind in [TreeKind::Binary, TreeKind::Library].into_iter().filter(|_| plan.has_algorithms) {
             plots::over_time(&options.out, &results, kind)?;

@@ -14,11 +14,9 @@ const SIZE: (u32, u32) = (440, 320);
 const HEAD: u32 = 130;
 
 /// Names as in the table, names in the legend, and colours.
-const SAMPLERS: [(&str, &str, RGBColor); 4] = [
+const SAMPLERS: [(&str, &str, RGBColor); 2] = [
     ("girandole", "Girandole, two levels", PALETTE[5]),
     ("girandole flat", "Girandole, one tree in world space", PALETTE[2]),
-    ("pbrt", "formula of pbrt-v4, in world space", PALETTE[6]),
-    ("cycles", "formula of Cycles, in world space", PALETTE[1]),
 ];
 
 /// The least error that is drawn. Smaller ones are drawn there.
