@@ -39,7 +39,7 @@ fn shading_points(rng: &mut Rng) -> Vec<ShadingPoint> {
 fn sigma(world: &LightWorld, shading_points: &[ShadingPoint]) -> f64 {
     let lights = carried(world);
     let lux: Vec<Vec<f32>> = shading_points.iter().map(|at| reflections(&lights, at)).collect();
-    samplers::noise(samplers::two_level(world).as_ref(), shading_points, &lux).0.mean
+    samplers::noise(&samplers::two_level(world), shading_points, &lux).0.mean
 }
 
 #[test]

@@ -39,8 +39,8 @@ const NO_NOISE: f64 = 0.2;
 
 #[test]
 fn no_scene_is_a_cliff_but_those_that_are_known() {
-    for scene in scenes().expect("valid scenes") {
-        let rows = rows(&scene).expect("valid lights");
+    for scene in scenes() {
+        let rows = rows(&scene, false).expect("valid lights");
         let [others @ .., two, flat, shared] = &rows[..] else { panic!("rows are missing") };
         assert_eq!((others.len(), two.sampler, flat.sampler), (7, "girandole", "girandole flat"));
         let sigma = |row: &TortureRow| row.sigma.mean;
@@ -75,7 +75,7 @@ const MISSED_CLIFFS: [(&str, f64); 2] =
 
 #[test]
 fn scenes_that_once_were_cliffs_are_none_but_those_that_are_known() {
-    for scene in cliffs::scenes().expect("valid scenes") {
+    for scene in cliffs::scenes() {
         let [two, flat] = two_and_flat(&scene);
         let ratio = two / flat.max(RESOLVED);
         assert!(flat <= MOST_OF_FLAT, "{}: {flat} by one tree", scene.name);
@@ -92,9 +92,9 @@ fn two_and_flat(scene: &TortureScene) -> [f64; 2] {
     let lights = carried(&scene.world);
     let ids: Vec<LightId> = scene.world.sampler().all_lights().collect();
     let lux: Vec<Vec<f32>> = scene.shading_points.iter().map(|at| reflections(&lights, at)).collect();
-    let sigma = |chooser: &dyn Chooser| samplers::noise(chooser, &scene.shading_points, &lux).0.mean;
+    let sigma = |chooser: &Chooser<'_>| samplers::noise(chooser, &scene.shading_points, &lux).0.mean;
     let flat = samplers::flat(&lights, &ids).expect("valid lights");
-    [samplers::two_level(&scene.world).as_ref(), flat.as_ref()].map(sigma)
+    [&samplers::two_level(&scene.world), &flat].map(sigma)
 }
 
 /// The most that sigma of a town may be, relative to one tree without a top level, however its lights
@@ -103,7 +103,7 @@ const OF_CUTS: f64 = 1.25;
 
 #[test]
 fn quality_does_not_depend_on_how_a_town_is_cut() {
-    let scenes = scenes().expect("valid scenes");
+    let scenes = scenes();
     let towns: Vec<_> = scenes.iter().filter(|scene| TOWN.contains(&&*scene.name)).collect();
     assert_eq!(towns.len(), TOWN.len());
     for scene in towns {

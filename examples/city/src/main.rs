@@ -8,8 +8,7 @@
 //! This renders two frames into the folder `out`: a picture for the screen (`frame_0000.png`), its
 //! radiance (`frame_0000.exr`), and the costs of each frame (`frames.csv`). At the end it prints
 //! which effects the lights needed and how many shadow rays were traced. `--window` opens a window to
-//! fly through the scene, `--compare` renders the same view by other samplers in equal time, with
-//! their errors, `--video FILE` writes a film, and `--open FILE` shows a dump of any engine's
+//! fly through the scene, `--video FILE` writes a film, and `--open FILE` shows a dump of any engine's
 //! lights. `docs/city.md` and `--help` tell the rest: other
 //! sizes of city, glTF scenes, and the street lamps of a real city.
 //!
@@ -27,9 +26,6 @@ fn main() -> ExitCode {
         }
         Ok(Parsed::Run(options)) if options.open.is_some() => {
             city::window::still::run(&options, &mut |line| testbed::say!("{line}"))
-        }
-        Ok(Parsed::Run(options)) if options.compare => {
-            city::app::compare::run::compare(&options, &mut |line| testbed::say!("{line}")).map(drop)
         }
         Ok(Parsed::Run(options)) => city::app::run::run(&options, &mut |line| testbed::say!("{line}")),
         Ok(Parsed::Help(text)) => {

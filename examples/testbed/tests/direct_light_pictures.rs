@@ -3,7 +3,7 @@
 use girandole::glam::Vec3;
 use girandole::{LightId, LightWorld};
 use testbed::direct_light::converged;
-use testbed::direct_light::draw::{Draw, Resampled, Single, Streaming};
+use testbed::direct_light::draw::{Draw, Resampled, Single};
 use testbed::direct_light::numbers::numbers;
 use testbed::direct_light::renderer::Renderer;
 use testbed::direct_light::rivals;
@@ -37,11 +37,11 @@ impl Studio<'_> {
     fn with_samplers(&self, test: impl Fn(&mut [(&str, &mut dyn Draw)])) {
         let lights = self.world.sampler();
         let published = samplers::published(&lights::carried(self.world), self.ids).expect("sound lights");
-        let mut choosers: Vec<Box<dyn Chooser + '_>> = vec![samplers::two_level(self.world)];
+        let mut choosers: Vec<Chooser<'_>> = vec![samplers::two_level(self.world)];
         choosers.extend(published.into_iter().filter(|chooser| ["flux", "pbrt opaque"].contains(&chooser.name())));
         choosers.rotate_left(1);
         let mut draws: Vec<Single<'_>> =
-            choosers.iter().map(|chooser| Single { chooser: chooser.as_ref(), lights }).collect();
+            choosers.iter().map(|chooser| Single { chooser, lights, has_gloss: false }).collect();
         let named = choosers.iter().zip(&mut draws);
         let mut named: Vec<(&str, &mut dyn Draw)> =
             named.map(|(chooser, draw)| (chooser.name(), draw as &mut dyn Draw)).collect();
@@ -110,15 +110,13 @@ fn the_pictures_of_all_ways_to_draw_have_the_mean_of_the_sum_over_all_lights() {
         };
         let (difference, error) = compare(SEEDS_OF_DRAWS.map(all), &reference);
         assert!(difference.abs() <= T_LIMIT * error && error < 0.01, "all lights: {difference}, {error}");
-        check("resampled", &mut Resampled { lights, candidates: 4 }, 8.0);
-        check("streaming", &mut Streaming { lights, ids: studio.ids, candidates: 32 }, 6.0);
+        check("resampled", &mut Resampled { lights, candidates: 4, has_gloss: false }, 8.0);
     });
 }
 
 /// The samplers that prepare each frame, with samples per pixel. Pixels share what is prepared, so their
 /// errors do not average out as those of independent samples do.
-const PREPARED: [(&str, f64); 5] =
-    [("regir", 3.0), ("presampled 8", 6.0), ("presampled 32", 4.0), ("stochastic lightcuts", 16.0), ("nee-at", 4.0)];
+const PREPARED: [(&str, f64); 4] = [("regir", 3.0), ("presampled 8", 6.0), ("presampled 32", 4.0), ("nee-at", 4.0)];
 
 #[test]
 fn the_pictures_of_samplers_that_prepare_frames_have_the_mean_of_the_sum_over_all_lights() {

@@ -67,7 +67,7 @@ fn sigma(near: Near, far: Far, distance: f32, lux: f32) -> f64 {
         .collect();
     let lights = carried(&world);
     let lux: Vec<Vec<f32>> = points.iter().map(|point| reflections(&lights, point)).collect();
-    let summary = noise(two_level(&world).as_ref(), &points, &lux).0;
+    let summary = noise(&two_level(&world), &points, &lux).0;
     assert_eq!(summary.unreached, 0);
     summary.mean
 }

@@ -6,8 +6,7 @@
 //! 2. `stage_times` and `session`: the loop, which shows how an engine uses the library;
 //! 3. `denoiser`: pictures with less noise;
 //! 4. `files`, `output` and `video`: the files;
-//! 5. `compare`: several samplers in equal time;
-//! 6. `run`: the whole program.
+//! 5. `run`: the whole program.
 
 pub mod options;
 
@@ -19,7 +18,5 @@ pub mod denoiser;
 pub mod files;
 pub mod output;
 pub mod video;
-
-pub mod compare;
 
 pub mod run;

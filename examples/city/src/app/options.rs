@@ -26,7 +26,7 @@ const MAX_SPP: u32 = 1 << 20;
 #[command(name = "city", version)]
 pub struct Options {
     /// Open a window to fly through the scene; --out receives the pictures that are saved there
-    #[arg(long, conflicts_with_all = ["frames", "size", "spp", "keep_noise", "sum", "compare", "video"])]
+    #[arg(long, conflicts_with_all = ["frames", "size", "spp", "keep_noise", "sum", "video"])]
     pub window: bool,
     /// Width and height of the window in pixels [default: 1280x720]
     #[arg(long, value_name = "WxH", requires = "window", value_parser = |text: &str| parse_size(text, 64..=MAX_SIDE))]
@@ -55,25 +55,25 @@ pub struct Options {
     #[command(flatten)]
     pub scene: SceneOptions,
     /// The time after sunset: a sky that samples choose beside lamps, and street lamps with a photometric profile
-    #[arg(long, conflicts_with_all = ["gltf", "sampler", "sum", "compare"])]
+    #[arg(long, conflicts_with_all = ["gltf", "sampler", "sum"])]
     pub dusk: bool,
     /// Let street lamps shine at dusk as this file says: IES, or EULUMDAT (.ldt)
     #[arg(long, value_name = "FILE", requires = "dusk")]
     pub ies: Option<PathBuf>,
     /// A fire of 100,000 sparks, and a dancer in a suit of lamps, on a crossing of the procedural city. The GPU moves
     /// their lights. Cars stay away, unless --cars lets them in
-    #[arg(long, conflicts_with_all = ["gltf", "lamps", "sampler", "sum", "compare"])]
+    #[arg(long, conflicts_with_all = ["gltf", "lamps", "sampler", "sum"])]
     pub fire: bool,
     /// Show the lights and the trees of a dump, which `LightWorld::write_dump` has written in any engine: in a window
     /// with --window, or else in the picture dump.png
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["gltf", "lamps", "world", "cars", "dusk", "fire", "frames", "spp", "sampler", "sum", "compare", "video", "dump"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["gltf", "lamps", "world", "cars", "dusk", "fire", "frames", "spp", "sampler", "sum", "video", "dump"])]
     pub open: Option<PathBuf>,
     /// What the view of trees shows: 0 the box of each instance, 1 and more the boxes of nodes below its root, -1 and
     /// less those of the top level, from its lowest nodes to its root
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(i32).range(-64..=64), allow_negative_numbers = true)]
     pub level: i32,
     /// Write a dump of the light world after the last frame
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["window", "compare"])]
+    #[arg(long, value_name = "FILE", conflicts_with = "window")]
     pub dump: Option<PathBuf>,
     /// Time that rebuilds of light trees may take per frame, in milliseconds
     #[arg(long, value_name = "MS", default_value_t = 1.0, value_parser = parse_budget, allow_negative_numbers = true)]
@@ -81,27 +81,20 @@ pub struct Options {
     /// Where to render
     #[arg(long, value_name = "WHERE", value_enum, default_value_t = BackendChoice::Auto)]
     pub backend: BackendChoice,
-    /// How samples choose lights; frames of samplers without light trees of girandole are rendered on
-    /// the CPU, even with --backend gpu
+    /// How samples choose lights
     #[arg(long, value_name = "NAME", value_enum, default_value_t = LightChoice::Girandole)]
     pub sampler: LightChoice,
     /// Sum up all lights in every sample instead of choosing one, on the CPU: slow, but without the
-    /// noise of the choice. With --compare, the reference is such a picture
+    /// noise of the choice
     #[arg(long, conflicts_with = "sampler")]
     pub sum: bool,
-    /// Compare the samplers at the first frame, on the CPU, in the time that girandole takes for
-    /// --spp samples; writes compare.csv, compare.svg, compare_error.svg and pictures. The
-    /// reference is a picture by girandole with 64 times the samples, or the sum over all lights
-    /// with --sum
-    #[arg(long, conflicts_with_all = ["frames", "sampler", "keep_noise", "fps"])]
-    pub compare: bool,
     /// Folder for the pictures and frames.csv; created if it does not exist [default: out; with
     /// --video alone, no pictures and no table are written]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Write all frames into one film: .y4m without compression, any other format (.mp4, .webm)
     /// through ffmpeg, which must be installed
-    #[arg(long, value_name = "FILE", value_parser = parse_film, conflicts_with = "compare")]
+    #[arg(long, value_name = "FILE", value_parser = parse_film)]
     pub video: Option<PathBuf>,
     /// Keep the noise in PNG pictures and films; by default it is filtered (EXR pictures are never
     /// filtered)
@@ -127,9 +120,6 @@ impl Options {
     /// Reads the arguments, of which the first is the name of the program. An error is one line.
     pub fn read(args: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Parsed, SceneError> {
         match Self::try_parse_from(args) {
-            Ok(options) if options.compare && options.backend == BackendChoice::Gpu => {
-                Err(SceneError("--compare renders on the CPU and cannot be used with --backend gpu; see --help".into()))
-            }
             Ok(mut options) => {
                 if options.fire && options.backend == BackendChoice::Auto {
                     options.backend = BackendChoice::Gpu;
@@ -260,20 +250,14 @@ mod tests {
             "--dusk --sum",
             "--gltf a.glb --fire",
             "--lamps a.csv --fire",
-            "--fire --sampler flux",
-            "--fire --compare",
+            "--fire --sampler roots",
             "--fire --sum",
             "--ies lamp.ies",
             "--lamps a.csv --world S",
             "--lamps a.csv --cars 5",
             "--sampler all",
             "--sampler exhaustive",
-            "--sum --sampler flux",
-            "--compare --frames 2",
-            "--compare --sampler flux",
-            "--compare --keep-noise",
-            "--compare --backend gpu",
-            "--compare --video a.y4m",
+            "--sum --sampler roots",
             "--video film",
             "--video .mp4",
             "--open a.dump --gltf a.glb",
@@ -308,7 +292,7 @@ mod tests {
         assert_eq!(folder("--video b.mp4"), None);
         let choice = |args| parse(args).unwrap().settings().light_choice;
         assert_eq!(choice(""), LightChoice::Girandole);
-        assert_eq!(choice("--sampler pbrt"), LightChoice::Pbrt);
+        assert_eq!(choice("--sampler roots"), LightChoice::Roots);
         assert_eq!(choice("--sum"), LightChoice::Exhaustive);
     }
 }

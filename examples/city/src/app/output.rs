@@ -17,7 +17,7 @@ use testbed::scene::SceneError;
 /// The column names of the table. `frame_ms` is the sum of the times of all stages: the columns from
 /// `animation_us` to `writing_us`. The columns from `budget_us` to `overrun_us` are parts of
 /// `light_update_us`.
-pub const CSV_HEADER: [&str; 29] = [
+pub const CSV_HEADER: [&str; 28] = [
     "frame",
     "instances",
     "lights",
@@ -41,7 +41,6 @@ pub const CSV_HEADER: [&str; 29] = [
     "geometry_us",
     "upload_us",
     "top_build_us",
-    "baseline_build_us",
     "rendering_us",
     "denoising_us",
     "tone_mapping_us",
@@ -151,8 +150,7 @@ fn row(stats: &FrameStats) -> [String; CSV_HEADER.len()] {
         micros(times.light_update),
         micros(times.geometry),
         micros(times.upload),
-        times.top_build.map(micros).unwrap_or_default(),
-        micros(times.baseline_build),
+        micros(times.top_build),
         micros(times.rendering),
         micros(times.denoising),
         micros(times.tone_mapping),

@@ -7,16 +7,13 @@ use super::stage_times::{Laps, StageTimes};
 use girandole::{CutTable, Effects, FrameBudget, FrameReport, LightWorld, Revision};
 use std::time::Duration;
 use testbed::render::backend::{Backend, ChosenBackend};
-use testbed::render::choice::{Baselines, Choice};
-use testbed::render::cpu::{self, Lights};
+use testbed::render::cpu::{self, Integrator};
 use testbed::render::geometry::{Geometry, GeometryChange};
 use testbed::render::gpu::{GpuRenderer, GpuUpdate};
-use testbed::render::history::History;
 use testbed::render::image::{Image, ShadowRays};
 use testbed::render::metering::meter;
 use testbed::render::sequence::frame_seed;
 use testbed::render::settings::{LightChoice, Settings, cut_options, pixel_size};
-use testbed::render::shading::View;
 use testbed::scene::{Camera, Scene, SceneError, Stage};
 
 /// How time passes from frame to frame.
@@ -96,25 +93,12 @@ pub struct Advance {
     times: StageTimes,
 }
 
-/// A picture of the present state of the stage.
-pub struct Rendered {
-    /// The picture.
-    pub image: Image,
-    /// Its shadow rays.
-    pub shadow_rays: ShadowRays,
-    /// Times of the top-level build on the CPU, of the sampler's build and of rendering.
-    pub times: StageTimes,
-}
-
 /// Renders the frames of a stage one after the other.
 pub struct Session {
     stage: Stage,
     geometry: Geometry,
     renderer: Renderer,
-    baselines: Baselines,
     cuts: CutTable,
-    /// What the pixels of the last frame have kept, if the CPU has rendered it.
-    history: Option<History>,
     settings: Settings,
     pace: Pace,
     /// Number of the next frame.
@@ -147,9 +131,7 @@ impl Session {
             stage,
             geometry,
             renderer,
-            baselines: Baselines::default(),
             cuts: CutTable::new(cut_options(&settings)),
-            history: None,
             settings,
             pace,
             next: 0,
@@ -179,8 +161,8 @@ impl Session {
         self.is_frozen || self.stage.animation.is_still()
     }
 
-    /// How the next frames are rendered. The CPU renders all frames whose choice of lights is not
-    /// [`LightChoice::Girandole`], even if the backend is a GPU, which is kept up to date.
+    /// How the next frames are rendered. The CPU renders sums over all lights, even if the backend is a GPU, which is
+    /// kept up to date.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
@@ -235,9 +217,8 @@ impl Session {
 
     /// Renders the next frame. `progress` receives the finished share, from 0 to 1.
     pub fn frame(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<Frame, SceneError> {
-        let Advance { number, report, update, times } = self.advance()?;
-        let (settings, seed) = (self.settings.clone(), frame_seed(self.settings.seed, number));
-        let Rendered { image, shadow_rays, times: later } = self.render(&settings, seed, progress)?;
+        let Advance { number, report, update, mut times } = self.advance()?;
+        let (image, shadow_rays) = self.render(frame_seed(self.settings.seed, number), &mut times, progress)?;
         let world = &self.stage.world;
         let stats = FrameStats {
             frame: number,
@@ -257,7 +238,7 @@ impl Session {
             upload_bytes: update.light_bytes,
             effects: world.effects(),
             shadow_rays,
-            times: times + later,
+            times,
         };
         Ok(Frame { image, stats, geometry_bytes: update.geometry_bytes })
     }
@@ -266,16 +247,10 @@ impl Session {
     pub fn advance(&mut self) -> Result<Advance, SceneError> {
         let mut laps = Laps::start();
         let mut times = StageTimes::default();
-        let Self { stage: Stage { scene, world, animation }, geometry, renderer, settings, pace, history, .. } = self;
+        let Self { stage: Stage { scene, world, animation }, geometry, renderer, settings, pace, .. } = self;
         let number = self.next;
         self.next += 1;
         // A still animation is advanced once, and the geometry is compared with the scene once.
-        if matches!(renderer, Renderer::Cpu) && settings.reused() > 0 {
-            match history {
-                Some(history) => history.follow(scene)?,
-                None => *history = Some(History::new(scene)?),
-            }
-        }
         let moves = number == 0 || !(self.is_frozen || animation.is_still());
         if moves {
             animation.advance(pace.start + f64::from(self.clock) / pace.fps, scene, world)?;
@@ -289,9 +264,6 @@ impl Session {
         let report = world.update(pace.budget);
         let is_changed = !world.changes_since(self.seen).is_empty();
         self.seen = world.revision();
-        if is_changed {
-            self.baselines.clear();
-        }
         times.light_update = laps.lap();
         let change = if moves { geometry.update(scene)? } else { GeometryChange::default() };
         meter(scene, geometry, world, (settings.width, settings.height));
@@ -304,56 +276,41 @@ impl Session {
             }
             Renderer::Gpu(renderer) => renderer.update(scene, geometry, &change, world)?,
         };
-        // An upload waits for the top level if it measures it.
-        times.top_build = update.top_build;
-        times.upload = laps.lap().saturating_sub(update.top_build.unwrap_or_default());
+        times.upload = laps.lap();
         Ok(Advance { number, report, update, times })
     }
 
-    /// Renders the present state of the stage, with the settings of its frames or, for comparisons,
-    /// with others. The size must be that of the session if a GPU renders.
-    pub fn render(
+    /// Renders the present state of the stage. Adds the times of rendering, and of the top-level build on the CPU.
+    fn render(
         &mut self,
-        settings: &Settings,
         seed: u32,
+        times: &mut StageTimes,
         progress: &(dyn Fn(f64) + Sync),
-    ) -> Result<Rendered, SceneError> {
+    ) -> Result<(Image, ShadowRays), SceneError> {
         let mut laps = Laps::start();
-        let mut times = StageTimes::default();
-        let Self { stage: Stage { scene, world, .. }, geometry, renderer, baselines, cuts, history, .. } = self;
-        if let Some(history) = history.as_mut().filter(|_| settings.reused() == 0) {
-            history.forget();
-        }
-        let (image, shadow_rays) = match renderer {
-            Renderer::Gpu(renderer) if settings.light_choice.is_on_gpu() => {
+        let Self { stage: Stage { scene, world, .. }, geometry, renderer, cuts, settings, .. } = self;
+        let rendered = match renderer {
+            Renderer::Gpu(renderer) if settings.light_choice != LightChoice::Exhaustive => {
                 renderer.render(scene, geometry, settings, seed, progress)?
             }
             _ => {
                 let mut sampler = world.sampler().with_splits(settings.splits);
-                times.top_build = Some(laps.lap());
+                times.top_build = laps.lap();
                 if settings.light_choice == LightChoice::Roots {
                     sampler = sampler.from_roots();
                 }
+                let candidates = (settings.light_choice != LightChoice::Exhaustive).then_some(settings.candidates);
                 if settings.light_choice == LightChoice::SharedCuts {
                     cuts.set_view(scene.camera.eye.as_dvec3(), pixel_size(scene, settings));
-                    let lights = Lights { sampler: sampler.with_cuts(cuts), choice: Choice::Trees };
-                    cpu::mark(scene, geometry, lights, settings, seed);
+                    let lights = sampler.with_cuts(cuts);
+                    cpu::mark(&Integrator { scene, geometry, sampler: lights, candidates }, settings, seed);
                     cuts.build(world.sampler());
                     sampler = sampler.with_cuts(cuts);
                 }
-                let choice = baselines.get(settings.light_choice, world, geometry.occluders.radius());
-                times.baseline_build = laps.lap();
-                let lights = Lights { sampler, choice };
-                let shown = (&*scene, &*geometry);
-                let rendered = cpu::render(shown, lights, history.as_ref(), settings, seed, progress);
-                if let Some(history) = history.as_mut().filter(|_| settings.reused() > 0) {
-                    let view = View::new(&scene.camera, settings.width, settings.height);
-                    history.keep(settings.width, view, world, rendered.kept);
-                }
-                (rendered.image, rendered.rays)
+                cpu::render(&Integrator { scene, geometry, sampler, candidates }, settings, seed, progress)
             }
         };
         times.rendering = laps.lap();
-        Ok(Rendered { image, shadow_rays, times })
+        Ok(rendered)
     }
 }

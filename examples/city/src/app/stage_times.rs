@@ -16,12 +16,8 @@ pub struct StageTimes {
     /// Uploads lights and geometry; zero on the CPU backend. It includes the recompilation of the
     /// shader where the lights need another one.
     pub upload: Duration,
-    /// Builds the top level of the light trees. `None` on a GPU without timestamps, where rendering
-    /// waits for it, and in frames without a build.
-    pub top_build: Option<Duration>,
-    /// Builds the sampler that the frame uses if it is not the light trees; zero if that of an
-    /// earlier frame still fits.
-    pub baseline_build: Duration,
+    /// Builds the top level of the light trees on the CPU. Zero on a GPU, where rendering waits for it.
+    pub top_build: Duration,
     /// Renders the picture and, on a GPU, reads it back.
     pub rendering: Duration,
     /// Filters the noise; zero if it is kept.
@@ -34,14 +30,13 @@ pub struct StageTimes {
 
 impl StageTimes {
     /// The names of the stages and their times, in the order in which the stages run.
-    pub fn named(&self) -> [(&'static str, Duration); 10] {
+    pub fn named(&self) -> [(&'static str, Duration); 9] {
         [
             ("animation", self.animation),
             ("light update", self.light_update),
             ("geometry", self.geometry),
             ("upload", self.upload),
-            ("top-level build", self.top_build.unwrap_or_default()),
-            ("baseline build", self.baseline_build),
+            ("top-level build", self.top_build),
             ("rendering", self.rendering),
             ("denoising", self.denoising),
             ("tone mapping", self.tone_mapping),
@@ -59,17 +54,12 @@ impl Add for StageTimes {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {
-        let top_build = match (self.top_build, other.top_build) {
-            (Some(a), Some(b)) => Some(a + b),
-            (a, b) => a.or(b),
-        };
         Self {
             animation: self.animation + other.animation,
             light_update: self.light_update + other.light_update,
             geometry: self.geometry + other.geometry,
             upload: self.upload + other.upload,
-            top_build,
-            baseline_build: self.baseline_build + other.baseline_build,
+            top_build: self.top_build + other.top_build,
             rendering: self.rendering + other.rendering,
             denoising: self.denoising + other.denoising,
             tone_mapping: self.tone_mapping + other.tone_mapping,

@@ -29,14 +29,10 @@ impl ViewKind {
 }
 
 /// The samplers that the panel offers, with their names.
-pub const SAMPLERS: [(LightChoice, &str); 7] = [
+pub const SAMPLERS: [(LightChoice, &str); 3] = [
     (LightChoice::Girandole, "Girandole"),
     (LightChoice::SharedCuts, "Girandole, shared cuts"),
     (LightChoice::Roots, "Girandole, from the roots"),
-    (LightChoice::Pbrt, "pbrt's formula"),
-    (LightChoice::SgTree, "Spherical Gaussians"),
-    (LightChoice::Flux, "Flux"),
-    (LightChoice::Uniform, "Uniform"),
 ];
 
 /// The values of all sliders and switches.

@@ -23,15 +23,14 @@ const KEY_SIDE: f32 = 10.0;
 const PLOT_HEIGHT: f32 = 110.0;
 /// Distances of the numbers beside a plot at which they begin to show and are clear, points.
 const LABEL_SPACING: Rangef = Rangef { min: 11.0, max: 14.0 };
-/// Colours of the stages of a frame: those of Okabe and Ito (2008) with a lighter blue, and two
-/// greys and a green.
-const STAGE_COLORS: [Color32; 10] = [
+/// Colours of the stages of a frame: those of Okabe and Ito (2008) with a lighter blue, and a
+/// grey and a green.
+const STAGE_COLORS: [Color32; 9] = [
     Color32::from_gray(150),
     Color32::from_rgb(230, 159, 0),
     Color32::from_rgb(86, 180, 233),
     Color32::from_rgb(0, 158, 115),
     Color32::from_rgb(240, 228, 66),
-    Color32::from_gray(220),
     Color32::from_rgb(90, 160, 255),
     Color32::from_rgb(213, 94, 0),
     Color32::from_rgb(204, 121, 167),
@@ -126,9 +125,8 @@ fn sliders(ui: &mut Ui, controls: &mut Controls) {
             .clamping(SliderClamping::Edits)
             .text("budget"),
     );
-    let is_girandole = controls.sampler.is_on_gpu();
-    ui.add_enabled(is_girandole, Slider::new(&mut controls.splits, 0..=MAX_SPLITS).text("splits"));
-    ui.add_enabled(is_girandole, Slider::new(&mut controls.candidates, 1..=MAX_CANDIDATES).text("candidates"));
+    ui.add(Slider::new(&mut controls.splits, 0..=MAX_SPLITS).text("splits"));
+    ui.add(Slider::new(&mut controls.candidates, 1..=MAX_CANDIDATES).text("candidates"));
     ui.add(Slider::new(&mut controls.spp, 1..=MAX_SPP).text("samples per pixel"));
     if let Some(cars) = &mut controls.cars {
         // The scene is loaded anew, so wait until the user lets go.
@@ -147,7 +145,7 @@ fn sliders(ui: &mut Ui, controls: &mut Controls) {
     ui.add(Slider::new(&mut controls.pixel_size, 1..=8).text("pixel size"));
     ui.checkbox(&mut controls.is_filtered, "filter the noise");
     let reuse = Checkbox::new(&mut controls.is_reused, "reuse lights in motion");
-    ui.add_enabled(controls.spp == 1 && controls.sampler.is_on_gpu(), reuse);
+    ui.add_enabled(controls.spp == 1, reuse);
     ui.checkbox(&mut controls.is_accumulated, "accumulate frames");
 }
 
@@ -253,11 +251,11 @@ fn plots(ui: &mut Ui, recording: &Recording) {
     let visible = lines.filter(|(_, _, points)| points.iter().any(|[_, y]| *y > 1.0)).collect();
     plot(ui, "Time by stage, ms", visible);
     let [budget, spent] = [|record: &Record| record.budget_us, |record: &Record| record.spent_us];
-    let lines = [("budget", STAGE_COLORS[8], budget), ("spent", STAGE_COLORS[6], spent)];
+    let lines = [("budget", STAGE_COLORS[7], budget), ("spent", STAGE_COLORS[5], spent)];
     let lines = lines.into_iter().map(|(name, color, value)| (name, color, recording.points(value)));
     plot(ui, "Rebuilds, µs", lines.collect());
     let uploads = recording.points(|record| record.upload_bytes as f64 / 1024.0);
-    plot(ui, "Upload of lights, KiB", vec![("", STAGE_COLORS[6], uploads)]);
+    plot(ui, "Upload of lights, KiB", vec![("", STAGE_COLORS[5], uploads)]);
 }
 
 /// A plot over the last frames, with its legend below: it has no room for both.

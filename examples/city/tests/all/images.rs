@@ -181,7 +181,6 @@ fn a_frame_in_which_nothing_moves_uploads_nothing() {
     for _ in 0..2 {
         let Frame { stats, geometry_bytes, .. } = frame(&mut session);
         assert_eq!((stats.upload_bytes, geometry_bytes, stats.moved_instances, stats.refit_trees), (0, 0, 0, 0));
-        assert_eq!(stats.times.top_build, None);
     }
 }
 
@@ -235,18 +234,11 @@ const SEEDS: u64 = 24;
 /// Tiles across and down the picture.
 const TILES: (usize, usize) = (4, 3);
 /// The samplers that choose one light, and the samples per pixel that each needs.
-const SAMPLERS: [(LightChoice, u32); 7] = [
-    (LightChoice::Girandole, 256),
-    (LightChoice::SharedCuts, 256),
-    (LightChoice::Roots, 512),
-    (LightChoice::Uniform, 1024),
-    (LightChoice::Flux, 512),
-    (LightChoice::Pbrt, 512),
-    (LightChoice::SgTree, 512),
-];
+const SAMPLERS: [(LightChoice, u32); 3] =
+    [(LightChoice::Girandole, 256), (LightChoice::SharedCuts, 256), (LightChoice::Roots, 512)];
 /// Student's t for 23 degrees of freedom, which chance exceeds once in 40,000 tries, both sides
-/// together. With 273 tries (7 samplers, 12 tiles and the whole picture, 3 channels) one choice of
-/// seeds in 146 causes a false alarm; the seeds are fixed.
+/// together. With 117 tries (3 samplers, 12 tiles and the whole picture, 3 channels) one choice of
+/// seeds in 340 causes a false alarm; the seeds are fixed.
 const T_LIMIT: f64 = 5.26;
 /// Limit of the mean standard error of the tiles, relative to their mean brightness.
 const MAX_RELATIVE_ERROR: f64 = 0.04;
@@ -297,28 +289,6 @@ const KEPT_FRAMES: u32 = 8;
 fn keeping(width: u32, height: u32, seed: u64) -> Settings {
     let settings = settings(width, height, 1, seed);
     Settings { reused_frames: 20, candidates: 1, light_choice: LightChoice::Roots, ..settings }
-}
-
-#[test]
-fn pixels_keep_the_same_lights_on_both_backends() {
-    let sessions = [BackendChoice::Cpu, BackendChoice::Gpu].map(|choice| {
-        let stage = small_scene::stage(false).expect("a valid scene");
-        session(stage, keeping(48, 27, 5), choice)
-    });
-    let [mut cpu, mut gpu] = sessions;
-    for number in 0..KEPT_FRAMES {
-        // The camera moves too.
-        let camera = cpu.scene().camera;
-        let moved = Camera { eye: camera.eye + Vec3::X * 0.05, ..camera };
-        [&mut cpu, &mut gpu].into_iter().for_each(|session| session.set_camera(moved));
-        let (on_cpu, on_gpu) = (frame(&mut cpu), frame(&mut gpu));
-        let difference = rel_mse(&on_gpu.image, &on_cpu.image);
-        // [`MAX_REL_MSE`] for one sample.
-        assert!(difference < 16.0 * MAX_REL_MSE, "frame {number}: relMSE {difference}");
-        // A merge of two lights traces two rays more.
-        let [cpu, gpu] = [on_cpu, on_gpu].map(|frame| frame.stats.shadow_rays.traced + frame.stats.shadow_rays.skipped);
-        assert!(100 * cpu.abs_diff(gpu) < cpu && (number == 0 || cpu > 3_000), "frame {number}: {cpu} and {gpu} rays");
-    }
 }
 
 /// A car that drives through a yard with two lamps. Its headlamp is where its body is in the next frame.
@@ -375,7 +345,7 @@ fn a_lamp_that_drives_with_its_car_gets_no_brighter_in_pixels_that_keep_it() {
 /// Compares the means of tiles with sums over all lights. Returns the relMSE without kept lights and with them.
 fn noise_of_kept_lights(stage: impl Fn() -> Result<Stage, SceneError>) -> [f64; 2] {
     // A session plays the frames of all seeds. The first one of each reuses nothing.
-    let session = || session(stage().expect("a valid scene"), keeping(32, 18, 0), BackendChoice::Cpu);
+    let session = || session(stage().expect("a valid scene"), keeping(32, 18, 0), BackendChoice::Gpu);
     let last = |session: &mut Session, settings: Settings| {
         let first = Settings { reused_frames: 0, ..keeping(32, 18, settings.seed) };
         session.set_settings(first).expect("the same size");
@@ -422,22 +392,14 @@ fn the_sampler_can_be_switched_between_frames() {
         })
     };
     // It depends on no frame before.
-    let girandole = LightChoice::Roots;
-    // The GPU renders the first three.
-    let others = SAMPLERS[3..].iter().map(|(choice, _)| *choice);
-    for choice in others.chain([LightChoice::Exhaustive]) {
-        // Lights move in each frame, so a sampler that was built for an earlier frame would choose
-        // other lights.
-        let [_, expected, _] = render(BackendChoice::Cpu, [girandole, choice, girandole]);
-        let [_, kept, _] = render(BackendChoice::Cpu, [choice; 3]);
-        assert_eq!(kept.image.pixels, expected.image.pixels, "{choice:?}");
-        // The CPU renders it while the GPU is the backend, which does not miss what moves.
-        let [_, on_gpu, after] = render(BackendChoice::Gpu, [girandole, choice, girandole]);
-        assert_eq!(on_gpu.image.pixels, expected.image.pixels, "{choice:?}");
-        let [_, other, expected] = render(BackendChoice::Gpu, [girandole; 3]);
-        assert_ne!(other.image.pixels, on_gpu.image.pixels, "{choice:?}");
-        assert_eq!(after.image.pixels, expected.image.pixels, "{choice:?}");
-    }
+    let (girandole, all) = (LightChoice::Roots, LightChoice::Exhaustive);
+    let [_, expected, _] = render(BackendChoice::Cpu, [girandole, all, girandole]);
+    // The CPU renders it while the GPU is the backend, which does not miss what moves.
+    let [_, on_gpu, after] = render(BackendChoice::Gpu, [girandole, all, girandole]);
+    assert_eq!(on_gpu.image.pixels, expected.image.pixels);
+    let [_, other, expected] = render(BackendChoice::Gpu, [girandole; 3]);
+    assert_ne!(other.image.pixels, on_gpu.image.pixels);
+    assert_eq!(after.image.pixels, expected.image.pixels);
 }
 
 /// The means of the tiles, then of the whole picture.

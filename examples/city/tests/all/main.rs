@@ -1,6 +1,5 @@
 //! The tests of the program in one binary, so that wgpu is linked only once.
 
-mod compare;
 mod dumps;
 mod films;
 mod filter;

@@ -62,7 +62,6 @@ fn invalid_options_are_refused() {
     assert_refused("camera", &["--camera", "1,2,3"], "camera");
     assert_refused("blind", &["--camera", "1,2,3,1,2,3"], "camera");
     assert_refused("inf", &["--camera", "1,2,inf,1,2,3"], "camera");
-    assert_refused("compare", &["--compare"], "frames");
     assert_refused("formless", &["--video", "film"], "extension");
     assert_refused("exposure", &["--exposure", "20.5"], "exposure");
     assert_refused("exposure-nan", &["--exposure", "nan"], "exposure");

@@ -46,7 +46,7 @@ pub fn run(size: Size, count: usize, effort: Effort, out: &Path) -> Result<(), S
         let lux: Vec<Vec<f32>> = points.par_iter().map(|at: &ShadingPoint| illuminances(&lights, at)).collect();
         let [kept, new] = [&cuts, &new].map(|cuts| {
             let chooser = samplers::shared("cells", world, cuts);
-            samplers::noise(chooser.as_ref(), &points, &lux).0
+            samplers::noise(&chooser, &points, &lux).0
         });
         let cells = [kept.mean, kept.p999, new.mean, new.p999, built / (frame - first).max(1) as f64].map(short);
         let row: Vec<String> = [last.to_string()].into_iter().chain(cells).collect();

@@ -62,7 +62,7 @@ pub fn measure(lit: &Lit, effort: Effort) -> Result<Measured, SceneError> {
     // The samplers with cells come last.
     let builds = std::iter::repeat_n(0.0, choosers.len() - builds.len()).chain(builds);
     let rows = choosers.iter().zip(times).zip(builds).map(|((chooser, ns_per_sample), build)| {
-        let (sigma, dead) = samplers::noise(chooser.as_ref(), &lit.shading_points, &lux);
+        let (sigma, dead) = samplers::noise(chooser, &lit.shading_points, &lux);
         Row {
             scene: lit.name.clone(),
             sampler: chooser.name(),

@@ -8,9 +8,7 @@ use testbed::scene::SceneError;
 use testbed::scene::procedural::Size;
 
 use super::effort::Effort;
-use super::{
-    candidates, deform, gloss, kept, learning, measure, report, segments, signs, sky, stages, torture,
-};
+use super::{candidates, deform, gloss, kept, learning, measure, report, segments, signs, sky, stages, torture};
 
 /// What to measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -134,7 +134,7 @@ fn whole_by_lights(
 }
 
 /// Nanoseconds per choice at some shading points, in turns.
-fn nanoseconds<const N: usize>(chooser: &dyn Chooser, sets: [&[ShadingPoint]; N], effort: Effort) -> [f64; N] {
+fn nanoseconds<const N: usize>(chooser: &Chooser<'_>, sets: [&[ShadingPoint]; N], effort: Effort) -> [f64; N] {
     let (rounds, timed) = effort.select((ROUNDS, TIMED), (1, 50));
     let mut rng = Rng::new(5, 5);
     let numbers: Vec<_> = (0..timed).map(|_| [rng.unit(), rng.unit()]).collect();
@@ -181,13 +181,13 @@ fn measure(name: &str, stage: &Stage, (count, effort): (usize, Effort), table: &
             "quadrature: the integrals of {} change by at most {error:.1e} with three times the points",
             cut.name
         );
-        let [of_segments, of_points] = nanoseconds(ours.as_ref(), [&segments, &middles], effort);
+        let [of_segments, of_points] = nanoseconds(&ours, [&segments, &middles], effort);
         let mut rows = Vec::new();
-        let choices: [(&str, &dyn Chooser, &[ShadingPoint], f64); 4] = [
-            ("segment", ours.as_ref(), &segments, of_segments),
-            ("its middle", ours.as_ref(), &middles, of_points),
-            ("uniform", published[0].as_ref(), &middles, f64::NAN),
-            ("flux", published[1].as_ref(), &middles, f64::NAN),
+        let choices: [(&str, &Chooser<'_>, &[ShadingPoint], f64); 4] = [
+            ("segment", &ours, &segments, of_segments),
+            ("its middle", &ours, &middles, of_points),
+            ("uniform", &published[0], &middles, f64::NAN),
+            ("flux", &published[1], &middles, f64::NAN),
         ];
         for (sampler, chooser, points, ns) in choices {
             rows.push(("choice", sampler, samplers::noise(chooser, points, &light).0, ns));
@@ -197,7 +197,7 @@ fn measure(name: &str, stage: &Stage, (count, effort): (usize, Effort), table: &
             lights.iter().map(|light| in_scattered(light, &ray, 1) as f32).collect()
         };
         let foggy: Vec<Vec<f32>> = segments.par_iter().map(fog).collect();
-        rows.push(("choice in thick fog", "segment", samplers::noise(ours.as_ref(), &segments, &foggy).0, f64::NAN));
+        rows.push(("choice in thick fog", "segment", samplers::noise(&ours, &segments, &foggy).0, f64::NAN));
         let whole: Vec<[Noise; 4]> = segments
             .par_iter()
             .zip(&light)

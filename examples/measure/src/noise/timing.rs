@@ -15,7 +15,7 @@ const CHOICES: usize = 8_000;
 
 /// Nanoseconds per choice of each sampler, all at the same shading points and with the same random
 /// numbers.
-pub fn nanoseconds(choosers: &[Box<dyn Chooser + '_>], shading_points: &[ShadingPoint], effort: Effort) -> Vec<f64> {
+pub fn nanoseconds(choosers: &[Chooser<'_>], shading_points: &[ShadingPoint], effort: Effort) -> Vec<f64> {
     let (rounds, choices) = effort.select((ROUNDS, CHOICES), (1, 100));
     let mut rng = Rng::new(7, 0);
     // Consecutive choices are for different shading points, as between the pixels of a wide view.

@@ -5,7 +5,7 @@ use std::path::Path;
 use testbed::common::table::{Table, markdown_head};
 use testbed::measuring::torture;
 use testbed::measuring::torture::cliffs;
-use testbed::measuring::torture::table::{TortureRow, own_rows, rows};
+use testbed::measuring::torture::table::{TortureRow, rows};
 use testbed::scene::SceneError;
 
 const COLUMNS: [&str; 8] =
@@ -49,8 +49,8 @@ fn summary(rows: &[TortureRow]) -> Option<String> {
 pub fn run(effort: Effort, out: &Path) -> Result<(), SceneError> {
     let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
     testbed::say!("{}", markdown_head(&SUMMARY));
-    for scene in torture::scenes()?.iter().take(effort.select(usize::MAX, 1)) {
-        let measured = rows(scene)?;
+    for scene in torture::scenes().iter().take(effort.select(usize::MAX, 1)) {
+        let measured = rows(scene, false)?;
         measured.iter().try_for_each(|row| table.add(fields(row))).map_err(SceneError)?;
         summary(&measured).iter().for_each(|line| testbed::say!("{line}"));
     }
@@ -64,10 +64,10 @@ const CLIFF_SUMMARY: [&str; 5] = ["scene", "two levels", "flat", "shared cuts", 
 pub fn run_cliffs(effort: Effort, out: &Path) -> Result<(), SceneError> {
     let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
     testbed::say!("{}", markdown_head(&CLIFF_SUMMARY));
-    for scene in cliffs::scenes()?.iter().take(effort.select(usize::MAX, 1)) {
-        let measured = own_rows(scene)?;
+    for scene in cliffs::scenes().iter().take(effort.select(usize::MAX, 1)) {
+        let measured = rows(scene, true)?;
         measured.iter().try_for_each(|row| table.add(fields(row))).map_err(SceneError)?;
-        let [two, flat, shared] = measured.map(|row| row.sigma.mean);
+        let [two, flat, shared] = [0, 1, 2].map(|own: usize| measured[own].sigma.mean);
         testbed::say!("| {} | {two:.3} | {flat:.3} | {shared:.3} | {:.2} |", scene.name, two / flat);
     }
     Ok(())

@@ -23,9 +23,7 @@
 //! - `paper.csv`: the same for programs, and `frames.csv`: every run frame by frame;
 //! - an SVG plot for each scene, kind of tree and attribute: MAPE and the attribute over the
 //!   frames, with rebuilds marked, in the form of figures 3 to 14 of [SS];
-//! - `cost_SCENE.svg`: the change of the MAPE over the share of the cost;
-//! - `reference_*.bin`: the references. A run with the same view continues where one was
-//!   interrupted.
+//! - `cost_SCENE.svg`: the change of the MAPE over the share of the cost.
 //!
 //! Expect each mean with its 95 % interval over seeds. All strategies get the same random numbers,
 //! so differences between them have narrower intervals than the means. A difference smaller than

@@ -16,7 +16,7 @@ use testbed::scene_options::{parse_camera, parse_size};
 /// Repeats the experiment of Sosnowski and Szajerman on animated light trees.
 #[derive(Clone, Debug, Parser)]
 pub struct Options {
-    /// The folder of the tables, plots and references
+    /// The folder of the tables and plots
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
     /// A small city, small pictures and few frames: seconds
@@ -118,7 +118,7 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
     let progress = progress("", steps);
     for source in &sources {
         progress.set_message(source.name());
-        let results = play(source, &plan, &threads, &options.out, || progress.inc(1))?;
+        let results = play(source, &plan, &threads, || progress.inc(1))?;
         tables.add(&results, &plan)?;
         for kind in [TreeKind::Binary, TreeKind::Library].into_iter().filter(|_| plan.has_algorithms) {
             plots::over_time(&options.out, &results, kind)?;

@@ -4,10 +4,9 @@ use super::stages::Film;
 use girandole::glam::Vec3;
 use girandole::light::luminance;
 use std::f64::consts::FRAC_2_PI;
-use std::path::Path;
 use testbed::direct_light::draw::{Draw, Resampled};
 use testbed::direct_light::numbers::numbers;
-use testbed::direct_light::reference::{Key, Reference};
+use testbed::direct_light::reference::Reference;
 use testbed::direct_light::renderer::Renderer;
 use testbed::direct_light::view::View;
 use testbed::measuring::score::{FLOOR, Score, mean};
@@ -52,22 +51,17 @@ pub fn view(film: &Film, geometry: &Geometry, settings: &Settings) -> View {
 }
 
 impl<'a> Shot<'a> {
-    /// Renders the reference of a frame, or reads what there is of it from `file`. An interrupted
-    /// run continues after the last finished pass.
+    /// Renders the reference of a frame.
     pub fn new(
         film: &'a Film,
         (geometry, view): (&'a Geometry, &'a View),
         (settings, frame): (&Settings, u32),
-        file: &Path,
     ) -> Result<Self, SceneError> {
         let renderer = Renderer { scene: &film.stage.scene, geometry, view, numbers };
-        let mut reference = Reference::open(file, key(film, settings), view.pixels.len());
-        let mut draw = Resampled { lights: film.stage.world.sampler(), candidates: CANDIDATES };
-        while reference.passes() < u64::from(settings.passes) {
-            let seed = REFERENCE_SEED + frame * SEEDS_PER_FRAME + reference.passes() as u32;
-            let pass = renderer.picture(&mut draw, f64::from(PASS_SAMPLES), seed);
-            reference.add(&pass).map_err(SceneError)?;
-        }
+        let mut draw = Resampled { lights: film.stage.world.sampler(), candidates: CANDIDATES, has_gloss: false };
+        let first = REFERENCE_SEED + frame * SEEDS_PER_FRAME;
+        let pass = |seed| renderer.picture(&mut draw, f64::from(PASS_SAMPLES), seed);
+        let reference = Reference::new(view.pixels.len(), (first..first + settings.passes).map(pass));
         let picture = reference.picture();
         if mean(&picture) <= 0.0 {
             return Err(SceneError("the picture is black; choose another --camera".into()));
@@ -93,23 +87,6 @@ fn own_error(picture: &[Vec3], variance: &[f64]) -> f64 {
     let floor = FLOOR * mean(picture);
     let one = |(pixel, variance): (&Vec3, &f64)| (variance * FRAC_2_PI).sqrt() / (floor + f64::from(luminance(*pixel)));
     picture.iter().zip(variance).map(one).sum::<f64>() / picture.len() as f64
-}
-
-/// Identifies what a frame shows: its camera, lights and objects.
-fn key(film: &Film, settings: &Settings) -> Key {
-    let scene = &film.stage.scene;
-    let camera = &scene.camera;
-    let mut numbers: Vec<f32> = vec![settings.size.0 as f32, settings.size.1 as f32, camera.vertical_fov];
-    numbers.extend(camera.eye.to_array().into_iter().chain(camera.target.to_array()));
-    for light in &film.lights {
-        numbers.extend(light.aabb().center().to_array().into_iter().chain(light.emission.to_array()));
-    }
-    for object in &scene.objects {
-        numbers.extend(object.transform.to_cols_array());
-        numbers.push(object.mesh as f32);
-    }
-    let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
-    Key::new().add(&bytes)
 }
 
 #[cfg(test)]

@@ -12,7 +12,6 @@ use super::trees::FromTree;
 use super::worlds::Contender;
 use girandole::LightId;
 use rayon::ThreadPool;
-use std::path::Path;
 use testbed::direct_light::draw::Resampled;
 use testbed::render::geometry::Geometry;
 use testbed::scene::SceneError;
@@ -106,7 +105,7 @@ impl Cast {
         for (world, errors) in worlds.iter().zip(&mut errors[*first..]) {
             *errors = match world.tree_of_all() {
                 Some(tree) => shot.errors(&mut FromTree { tree, ids: &ids, lights }),
-                None => shot.errors(&mut Resampled { lights: world.sampler(), candidates: 1 }),
+                None => shot.errors(&mut Resampled { lights: world.sampler(), candidates: 1, has_gloss: false }),
             };
         }
         for ((run, step), errors) in self.runs.iter_mut().zip(steps).zip(errors) {
@@ -115,15 +114,9 @@ impl Cast {
     }
 }
 
-/// Plays a scene. Trees are timed on `threads`. References are kept in `out`. `tick` is called
+/// Plays a scene. Trees are timed on `threads`. `tick` is called
 /// after each point of the survey and after each frame.
-pub fn play(
-    source: &Source,
-    plan: &Plan,
-    threads: &ThreadPool,
-    out: &Path,
-    tick: impl Fn(),
-) -> Result<Results, SceneError> {
+pub fn play(source: &Source, plan: &Plan, threads: &ThreadPool, tick: impl Fn()) -> Result<Results, SceneError> {
     let survey = Survey::new(source, (plan.frames, plan.timing), threads, &tick)?;
     let mut film = Film::new(source, plan.timing)?;
     let mut geometry = Geometry::new(&film.stage.scene)?;
@@ -137,8 +130,7 @@ pub fn play(
             changed += film.changes.len();
         }
         let view = view(&film, &geometry, &plan.settings);
-        let file = out.join(format!("reference_{}_{frame:02}.bin", source.name()));
-        let shot = Shot::new(&film, (&geometry, &view), (&plan.settings, frame), &file)?;
+        let shot = Shot::new(&film, (&geometry, &view), (&plan.settings, frame))?;
         reference_error += shot.reference_error / f64::from(plan.frames);
         cast.render(&film, &shot, std::mem::take(&mut steps));
         tick();

@@ -66,7 +66,7 @@ pub fn measure(options: &Options) -> Result<Measured, SceneError> {
         return Err(SceneError("the scene has no lights".into()));
     }
     let samplers = Samplers::new(&stage.world, &prepared, &view)?;
-    let reference = reference(options, &plan, &view, &stage.world, &prepared)?;
+    let reference = reference(&plan, &view, &stage.world, &prepared);
     let picture = reference.picture();
     if picture.iter().all(|pixel| luminance(*pixel) <= 0.0) {
         return Err(SceneError("the picture is black".into()));
@@ -94,33 +94,22 @@ pub fn measure(options: &Options) -> Result<Measured, SceneError> {
     Ok(Measured { rows, equal_time, reference: picture, reference_error, view, shaded_pixels, lights })
 }
 
-/// Renders the passes of the reference that its file lacks.
-fn reference(
-    options: &Options,
-    plan: &Plan,
-    view: &SceneView,
-    world: &LightWorld,
-    prepared: &Prepared,
-) -> Result<Reference, SceneError> {
-    let key = view.key(&prepared.lights);
-    let pixels = view.view.pixels.len();
-    let mut reference = Reference::open(&options.out.join("reference.bin"), key, pixels);
+/// Renders the passes of the reference.
+fn reference(plan: &Plan, view: &SceneView, world: &LightWorld, prepared: &Prepared) -> Reference {
     let (lights, renderer) = (world.sampler(), view.renderer());
-    let mut draw = Resampled { lights, candidates: REFERENCE_CANDIDATES };
+    let mut draw = Resampled { lights, candidates: REFERENCE_CANDIDATES, has_gloss: false };
     let bar = progress("reference", u64::from(plan.passes));
-    bar.inc(reference.passes().min(u64::from(plan.passes)));
-    bar.reset_eta();
-    while reference.passes() < u64::from(plan.passes) {
-        let seed = REFERENCE_SEED + reference.passes() as u32;
+    let passes = (REFERENCE_SEED..REFERENCE_SEED + plan.passes).map(|seed| {
         let pass = match prepared.ids.len() <= MOST_LIGHTS {
             true => converged::picture(&renderer, &lights, &prepared.ids, seed),
             false => renderer.picture(&mut draw, REFERENCE_SAMPLES, seed),
         };
-        reference.add(&pass).map_err(SceneError)?;
         bar.inc(1);
-    }
+        pass
+    });
+    let reference = Reference::new(view.view.pixels.len(), passes);
     bar.finish_and_clear();
-    Ok(reference)
+    reference
 }
 
 /// The mean over pixels of the squared standard error of a reference, in units of relMSE.

@@ -18,7 +18,7 @@ use testbed::common::progress::progress;
 use testbed::common::table::{Table, markdown_head, short};
 use testbed::direct_light::cells::{CellSettings, Cells};
 use testbed::direct_light::converged;
-use testbed::direct_light::draw::{Frame, Streaming};
+use testbed::direct_light::draw::Frame;
 use testbed::direct_light::renderer::Renderer;
 use testbed::direct_light::reuse::{Before, Drawing, Limits, Moment, Seconds, frame, pixels_before};
 use testbed::direct_light::rivals::{FULL_HD, by_name};
@@ -69,17 +69,15 @@ enum Sampler {
         learns: bool,
         reuses: bool,
     },
-    Uniform(u32),
     Published(&'static str),
 }
 
-const SAMPLERS: [(&str, Sampler); 7] = [
+const SAMPLERS: [(&str, Sampler); 6] = [
     ("Girandole", Sampler::Cells { learns: false, reuses: true }),
     ("Girandole, learnt", Sampler::Cells { learns: true, reuses: true }),
     ("Girandole, no reuse", Sampler::Cells { learns: false, reuses: false }),
     ("presampled 32", Sampler::Published("presampled 32")),
     ("presampled 8", Sampler::Published("presampled 8")),
-    ("uniform 32", Sampler::Uniform(32)),
     ("ReGIR", Sampler::Published("regir")),
 ];
 
@@ -352,10 +350,6 @@ fn drawn(
             let building = timed(&mut || cells.build(world));
             let limits = if reuses { LIMITS } else { Limits { draws: 0.0, neighbours: 0 } };
             (frame(&cells.draws(world), now, before, limits, place), folding / FULL_HD + building / pixels)
-        }
-        (Sampler::Uniform(candidates), _) => {
-            let draw = Streaming { lights: world.sampler(), ids: &lights.ids, candidates };
-            (frame(&draw, now, before, LIMITS, place), 0.0)
         }
         (Sampler::Published(name), _) => match by_name(name, list, (now.renderer.view, &lights.whole)) {
             Some(mut draw) => {

@@ -15,7 +15,7 @@ use std::fs;
 use testbed::common::progress::progress;
 use testbed::common::table::{Table, markdown_head, short};
 use testbed::direct_light::cells::CellSettings;
-use testbed::direct_light::draw::{Draw, Resampled, ResampledWithGloss};
+use testbed::direct_light::draw::{Draw, Resampled};
 use testbed::direct_light::times::StageTimes;
 use testbed::measuring::score::Estimate;
 use testbed::scene::SceneError;
@@ -110,10 +110,7 @@ fn measure(contest: Contest, closeness: &Closeness) -> Result<Vec<Entry>, SceneE
     let Arena { view, world, prepared, .. } = &arena;
     let samplers = Samplers::new(world, prepared, view)?;
     let own = |lights, candidates| -> Box<dyn Draw + '_> {
-        match contest.is_matte {
-            true => Box::new(Resampled { lights, candidates }),
-            false => Box::new(ResampledWithGloss { lights, candidates }),
-        }
+        Box::new(Resampled { lights, candidates, has_gloss: !contest.is_matte })
     };
     let one_tree = prepared.one_level().sampler();
     let mut draws = vec![own(one_tree, 1), own(world.sampler(), 1), own(world.sampler(), 8)];

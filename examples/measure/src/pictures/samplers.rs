@@ -1,13 +1,11 @@
 //! Makes what the settings name: ways to draw a light, their probabilities, and their memory.
 
 use super::scene_view::SceneView;
-use super::settings::{STREAMED, Sampler};
+use super::settings::Sampler;
 use girandole::tree::Node;
 use girandole::{FrameBudget, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy, ShadingPoint};
 use testbed::direct_light::cells::{CellSettings, SharedCells, TAUGHT};
-use testbed::direct_light::draw::{
-    Draw, Frame, Resampled, ResampledByBrdf, ResampledWithGloss, Single, SingleWithGloss, Streaming,
-};
+use testbed::direct_light::draw::{Draw, Frame, Resampled, ResampledByBrdf, Single};
 use testbed::direct_light::rivals;
 use testbed::measuring::lights::carried;
 use testbed::measuring::samplers::{self, Chooser};
@@ -49,7 +47,7 @@ impl Prepared {
 pub struct Samplers<'a> {
     world: &'a LightWorld,
     prepared: &'a Prepared,
-    published: Vec<Box<dyn Chooser + 'a>>,
+    published: Vec<Chooser<'a>>,
     view: &'a SceneView,
 }
 
@@ -70,7 +68,7 @@ impl<'a> Samplers<'a> {
             }
             Sampler::WithGloss { splits, candidates } => {
                 let lights = self.world.sampler().with_splits(splits);
-                Box::new(ResampledWithGloss { lights, candidates })
+                Box::new(Resampled { lights, candidates, has_gloss: true })
             }
             Sampler::SharedCuts { candidates, has_gloss, learns } => {
                 let settings = CellSettings { has_gloss, candidates, taught: learns.then_some(TAUGHT) };
@@ -78,10 +76,7 @@ impl<'a> Samplers<'a> {
             }
             Sampler::OneLevel { splits, candidates } => resampled(&self.prepared.one_level, splits, candidates)?,
             Sampler::Published(name) => {
-                Box::new(Single { chooser: self.published(name)?, lights: self.world.sampler() })
-            }
-            Sampler::Streaming => {
-                Box::new(Streaming { lights: self.world.sampler(), ids: &self.prepared.ids, candidates: STREAMED })
+                Box::new(Single { chooser: self.published(name)?, lights: self.world.sampler(), has_gloss: false })
             }
             Sampler::Rival(name) => {
                 let lights = (self.world.sampler(), &self.prepared.ids[..], &self.prepared.lights[..]);
@@ -125,7 +120,7 @@ impl<'a> Samplers<'a> {
                 self.published(name).map_or(0, Chooser::bytes) + self.prepared.lights.len() * LIGHT_BYTES
             }
             Sampler::Rival(_) => self.prepared_bytes(sampler) + self.prepared.lights.len() * LIGHT_BYTES,
-            Sampler::Streaming | Sampler::AllLights => self.prepared.lights.len() * LIGHT_BYTES,
+            Sampler::AllLights => self.prepared.lights.len() * LIGHT_BYTES,
         }
     }
 
@@ -151,16 +146,16 @@ impl<'a> Samplers<'a> {
     /// sampler.
     pub fn draw_with_gloss(&self, sampler: Sampler) -> Option<Box<dyn Draw + '_>> {
         let Sampler::Published(name) = sampler else { return None };
-        Some(Box::new(SingleWithGloss { chooser: self.published(name)?, lights: self.world.sampler() }))
+        Some(Box::new(Single { chooser: self.published(name)?, lights: self.world.sampler(), has_gloss: true }))
     }
 
-    fn published(&self, name: &str) -> Option<&dyn Chooser> {
-        self.published.iter().find(|chooser| chooser.name() == name).map(AsRef::as_ref)
+    fn published(&self, name: &str) -> Option<&Chooser<'a>> {
+        self.published.iter().find(|chooser| chooser.name() == name)
     }
 }
 
 /// A way to draw from a world; `None` for counts beyond their limits.
 pub fn resampled(world: &LightWorld, splits: usize, candidates: u32) -> Option<Box<dyn Draw + '_>> {
     let lights = world.sampler().with_splits(splits);
-    Some(Box::new(Resampled { lights, candidates }))
+    Some(Box::new(Resampled { lights, candidates, has_gloss: false }))
 }

@@ -1,9 +1,6 @@
-//! The last frame of a played scene: what the camera sees, and the key of its reference.
+//! The last frame of a played scene: what the camera sees.
 
-use girandole::Light;
-use girandole::glam::Vec3;
 use testbed::direct_light::numbers::numbers;
-use testbed::direct_light::reference::Key;
 use testbed::direct_light::renderer::Renderer;
 use testbed::direct_light::view::{Pixel, View};
 use testbed::render::geometry::Geometry;
@@ -48,33 +45,6 @@ impl SceneView {
             count as f64 / pixel.surfaces.len() as f64
         };
         self.view.pixels.iter().map(shown).sum()
-    }
-
-    /// Identifies the picture of this view under these lights.
-    pub fn key(&self, lights: &[Light]) -> Key {
-        let key = Key::new().add(bytemuck::cast_slice(&self.geometry.triangles));
-        let key = self.geometry.objects.iter().fold(key, |key, object| {
-            let matrix = object.inverse.to_cols_array();
-            key.add(bytemuck::bytes_of(&matrix)).add(&[u8::from(object.visible)])
-        });
-        let key = self.scene.materials.iter().fold(key, |key, material| {
-            let Material { base_color, roughness, metallic, emission, .. } = *material;
-            let [color, emission] = [base_color, emission].map(|vector: Vec3| vector.to_array());
-            key.add(bytemuck::bytes_of(&color)).add(bytemuck::bytes_of(&emission)).add(bytemuck::bytes_of(&[
-                roughness,
-                metallic,
-                self.scene.lamp_clearance,
-            ]))
-        });
-        let key = self.view.pixels.iter().fold(key, |key, pixel| {
-            let key = key.add(bytemuck::bytes_of(&pixel.background.to_array()));
-            pixel.surfaces.iter().flatten().fold(key, |key, surface| {
-                let at = [surface.shading_point.position, surface.shading_point.normal]
-                    .map(|vector: Vec3| vector.to_array());
-                key.add(bytemuck::bytes_of(&at))
-            })
-        });
-        lights.iter().fold(key, |key, light| key.add(format!("{light:?}").as_bytes()))
     }
 }
 

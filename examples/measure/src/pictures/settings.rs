@@ -24,8 +24,6 @@ pub enum Sampler {
     Published(&'static str),
     /// A published sampler that prepares each frame, by its name in `direct_light/rivals/by_name.rs`.
     Rival(&'static str),
-    /// One of 32 uniform candidates.
-    Streaming,
     /// All lights in every sample.
     AllLights,
 }
@@ -54,7 +52,6 @@ impl Sampler {
             Self::Rival("regir") => "ReGIR".into(),
             Self::Rival("nee-at") => "NEE-AT".into(),
             Self::Published(name) | Self::Rival(name) => name.into(),
-            Self::Streaming => format!("streaming over {STREAMED} uniform candidates"),
             Self::AllLights => "all lights".into(),
         }
     }
@@ -67,9 +64,6 @@ pub fn counted(count: usize, thing: &str) -> String {
 
 /// Splits and candidates of the library's defaults.
 pub const DEFAULT: Sampler = Sampler::TwoLevels { splits: 6, candidates: 1 };
-
-/// The candidates of [`Sampler::Streaming`].
-pub const STREAMED: u32 = 32;
 
 /// The samples per pixel at which knobs are turned and changes are measured.
 pub const KNOB_SAMPLES: f64 = 4.0;
@@ -201,8 +195,7 @@ const PUBLISHED: [&str; 7] = ["uniform", "flux", "pbrt", "pbrt opaque", "cycles"
 
 /// All samplers to compare with.
 pub fn others() -> impl Iterator<Item = Sampler> {
-    let published = PUBLISHED.map(Sampler::Published).into_iter().chain([Sampler::Streaming]);
-    published.chain(rivals::NAMES.map(Sampler::Rival))
+    PUBLISHED.map(Sampler::Published).into_iter().chain(rivals::NAMES.map(Sampler::Rival))
 }
 
 /// The samplers to compare with, at numbers of samples whose times span those of the library.

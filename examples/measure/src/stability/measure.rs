@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use testbed::measuring::irradiance::exact_irradiance;
 use testbed::measuring::sigma::Noise;
 use testbed::measuring::street::Street;
-use testbed::measuring::street_samplers::{self, Subject};
+use testbed::measuring::street_samplers::Subject;
 
 /// How far the probabilities in f32 are from those in f64. The difference of two probabilities is
 /// relative to the larger one: 0 if they are equal, 1 if one of them is 0 or NaN.
@@ -54,11 +54,11 @@ pub fn measure(street: &Street, sweep: Sweep, value: f64) -> Result<Vec<Measured
         .par_iter()
         .map(|at| lights.iter().map(|light| exact_irradiance(light, at)).collect())
         .collect();
-    let all = street_samplers::all(&street, shift)?;
-    Ok(all.iter().map(|subject| measure_one(subject.as_ref(), &street, &lux, (sweep, value))).collect())
+    let all = Subject::both(&street, shift)?;
+    Ok(all.iter().map(|subject| measure_one(subject, &street, &lux, (sweep, value))).collect())
 }
 
-fn measure_one(subject: &dyn Subject, street: &Street, lux: &[Vec<f64>], (sweep, value): (Sweep, f64)) -> Measured {
+fn measure_one(subject: &Subject, street: &Street, lux: &[Vec<f64>], (sweep, value): (Sweep, f64)) -> Measured {
     let point = |(at, lux): (_, &Vec<f64>)| {
         let pmfs = subject.pmfs(at);
         let differences = subject.exact_pmfs(at).map(|exact| differences(lux, &pmfs, &exact));

@@ -17,7 +17,6 @@
 //! |---|---|
 //! | `girandole` | two levels: lights in f32 in the space of their object, placements in f64, and the origin follows the scene |
 //! | `girandole flat` | one tree over all lights in f32, in the space of the world |
-//! | `pbrt`, `cycles` | the formulas of pbrt-v4 and Cycles on such a tree, one light per leaf |
 //!
 //! It prints a summary, and writes `stability.csv`, with a row for each sampler
 //! at each step:
@@ -38,9 +37,8 @@
 //!
 //! Expect a straight line for `girandole` over distance, and over scale one that rises by 5 % at
 //! one step: the top level is cut along a curve whose cells are powers of two of a metre, so
-//! another scale is another tree. Expect that the other three lose lights from 100 km on, and at
-//! 10,000 km at every shading point. The formula of pbrt-v4 compares a squared distance with a
-//! length, so its sigma rises below a scale of 0.1. The run takes about a minute, and `--quick`,
+//! another scale is another tree. Expect that `girandole flat` loses lights from 100 km on, and at
+//! 10,000 km at every shading point. The run takes about a minute, and `--quick`,
 //! with fewer steps and shading points, some seconds.
 
 pub mod sweep;

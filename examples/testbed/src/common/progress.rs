@@ -46,14 +46,6 @@ impl Progress {
         self.print_line();
     }
 
-    /// Counts only steps from now on for the time that is left.
-    pub fn reset_eta(&self) {
-        self.bar.reset_eta();
-        if let Some(lines) = &self.lines {
-            *lines.lock().unwrap_or_else(PoisonError::into_inner) = Lines::from(Instant::now(), self.share());
-        }
-    }
-
     /// Removes the bar.
     pub fn finish_and_clear(&self) {
         self.bar.finish_and_clear();
@@ -76,18 +68,12 @@ impl Progress {
 /// When the next line is due, and what it says.
 struct Lines {
     start: Instant,
-    /// The share that was done at the start.
-    start_share: f64,
     last: Instant,
 }
 
 impl Lines {
     fn new(start: Instant) -> Self {
-        Self::from(start, 0.0)
-    }
-
-    fn from(start: Instant, start_share: f64) -> Self {
-        Self { start, start_share, last: start }
+        Self { start, last: start }
     }
 
     /// A line, if the last one is long enough ago.
@@ -97,8 +83,8 @@ impl Lines {
         }
         self.last = now;
         let elapsed = now.duration_since(self.start).as_secs_f64();
-        let done = share - self.start_share;
-        let left = if done > 0.0 { format!("{:.0} s", elapsed * (1.0 - share) / done) } else { "unknown time".into() };
+        let left =
+            if share > 0.0 { format!("{:.0} s", elapsed * (1.0 - share) / share) } else { "unknown time".into() };
         let message = if message.is_empty() { "progress" } else { message };
         Some(format!("{message}: {:.0} %, {elapsed:.0} s elapsed, {left} left", share * 100.0))
     }
@@ -117,15 +103,5 @@ mod tests {
         assert_eq!(lines.next(after(9), "frame 1", 0.5), None);
         let line = lines.next(after(30), "", 0.75).expect("many seconds have passed");
         assert_eq!(line, "progress: 75 %, 30 s elapsed, 10 s left");
-    }
-
-    #[test]
-    fn the_time_that_is_left_follows_from_what_was_done_since_the_start() {
-        let start = super::Instant::now();
-        let mut lines = super::Lines::from(start, 0.5);
-        let after = start + super::Duration::from_secs(10);
-        assert_eq!(lines.next(after, "a", 0.5).expect("a line"), "a: 50 %, 10 s elapsed, unknown time left");
-        let after = start + super::Duration::from_secs(20);
-        assert_eq!(lines.next(after, "a", 0.75).expect("a line"), "a: 75 %, 20 s elapsed, 20 s left");
     }
 }

@@ -1,6 +1,6 @@
 //! The library with cuts that neighbours share, and with learnt visibility.
 
-use super::draw::{Draw, Drawn, Frame, Sample, gloss};
+use super::draw::{Draw, Drawn, Frame, Sample, told};
 use super::view::{Surface, View};
 use crate::common::hash::pcg4d;
 use crate::scene::{Camera, Material, Scene};
@@ -72,13 +72,6 @@ impl Cells {
         CellDraws { cells: self, lights: taught(world, self.learnt.as_ref()).with_cuts(&self.cuts) }
     }
 
-    fn shading_point(&self, surface: &Surface, material: &Material) -> ShadingPoint {
-        match self.settings.has_gloss {
-            true => surface.shading_point.with_gloss(gloss(surface, material)),
-            false => surface.shading_point,
-        }
-    }
-
     fn draw(&self, lights: &LightSampler<'_>, at: &ShadingPoint, sample: &Sample) -> Option<Drawn> {
         Drawn::kept(lights, at, &lights.resample(at, sample.u, self.settings.candidates))
     }
@@ -114,7 +107,7 @@ pub struct CellDraws<'a> {
 
 impl Draw for CellDraws<'_> {
     fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn> {
-        let at = self.cells.shading_point(surface, material);
+        let at = told(surface, material, self.cells.settings.has_gloss);
         self.lights.mark(&at);
         self.cells.draw(&self.lights, &at, sample)
     }
@@ -168,13 +161,14 @@ impl Draw for SharedCells<'_> {
         self.cells.cuts.clear();
         let sampler = self.world.sampler().with_cuts(&self.cells.cuts);
         self.view.pixels.par_iter().flat_map_iter(|pixel| pixel.surfaces.iter().flatten()).for_each(|surface| {
-            sampler.mark(&self.cells.shading_point(surface, &self.scene.materials[surface.material as usize]));
+            let material = &self.scene.materials[surface.material as usize];
+            sampler.mark(&told(surface, material, self.cells.settings.has_gloss));
         });
         self.cells.build(self.world);
     }
 
     fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn> {
-        let at = self.cells.shading_point(surface, material);
+        let at = told(surface, material, self.cells.settings.has_gloss);
         let lights = taught(self.world, self.cells.learnt.as_ref()).with_cuts(&self.cells.cuts);
         self.cells.draw(&lights, &at, sample)
     }

@@ -3,11 +3,11 @@
 use super::view::Surface;
 use crate::common::split_mix;
 use crate::measuring::samplers::Chooser;
-use crate::render::shading::{brdf, specular_reflectance};
+use crate::render::shading::{brdf, gloss};
 use crate::scene::Material;
 use girandole::glam::Vec3;
 use girandole::light::luminance;
-use girandole::{Gloss, Incident, LightId, LightSample, LightSampler, Reservoir, ShadingPoint};
+use girandole::{Incident, LightId, LightSample, LightSampler, Reservoir, ShadingPoint};
 
 /// A point on a light, and the factor that turns its light into an estimate of the light by all
 /// lights.
@@ -105,33 +105,28 @@ pub trait Draw: Send + Sync {
     }
 }
 
+/// What a sampler is told of a surface: how it reflects, if it can know that.
+pub(super) fn told(surface: &Surface, material: &Material, has_gloss: bool) -> ShadingPoint {
+    let at = surface.shading_point;
+    if has_gloss { at.with_gloss(gloss(material, surface.toward_eye)) } else { at }
+}
+
 /// Chooses one light, then a point on it.
 pub struct Single<'a> {
-    pub chooser: &'a dyn Chooser,
+    pub chooser: &'a Chooser<'a>,
     pub lights: LightSampler<'a>,
+    /// The chooser is told how surfaces reflect.
+    pub has_gloss: bool,
 }
 
 impl Draw for Single<'_> {
-    fn draw(&self, surface: &Surface, _: &Material, sample: &Sample) -> Option<Drawn> {
+    fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn> {
         let [a, b, x, y, _] = sample.u;
-        let pick = self.chooser.choose(&surface.shading_point, [a, b])?;
-        let incident = self.lights.sample_light(&surface.shading_point, pick.light, [x, y])?;
+        let at = told(surface, material, self.has_gloss);
+        let pick = self.chooser.choose(&at, [a, b])?;
+        let incident = self.lights.sample_light(&at, pick.light, [x, y])?;
         let weight = 1.0 / (incident.pdf * pick.pmf);
         Some(Drawn { incident, weight, light: 0, id: pick.light, numbers: [x, y] })
-    }
-}
-
-/// Does the same as [`Single`], for a chooser that is told how surfaces reflect.
-pub struct SingleWithGloss<'a> {
-    pub chooser: &'a dyn Chooser,
-    pub lights: LightSampler<'a>,
-}
-
-impl Draw for SingleWithGloss<'_> {
-    fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn> {
-        let shading_point = surface.shading_point.with_gloss(gloss(surface, material));
-        let single = Single { chooser: self.chooser, lights: self.lights };
-        single.draw(&Surface { shading_point, ..*surface }, material, sample)
     }
 }
 
@@ -139,12 +134,14 @@ impl Draw for SingleWithGloss<'_> {
 pub struct Resampled<'a> {
     pub lights: LightSampler<'a>,
     pub candidates: u32,
+    /// Candidates are chosen and weighed by the light that a glossy surface reflects.
+    pub has_gloss: bool,
 }
 
 impl Draw for Resampled<'_> {
-    fn draw(&self, surface: &Surface, _: &Material, sample: &Sample) -> Option<Drawn> {
-        let at = &surface.shading_point;
-        Drawn::kept(&self.lights, at, &self.lights.resample(at, sample.u, self.candidates))
+    fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn> {
+        let at = told(surface, material, self.has_gloss);
+        Drawn::kept(&self.lights, &at, &self.lights.resample(&at, sample.u, self.candidates))
     }
 }
 
@@ -172,63 +169,6 @@ impl Draw for ResampledByBrdf<'_> {
             kept = kept.merge(kept.reflected, &own, own.reflected, choice);
         }
         Drawn::kept(&self.lights, at, &kept)
-    }
-}
-
-/// Draws several candidates, which are chosen and weighed by the light that a glossy surface
-/// reflects.
-pub struct ResampledWithGloss<'a> {
-    pub lights: LightSampler<'a>,
-    pub candidates: u32,
-}
-
-impl Draw for ResampledWithGloss<'_> {
-    fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn> {
-        let at = surface.shading_point.with_gloss(gloss(surface, material));
-        Drawn::kept(&self.lights, &at, &self.lights.resample(&at, sample.u, self.candidates))
-    }
-}
-
-/// What the library is told of a surface.
-pub(super) fn gloss(surface: &Surface, material: &Material) -> Gloss {
-    let specular = luminance(specular_reflectance(material));
-    let diffuse = luminance(material.base_color) * (1.0 - material.metallic);
-    Gloss { view: surface.toward_eye, roughness: material.roughness, specular, diffuse }
-}
-
-/// Streams uniformly chosen lights through a reservoir and keeps one in proportion to the light
-/// that it reflects without shadows.
-///
-/// Source: Bitterli et al., Spatiotemporal Reservoir Resampling (2020), algorithm 3, without reuse
-/// between pixels or frames.
-pub struct Streaming<'a> {
-    pub lights: LightSampler<'a>,
-    pub ids: &'a [LightId],
-    pub candidates: u32,
-}
-
-impl Draw for Streaming<'_> {
-    fn draw(&self, surface: &Surface, material: &Material, sample: &Sample) -> Option<Drawn> {
-        let mut state = sample.u.iter().fold(0, |state, u| split_mix::mix(state ^ u64::from(u.to_bits())));
-        let mut unit = || (split_mix::next(&mut state) >> 40) as f32 * (1.0 / 16_777_216.0);
-        let (mut total, mut kept) = (0.0, None);
-        for _ in 0..self.candidates {
-            let light =
-                self.ids[((f64::from(unit()) + f64::from(unit()) / 16_777_216.0) * self.ids.len() as f64) as usize];
-            let point = [unit(), unit()];
-            let keep = unit();
-            let Some(incident) = self.lights.sample_light(&surface.shading_point, light, point) else { continue };
-            let target = luminance(reflected(surface, material, &incident));
-            if target > 0.0 {
-                let weight = target * self.ids.len() as f32 / incident.pdf;
-                total += weight;
-                if keep * total < weight {
-                    kept = Some((incident, target, light, point));
-                }
-            }
-        }
-        let (incident, target, id, numbers) = kept?;
-        Some(Drawn { incident, weight: total / (self.candidates as f32 * target), light: 0, id, numbers })
     }
 }
 

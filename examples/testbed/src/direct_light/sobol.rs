@@ -6,49 +6,13 @@
 //! the scrambling.
 
 use crate::common::hash::pcg4d;
+use crate::render::sequence::directions;
 
 /// The numbers of a sample.
 const DIMENSIONS: usize = 5;
 /// Samples beyond 2^`BITS` repeat.
 const BITS: usize = 16;
-/// For each dimension after the first: the degree of its polynomial, the coefficients between the
-/// first and the last as bits, and the first direction numbers.
-const POLYNOMIALS: [(usize, u32, [u32; 3]); DIMENSIONS - 1] =
-    [(1, 0, [1, 0, 0]), (2, 1, [1, 3, 0]), (3, 1, [1, 3, 1]), (3, 2, [1, 1, 1])];
-const DIRECTIONS: [[u32; BITS]; DIMENSIONS] = directions();
-
-const fn directions() -> [[u32; BITS]; DIMENSIONS] {
-    let mut all = [[0; BITS]; DIMENSIONS];
-    let mut bit = 0;
-    while bit < BITS {
-        all[0][bit] = 1 << (31 - bit);
-        bit += 1;
-    }
-    let mut dimension = 1;
-    while dimension < DIMENSIONS {
-        let (degree, coefficients, first) = POLYNOMIALS[dimension - 1];
-        let mut bit = 0;
-        while bit < BITS {
-            all[dimension][bit] = if bit < degree {
-                first[bit] << (31 - bit)
-            } else {
-                let mut value = all[dimension][bit - degree];
-                value ^= value >> degree;
-                let mut back = 1;
-                while back < degree {
-                    if coefficients >> (degree - 1 - back) & 1 == 1 {
-                        value ^= all[dimension][bit - back];
-                    }
-                    back += 1;
-                }
-                value
-            };
-            bit += 1;
-        }
-        dimension += 1;
-    }
-    all
-}
+const DIRECTIONS: [[u32; DIMENSIONS]; 32] = directions();
 
 /// Five numbers in [0, 1), which depend on the arguments only. Those of the samples of a pixel are
 /// a scrambled Sobol' sequence.
@@ -58,7 +22,7 @@ pub fn sobol(pixel: u32, sample: u32, seed: u32) -> [f32; DIMENSIONS] {
     std::array::from_fn(|dimension| {
         let (mut value, mut rest) = (0, sample & ((1 << BITS) - 1));
         while rest != 0 {
-            value ^= DIRECTIONS[dimension][rest.trailing_zeros() as usize];
+            value ^= DIRECTIONS[rest.trailing_zeros() as usize][dimension];
             rest &= rest - 1;
         }
         (scrambled(value, seeds[dimension]) >> 8) as f32 * (1.0 / 16_777_216.0)

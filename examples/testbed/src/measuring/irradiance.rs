@@ -17,7 +17,7 @@ pub fn irradiance(light: &Light, at: &ShadingPoint) -> f64 {
 /// of Snyder (1996) for a sphere that the horizon cuts, as in Lagarde and de Rousiers, Moving
 /// Frostbite to PBR (2014), section 4.7. The window of a light's range is taken at the centre of
 /// the light, so it is exact for points and spots only. 0 inside a sphere and on a light.
-pub fn exact_irradiance(light: &Emitter<f64>, at: &Receiver<f64>) -> f64 {
+pub fn exact_irradiance(light: &Emitter, at: &Receiver) -> f64 {
     let toward = |point: DVec3| point - at.position;
     let normal = at.normal.normalize_or_zero();
     let (center, unlimited) = match light.form {

@@ -11,7 +11,6 @@ pub mod score;
 pub mod shared_cuts;
 pub mod crops;
 
-pub mod real;
 pub mod emitter;
 pub mod irradiance;
 pub mod in_scattering;

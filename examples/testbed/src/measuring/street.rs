@@ -2,7 +2,7 @@
 
 use crate::common::pcg::Rng;
 use crate::measuring::emitter::{Emitter, Form, Receiver};
-use girandole::glam::{DMat3, DQuat, DVec3, Quat, dvec3};
+use girandole::glam::{DMat3, DQuat, DVec3, dvec3};
 use std::f64::consts::PI;
 
 /// Different objects.
@@ -32,9 +32,9 @@ pub struct Instance {
 #[derive(Clone, Debug)]
 pub struct Street {
     /// The lights of each object, in its own space.
-    pub objects: Vec<Vec<Emitter<f64>>>,
+    pub objects: Vec<Vec<Emitter>>,
     pub instances: Vec<Instance>,
-    pub receivers: Vec<Receiver<f64>>,
+    pub receivers: Vec<Receiver>,
     /// A number from -0.5 to 0.5 for each light of each object: its place between the faintest and
     /// the brightest.
     levels: Vec<Vec<f64>>,
@@ -57,7 +57,7 @@ fn direction(rng: &mut Rng) -> DVec3 {
 }
 
 /// A light of an object; the five shapes take turns.
-fn light(rng: &mut Rng, number: usize) -> Emitter<f64> {
+fn light(rng: &mut Rng, number: usize) -> Emitter {
     let position = in_box(rng, HALF_OBJECT) + DVec3::Y * HALF_OBJECT.y;
     let axis = direction(rng);
     let u = axis.any_orthonormal_vector() * between(rng, 0.1, 0.6);
@@ -79,7 +79,7 @@ fn light(rng: &mut Rng, number: usize) -> Emitter<f64> {
 
 /// A light after a scale, a turn and a shift. Points and spots become brighter by the square of the
 /// scale, so that the illuminance at a scaled shading point stays the same.
-pub fn moved(light: &Emitter<f64>, scale: f64, turn: &DMat3, shift: DVec3) -> Emitter<f64> {
+pub fn moved(light: &Emitter, scale: f64, turn: &DMat3, shift: DVec3) -> Emitter {
     let vector = |v: DVec3| *turn * (v * scale);
     let point = |p: DVec3| vector(p) + shift;
     let (form, gain) = match light.form {
@@ -88,10 +88,7 @@ pub fn moved(light: &Emitter<f64>, scale: f64, turn: &DMat3, shift: DVec3) -> Em
             let direction = *turn * direction;
             (Form::Spot { position: point(position), direction, inner_angle, outer_angle }, scale * scale)
         }
-        Form::Profile { position, rotation, profile } => {
-            let turned = DQuat::from_mat3(turn).as_quat() * Quat::from_array(rotation);
-            (Form::Profile { position: point(position), rotation: turned.to_array(), profile }, scale * scale)
-        }
+        Form::Profile { .. } => unreachable!("a street has none"),
         Form::Rectangle { center, half_u, half_v, two_sided } => {
             (Form::Rectangle { center: point(center), half_u: vector(half_u), half_v: vector(half_v), two_sided }, 1.0)
         }
@@ -107,7 +104,7 @@ impl Street {
     pub fn new(seed: u64, receivers: usize) -> Self {
         let mut rng = Rng::new(seed, 0);
         let object = |rng: &mut Rng| (0..LIGHTS_PER_OBJECT).map(|number| light(rng, number)).collect();
-        let objects: Vec<Vec<Emitter<f64>>> = (0..OBJECTS).map(|_| object(&mut rng)).collect();
+        let objects: Vec<Vec<Emitter>> = (0..OBJECTS).map(|_| object(&mut rng)).collect();
         let levels =
             objects.iter().map(|lights| lights.iter().map(|_| between(&mut rng, -0.5, 0.5)).collect()).collect();
         let mut instance = |number: usize| {
@@ -154,7 +151,7 @@ impl Street {
     }
 
     /// All lights in the space of the world, instance by instance.
-    pub fn lights(&self) -> Vec<Emitter<f64>> {
+    pub fn lights(&self) -> Vec<Emitter> {
         let placed = |Instance { object, turn, position }: &Instance| {
             self.objects[*object].iter().map(|light| moved(light, 1.0, turn, *position)).collect::<Vec<_>>()
         };

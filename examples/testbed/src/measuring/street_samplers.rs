@@ -1,28 +1,60 @@
-//! The samplers that are compared. Each gets the lights in f32, in the way in which it would hold
-//! them.
+//! The samplers of a [`Street`]. Each gets the lights in f32, in the way in which it would hold them.
 
 use super::street::{Street, moved};
-use crate::measuring::baselines::{BinaryTree, Cycles, Formula, Pbrt};
 use crate::measuring::emitter::{Emitter, Receiver};
 use crate::measuring::reference::choice::{Below, Tree, distribution};
 use crate::measuring::reference::place::{Map, View};
 use crate::measuring::reference::rough::walk;
 use girandole::glam::{DMat3, DVec3};
-use girandole::{InstanceKey, Light, LightId, LightSampler, LightTree, LightWorld, Placement, Policy, WorldError};
+use girandole::{InstanceKey, LightId, LightSampler, LightTree, LightWorld, Placement, Policy, WorldError};
 use std::collections::BTreeMap;
 
 /// A sampler of the lights of a [`Street`] that was moved away from zero.
-pub trait Subject: Sync {
+pub enum Subject {
+    TwoLevel(TwoLevel),
+    /// One tree of this library over all lights in f32 and in the space of the world, which was moved by so much.
+    Flat(LightTree, DVec3),
+}
+
+impl Subject {
+    /// Both samplers.
+    pub fn both(street: &Street, shift: DVec3) -> Result<[Self; 2], WorldError> {
+        let in_the_world = |light: &Emitter| moved(light, 1.0, &DMat3::IDENTITY, shift).rounded();
+        let tree = LightTree::new(street.lights().iter().map(in_the_world).collect())?;
+        Ok([Self::TwoLevel(TwoLevel::new(street, shift)?), Self::Flat(tree, shift)])
+    }
+
     /// The name in the table.
-    fn name(&self) -> &'static str;
+    pub fn name(&self) -> &'static str {
+        if matches!(self, Self::TwoLevel(_)) { "girandole" } else { "girandole flat" }
+    }
 
     /// The probability of each light, in the order of [`Street::lights`], as the sampler computes
     /// it in f32. The shading point is that of the street before it was moved.
-    fn pmfs(&self, at: &Receiver<f64>) -> Vec<f32>;
+    pub fn pmfs(&self, at: &Receiver) -> Vec<f32> {
+        let mut pmfs = Vec::new();
+        match self {
+            Self::TwoLevel(levels) => {
+                levels.world.sampler().distribution(&at.rounded(levels.origin()), &mut pmfs);
+                levels.in_street_order(&pmfs)
+            }
+            Self::Flat(tree, shift) => {
+                tree.distribution(&at.rounded(-*shift), 6, &mut pmfs);
+                pmfs
+            }
+        }
+    }
 
-    /// The same probabilities by the same formula and the same tree in f64, from lights and a
-    /// shading point that were not rounded. `None` where there is no such evaluation.
-    fn exact_pmfs(&self, at: &Receiver<f64>) -> Option<Vec<f64>>;
+    /// The same probabilities by the same formula and the same tree in f64, from a shading point that was not
+    /// rounded, and from the nodes as they are stored: what packing does to them is a part of the formula. `None` for
+    /// one tree: its nodes hold what rounding has left of the lights, so that it has no exact nodes.
+    pub fn exact_pmfs(&self, at: &Receiver) -> Option<Vec<f64>> {
+        let Self::TwoLevel(levels) = self else { return None };
+        let sampler = levels.world.sampler();
+        let view = View::of(at.position - levels.origin(), at.normal);
+        let top = Tree { nodes: sampler.top_nodes(), view, instance: None };
+        levels.by_light(distribution(&top, 6, 0.0, &|leaf| levels.below(&sampler, leaf, view)).lights)
+    }
 }
 
 /// This library with two levels: placements are f64, and the origin moves to the scene.
@@ -44,9 +76,8 @@ impl TwoLevel {
     pub fn new(street: &Street, shift: DVec3) -> Result<Self, WorldError> {
         let mut world = LightWorld::new();
         world.set_origin_near(shift)?;
-        let add = |lights: &Vec<Emitter<f64>>| {
-            Ok(world.add_tree(LightTree::new(lights.iter().map(Emitter::rounded).collect())?))
-        };
+        let add =
+            |lights: &Vec<Emitter>| Ok(world.add_tree(LightTree::new(lights.iter().map(Emitter::rounded).collect())?));
         let trees = street.objects.iter().map(add).collect::<Result<Vec<_>, WorldError>>()?;
         let (mut shown, mut start) = (BTreeMap::new(), 0);
         for instance in &street.instances {
@@ -65,7 +96,7 @@ impl TwoLevel {
 
     /// The probabilities of a walk from the root, in f64, as [`Subject::exact_pmfs`]; and whether rounding may turn one
     /// of its decisions.
-    pub fn exact_walk(&self, at: &Receiver<f64>) -> (Option<Vec<f64>>, bool) {
+    pub fn exact_walk(&self, at: &Receiver) -> (Option<Vec<f64>>, bool) {
         let sampler = self.world.sampler();
         let view = View::of(at.position - self.origin(), at.normal);
         let top = Tree { nodes: sampler.top_nodes(), view, instance: None };
@@ -108,103 +139,4 @@ impl TwoLevel {
         let view = view.in_tree(map, *position - self.origin(), 1.0);
         Some((Tree { nodes: tree.nodes(), view, instance: self.world.slot(instance) }, target))
     }
-}
-
-impl Subject for TwoLevel {
-    fn name(&self) -> &'static str {
-        "girandole"
-    }
-
-    fn pmfs(&self, at: &Receiver<f64>) -> Vec<f32> {
-        let mut own = Vec::new();
-        self.world.sampler().distribution(&at.rounded(self.origin()), &mut own);
-        self.in_street_order(&own)
-    }
-
-    /// From the nodes as they are stored: what packing does to them is a part of the formula.
-    fn exact_pmfs(&self, at: &Receiver<f64>) -> Option<Vec<f64>> {
-        let sampler = self.world.sampler();
-        let view = View::of(at.position - self.origin(), at.normal);
-        let top = Tree { nodes: sampler.top_nodes(), view, instance: None };
-        let below = |leaf| self.below(&sampler, leaf, view);
-        self.by_light(distribution(&top, 6, 0.0, &below).lights)
-    }
-}
-
-/// One tree of this library over all lights in f32 and in the space of the world.
-pub struct Flat {
-    tree: LightTree,
-    shift: DVec3,
-}
-
-impl Flat {
-    pub fn new(street: &Street, shift: DVec3) -> Result<Self, WorldError> {
-        Ok(Self { tree: LightTree::new(in_the_world(&street.lights(), shift))?, shift })
-    }
-}
-
-impl Subject for Flat {
-    fn name(&self) -> &'static str {
-        "girandole flat"
-    }
-
-    fn pmfs(&self, at: &Receiver<f64>) -> Vec<f32> {
-        let mut pmfs = Vec::new();
-        self.tree.distribution(&at.rounded(-self.shift), 6, &mut pmfs);
-        pmfs
-    }
-
-    /// `None`: its nodes hold what rounding has left of the lights, so that it has no exact nodes.
-    fn exact_pmfs(&self, _: &Receiver<f64>) -> Option<Vec<f64>> {
-        None
-    }
-}
-
-/// A published tree over all lights in f32 and in the space of the world.
-pub struct Published<F: Formula<f32> + Formula<f64>> {
-    name: &'static str,
-    tree: BinaryTree<F, f32>,
-    exact: BinaryTree<F, f64>,
-    shift: DVec3,
-}
-
-impl<F: Formula<f32> + Formula<f64> + Copy> Published<F> {
-    pub fn new(name: &'static str, formula: F, street: &Street, shift: DVec3) -> Self {
-        let lights = street.lights();
-        let rounded = in_the_world(&lights, shift);
-        let emitters = rounded.iter().map(Emitter::from).collect();
-        // Far away, triangles without area are dark in f32, but not in f64.
-        let shape = BinaryTree::with_dark_lights(formula, rounded);
-        // Both merge the bounds of two children, so that they differ in rounding alone.
-        Self { name, tree: shape.with_lights::<f32>(emitters), exact: shape.with_lights::<f64>(lights), shift }
-    }
-}
-
-impl<F: Formula<f32> + Formula<f64>> Subject for Published<F> {
-    fn name(&self) -> &'static str {
-        self.name
-    }
-
-    fn pmfs(&self, at: &Receiver<f64>) -> Vec<f32> {
-        self.tree.pmfs(&at.rounded(-self.shift))
-    }
-
-    fn exact_pmfs(&self, at: &Receiver<f64>) -> Option<Vec<f64>> {
-        Some(self.exact.pmfs(*at))
-    }
-}
-
-/// All samplers.
-pub fn all(street: &Street, shift: DVec3) -> Result<[Box<dyn Subject>; 4], WorldError> {
-    Ok([
-        Box::new(TwoLevel::new(street, shift)?),
-        Box::new(Flat::new(street, shift)?),
-        Box::new(Published::new("pbrt", Pbrt { is_opaque: false }, street, shift)),
-        Box::new(Published::new("cycles", Cycles, street, shift)),
-    ])
-}
-
-/// Lights in f32, after a shift in f64.
-fn in_the_world(lights: &[Emitter<f64>], shift: DVec3) -> Vec<Light> {
-    lights.iter().map(|light| moved(light, 1.0, &DMat3::IDENTITY, shift).rounded()).collect()
 }

@@ -25,8 +25,6 @@ pub struct Gpu {
     pub device: wgpu::Device,
     /// Its queue.
     pub queue: wgpu::Queue,
-    /// Whether the device has timestamps within encoders.
-    pub timestamps: bool,
     name: String,
     /// A CPU stands in for a GPU.
     is_software: bool,
@@ -84,15 +82,13 @@ pub fn choose(choice: BackendChoice) -> Result<ChosenBackend, SceneError> {
 /// Opens the best adapter. The limits are WebGPU's defaults, except for larger buffers.
 fn open_gpu() -> Result<Gpu, SceneError> {
     let adapter = find_adapter(None).map_err(SceneError)?;
-    let timing = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS;
-    let timestamps = adapter.features().contains(timing);
-    let features = if timestamps { timing } else { wgpu::Features::empty() };
-    let (device, queue) = open_device(&adapter, features, large_buffers(&adapter)).map_err(SceneError)?;
+    let opened = open_device(&adapter, wgpu::Features::empty(), large_buffers(&adapter));
+    let (device, queue) = opened.map_err(SceneError)?;
     let info = adapter.get_info();
     let is_software = info.device_type == wgpu::DeviceType::Cpu;
     let kind = if is_software { "software, " } else { "" };
     let name = format!("{} ({kind}{:?})", info.name, info.backend);
-    Ok(Gpu { device, queue, timestamps, name, is_software })
+    Ok(Gpu { device, queue, name, is_software })
 }
 
 #[cfg(test)]

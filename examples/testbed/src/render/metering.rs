@@ -3,8 +3,7 @@
 //! The key of dim scenes is lower, as in Krawczyk, Myszkowski and Seidel, Perceptual Effects in Real-time
 //! Tone Mapping (2005), so that a night stays one. Differs: only surfaces that lights reach count.
 
-use super::choice::Choice;
-use super::cpu::{Integrator, Lights};
+use super::cpu::Integrator;
 use super::geometry::Geometry;
 use super::image::ShadowRays;
 use super::scene::Scene;
@@ -53,8 +52,7 @@ struct Cell {
 
 /// The cells of the picture, row by row.
 fn measure(scene: &Scene, geometry: &Geometry, world: &LightWorld, (width, height): (u32, u32)) -> Vec<Cell> {
-    let lights = Lights { sampler: world.sampler(), choice: Choice::Trees };
-    let integrator = Integrator { scene, geometry, lights, candidates: 4 };
+    let integrator = Integrator { scene, geometry, sampler: world.sampler(), candidates: Some(4) };
     let view = View::new(&scene.camera, width, height);
     let (columns, rows) = GRID;
     let cell = |index: u32| {

@@ -6,11 +6,9 @@
 //! 2. `sequence` and `shading`: random numbers, camera rays and the BRDF;
 //! 3. `textures`, `nodes`, `geometry` and `rays`: textured surfaces, and the hierarchies that rays
 //!    traverse;
-//! 4. `baseline` and `choice`: samplers to compare with, and how samples choose lights;
-//! 5. `history`: lights that pixels keep from frame to frame;
-//! 6. `cpu`: the whole renderer on threads, which is the easier one to read, and `metering`, an exposure
+//! 4. `cpu`: the whole renderer on threads, which is the easier one to read, and `metering`, an exposure
 //!    for what it shows;
-//! 7. `backend` and `gpu`: the same renderer as a compute shader.
+//! 5. `backend` and `gpu`: the same renderer as a compute shader, whose pixels may keep lights from frame to frame.
 
 use super::scene;
 
@@ -26,13 +24,6 @@ pub mod nodes;
 pub mod geometry;
 pub mod rays;
 
-#[cfg(feature = "native")]
-pub mod baseline;
-#[cfg(feature = "native")]
-pub mod choice;
-
-#[cfg(feature = "native")]
-pub mod history;
 #[cfg(feature = "native")]
 pub mod cpu;
 #[cfg(feature = "native")]

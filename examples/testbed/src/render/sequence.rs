@@ -128,26 +128,27 @@ fn spread_bits(mut x: u32) -> u32 {
     (x | x << 1) & 0x5555_5555
 }
 
-/// The direction numbers: the first dimension reverses the bits, the others follow recurrences.
-const fn directions() -> [[u32; 4]; INDEX_BITS as usize] {
+/// The direction numbers of up to five dimensions: the first one reverses the bits, the others follow recurrences.
+pub const fn directions<const DIMENSIONS: usize>() -> [[u32; DIMENSIONS]; INDEX_BITS as usize] {
     // The degree of the primitive polynomial, its inner coefficients, and the initial numbers.
-    const POLYNOMIALS: [(usize, u32, [u32; 3]); 3] = [(1, 0, [1, 0, 0]), (2, 1, [1, 3, 0]), (3, 1, [1, 3, 1])];
-    let mut table = [[0; 4]; INDEX_BITS as usize];
+    const POLYNOMIALS: [(usize, u32, [u32; 3]); 4] =
+        [(1, 0, [1, 0, 0]), (2, 1, [1, 3, 0]), (3, 1, [1, 3, 1]), (3, 2, [1, 1, 1])];
+    let mut table = [[0; DIMENSIONS]; INDEX_BITS as usize];
     let mut bit = 0;
     while bit < INDEX_BITS as usize {
         table[bit][0] = 1 << (INDEX_BITS - 1 - bit as u32);
-        let mut dimension = 0;
-        while dimension < 3 {
-            let (degree, coefficients, initial) = POLYNOMIALS[dimension];
-            table[bit][dimension + 1] = if bit < degree {
+        let mut dimension = 1;
+        while dimension < DIMENSIONS {
+            let (degree, coefficients, initial) = POLYNOMIALS[dimension - 1];
+            table[bit][dimension] = if bit < degree {
                 initial[bit] << (INDEX_BITS - 1 - bit as u32)
             } else {
-                let oldest = table[bit - degree][dimension + 1];
+                let oldest = table[bit - degree][dimension];
                 let mut number = oldest ^ oldest >> degree;
                 let mut term = 1;
                 while term < degree {
                     if coefficients >> (degree - 1 - term) & 1 == 1 {
-                        number ^= table[bit - term][dimension + 1];
+                        number ^= table[bit - term][dimension];
                     }
                     term += 1;
                 }

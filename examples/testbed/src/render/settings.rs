@@ -22,13 +22,12 @@ pub struct Settings {
     /// Candidates of which each sample keeps one. More of them lower the noise of reflections and
     /// cost time, but no shadow rays.
     pub candidates: u32,
-    /// With one sample for each pixel, the draws that the light a pixel keeps from the frame before stands for, at most;
-    /// 0 to keep none. See [`history`](super::history).
+    /// With one sample for each pixel on a GPU, the draws that the light a pixel keeps from the frame before stands for,
+    /// at most; 0 to keep none: the pass of docs/reuse.md.
     pub reused_frames: u32,
     /// Of the random numbers.
     pub seed: u64,
-    /// How lights are sampled. The GPU renders those that [`LightChoice::is_on_gpu`] names; the CPU renders all
-    /// others, even if the backend is a GPU.
+    /// How lights are sampled. The CPU renders [`LightChoice::Exhaustive`], even if the backend is a GPU.
     pub light_choice: LightChoice,
 }
 
@@ -43,30 +42,15 @@ pub enum LightChoice {
     SharedCuts,
     /// One light per sample, by walks from the roots of the light trees
     Roots,
-    /// One light per sample; all have the same probability
-    Uniform,
-    /// One light per sample, in proportion to its flux
-    Flux,
-    /// One light per sample, from a light tree with the formula of pbrt-v4
-    Pbrt,
-    /// One light per sample, from the tree of spherical Gaussians of Tokuyoshi et al. 2024
-    SgTree,
     /// All lights in every sample, without a choice. The cost of a sample grows with their number.
     #[value(skip)]
     Exhaustive,
 }
 
-impl LightChoice {
-    /// Whether the GPU can render it.
-    pub fn is_on_gpu(self) -> bool {
-        matches!(self, Self::Girandole | Self::SharedCuts | Self::Roots)
-    }
-}
-
 impl Settings {
     /// The draws that a kept light stands for, at most; 0 if no light is kept.
     pub fn reused(&self) -> u32 {
-        let keeps = self.spp == 1 && self.light_choice.is_on_gpu();
+        let keeps = self.spp == 1 && self.light_choice != LightChoice::Exhaustive;
         if keeps { self.reused_frames } else { 0 }
     }
 }

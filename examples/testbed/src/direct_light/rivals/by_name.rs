@@ -1,6 +1,5 @@
 //! The samplers by their names in tables.
 
-use super::blocks::SharedCuts;
 use super::candidates::LightList;
 use super::nee_at::NeeAt;
 use super::regir::ReGir;
@@ -10,7 +9,7 @@ use crate::direct_light::view::View;
 use girandole::{Light, LightId, LightSampler};
 
 /// All names.
-pub const NAMES: [&str; 5] = ["regir", "presampled 8", "presampled 32", "stochastic lightcuts", "nee-at"];
+pub const NAMES: [&str; 4] = ["regir", "presampled 8", "presampled 32", "nee-at"];
 
 /// The sampler of a name for a view of lights; `None` for a name that does not exist. `view` is a part of the picture
 /// `whole`. `lights` and `ids` as for [`crate::measuring::samplers::published`].
@@ -25,7 +24,6 @@ pub fn by_name<'a>(
         "regir" => Box::new(ReGir::new(lights, view, whole)),
         "presampled 8" => Box::new(Presampled::new(lights, width, 8)),
         "presampled 32" => Box::new(Presampled::new(lights, width, 32)),
-        "stochastic lightcuts" => Box::new(SharedCuts::new(lights, view)),
         "nee-at" => Box::new(NeeAt::new(lights, view)),
         _ => return None,
     })

@@ -8,7 +8,6 @@ mod proxies;
 
 mod tiles;
 mod regir;
-mod blocks;
 mod nee_at;
 
 mod by_name;

@@ -1,12 +1,12 @@
 //! A published tree over lights that move: it is updated from the leaves to the root, as in [SS],
 //! and its attributes are computed on the way.
 //!
-//! [SS] is Sosnowski and Szajerman, BVH Trees of Many Dynamic Lights for Real-Time Ray Tracing.
+//! [SS] is Sosnowski and Szajerman, BVH Trees of Many Dynamic Lights for Real-Time Ray Tracing. Its four attributes are
+//! the formulas of docs/math.md with two children a node, and the splitting cost is that of the build of these trees
+//! (`tree`). Differs from docs/math.md: a light counts as a point at the centre of its box, so a leaf has no variance.
 
-use super::attributes::attributes;
-use super::bounds::LightBounds;
-use super::saoh::LEAF;
-use super::tree::{BinaryTree, Formula};
+use super::tree::{BinaryTree, Formula, LEAF, LightBounds};
+use girandole::glam::DVec3;
 use girandole::{Attributes, Light, ShadingPoint};
 
 /// A binary tree with one light per leaf that keeps its shape while lights move. Lights without
@@ -33,7 +33,7 @@ impl<F: Formula> MovingTree<F> {
     /// index and its new value. O(n), however few lights change.
     pub fn refit(&mut self, changes: &[(u32, Light)]) {
         for (index, light) in changes {
-            self.tree.lights[*index as usize] = light.into();
+            self.tree.lights[*index as usize] = *light;
         }
         self.update_nodes();
     }
@@ -60,6 +60,77 @@ impl<F: Formula> MovingTree<F> {
         }
         self.attributes = attributes(tree.nodes.iter().map(|node| node.target), bounds);
     }
+}
+
+/// The power of a group of lights, and where it is.
+#[derive(Clone, Copy)]
+struct Moments {
+    power: f64,
+    mean: DVec3,
+    /// The variance of position, weighted by power, in square metres.
+    variance: f64,
+}
+
+/// The sums over all inner nodes, in the units of the power and in metres.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    distance: f64,
+    overlap: f64,
+    variance: f64,
+    cost: f64,
+}
+
+/// The attributes of a tree, from the target and the bounds of each node, parents before children.
+/// All are 0 for a tree of one light and for a dark tree.
+fn attributes(targets: impl DoubleEndedIterator<Item = u32> + ExactSizeIterator, bounds: &[LightBounds]) -> Attributes {
+    let mut moments = vec![Moments { power: 0.0, mean: DVec3::ZERO, variance: 0.0 }; bounds.len()];
+    let mut sums = Sums::default();
+    for (node, target) in targets.enumerate().rev() {
+        let own = &bounds[node];
+        if target & LEAF != 0 {
+            let mean = own.aabb.center().as_dvec3();
+            moments[node] = Moments { power: f64::from(own.power), mean, variance: 0.0 };
+            continue;
+        }
+        let [a, b] = [node + 1, target as usize];
+        let between;
+        (moments[node], between) = merge(moments[a], moments[b]);
+        let power = moments[node].power;
+        let length = own.aabb.half_perimeter();
+        sums.distance += power * between.sqrt();
+        sums.variance += power * moments[node].variance;
+        sums.cost += f64::from(bounds[a].measure()) + f64::from(bounds[b].measure());
+        if length > 0.0 {
+            let shared = bounds[a].aabb.intersection(&bounds[b].aabb);
+            let shared = if shared.is_empty() { 0.0 } else { shared.half_perimeter() };
+            sums.overlap += power * f64::from(shared / length);
+        }
+    }
+    let Some((root, power)) = bounds.first().zip(moments.first().map(|moments| moments.power)) else {
+        return Attributes::default();
+    };
+    let diagonal = root.aabb.extent().as_dvec3().length();
+    let ratio = |sum: f64, unit: f64| if unit > 0.0 { (sum / unit) as f32 } else { 0.0 };
+    Attributes {
+        distance: ratio(sums.distance, power * diagonal),
+        overlap: ratio(sums.overlap, power),
+        variance: ratio(sums.variance, power * diagonal * diagonal),
+        splitting_cost: ratio(sums.cost, f64::from(root.measure())),
+    }
+}
+
+/// The moments of both groups together, and the mean squared distance of the groups' means from the
+/// common mean.
+fn merge(a: Moments, b: Moments) -> (Moments, f64) {
+    let power = a.power + b.power;
+    if power <= 0.0 {
+        return (Moments { power: 0.0, mean: 0.5 * (a.mean + b.mean), variance: 0.0 }, 0.0);
+    }
+    let [share_a, share_b] = [a.power / power, b.power / power];
+    let mean = a.mean * share_a + b.mean * share_b;
+    let between = share_a * a.mean.distance_squared(mean) + share_b * b.mean.distance_squared(mean);
+    let variance = share_a * a.variance + share_b * b.variance + between;
+    (Moments { power, mean, variance }, between)
 }
 
 #[cfg(test)]

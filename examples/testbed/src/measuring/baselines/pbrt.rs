@@ -8,10 +8,10 @@
 //! Differs: bounds are not quantised; the power of a spot is its flux, not 4 pi times its peak
 //! intensity (mean sigma on city S 4.4 instead of 11.2).
 
-use super::bounds::LightBounds;
-use super::tree::Formula;
-use crate::measuring::emitter::{Emitter, Form, RealAabb, Receiver};
-use crate::measuring::real::{Real, Vector};
+use super::tree::{Formula, LightBounds};
+use girandole::cluster::Aabb;
+use girandole::glam::Vec3;
+use girandole::{Light, ShadingPoint, Shape};
 
 /// The formula of pbrt-v4.
 #[derive(Clone, Copy, Debug)]
@@ -23,51 +23,49 @@ pub struct Pbrt {
 
 /// The bounds of a node.
 #[derive(Clone, Copy)]
-pub struct PbrtBounds<R: Real> {
-    aabb: RealAabb<R>,
-    axis: R::Vec3,
-    power: R,
-    cos_o: R,
-    cos_e: R,
+pub struct PbrtBounds {
+    aabb: Aabb,
+    axis: Vec3,
+    power: f32,
+    cos_o: f32,
+    cos_e: f32,
     is_two_sided: bool,
 }
 
-impl<R: Real> Formula<R> for Pbrt {
-    type Bounds = PbrtBounds<R>;
+impl Formula for Pbrt {
+    type Bounds = PbrtBounds;
 
-    fn bounds(light: &Emitter<R>) -> LightBounds<R> {
-        match light.form {
-            Form::Point { .. } | Form::Profile { .. } | Form::Sphere { .. } => {
-                LightBounds::all_round(light, light.flux())
-            }
-            Form::Spot { direction, inner_angle, outer_angle, .. } => {
+    fn bounds(light: &Light) -> LightBounds {
+        match light.shape {
+            Shape::Spot { direction, inner_angle, outer_angle, .. } => {
                 LightBounds::spot(light, direction, [inner_angle, outer_angle], light.flux())
             }
-            Form::Rectangle { two_sided, .. } | Form::Triangle { two_sided, .. } => {
+            Shape::Rectangle { two_sided, .. } | Shape::Triangle { two_sided, .. } => {
                 LightBounds { is_two_sided: two_sided, ..LightBounds::flat(light, light.flux()) }
             }
+            _ => LightBounds::all_round(light, light.flux()),
         }
     }
 
-    fn pack(bounds: &LightBounds<R>) -> PbrtBounds<R> {
+    fn pack(bounds: &LightBounds) -> PbrtBounds {
         let LightBounds { aabb, axis, power, is_two_sided, .. } = *bounds;
         PbrtBounds { aabb, axis, power, cos_o: bounds.theta_o.cos(), cos_e: bounds.theta_e.cos(), is_two_sided }
     }
 
-    fn first_probability(&self, children: [(&PbrtBounds<R>, Option<&Emitter<R>>); 2], at: &Receiver<R>) -> Option<R> {
+    fn first_probability(&self, children: [(&PbrtBounds, Option<&Light>); 2], at: &ShadingPoint) -> Option<f32> {
         let [a, b] = children.map(|(bounds, _)| self.importance(bounds, at));
-        (a + b > R::zero()).then(|| a / (a + b))
+        (a + b > 0.0).then(|| a / (a + b))
     }
 }
 
 impl Pbrt {
-    fn importance<R: Real>(&self, bounds: &PbrtBounds<R>, at: &Receiver<R>) -> R {
+    fn importance(&self, bounds: &PbrtBounds, at: &ShadingPoint) -> f32 {
         let from_center = at.position - bounds.aabb.center();
         let diagonal = bounds.aabb.extent().length();
-        let dist_sq = from_center.length_squared().max(R::of(0.5) * diagonal).max(R::min_positive_value());
+        let dist_sq = from_center.length_squared().max(0.5 * diagonal).max(f32::MIN_POSITIVE);
         let direction = from_center.normalize_or_zero();
 
-        let mut cos_w = bounds.axis.dot(direction).clamp(-R::one(), R::one());
+        let mut cos_w = bounds.axis.dot(direction).clamp(-1.0, 1.0);
         if bounds.is_two_sided {
             cos_w = cos_w.abs();
         }
@@ -75,48 +73,43 @@ impl Pbrt {
         let box_angle = Angle::from_cos(cos_subtended(&bounds.aabb, from_center));
         let cos_emission = to_normals.minus(box_angle).cos;
         if cos_emission <= bounds.cos_e {
-            return R::zero();
+            return 0.0;
         }
 
-        let mut cosine = R::one();
-        if at.normal != R::Vec3::ZERO {
-            let cos = -at.normal.dot(direction).clamp(-R::one(), R::one());
+        let mut cosine = 1.0;
+        if at.normal != Vec3::ZERO {
+            let cos = -at.normal.dot(direction).clamp(-1.0, 1.0);
             let cos = if self.is_opaque { cos } else { cos.abs() };
             cosine = Angle::from_cos(cos).minus(box_angle).cos;
         }
-        (bounds.power * cos_emission * cosine / dist_sq).max(R::zero())
+        (bounds.power * cos_emission * cosine / dist_sq).max(0.0)
     }
 }
 
 /// The cosine of the half-angle that the bounding sphere of a box covers; -1 from inside.
-fn cos_subtended<R: Real>(aabb: &RealAabb<R>, from_center: R::Vec3) -> R {
-    let radius_sq = R::of(0.25) * aabb.extent().length_squared();
+fn cos_subtended(aabb: &Aabb, from_center: Vec3) -> f32 {
+    let radius_sq = 0.25 * aabb.extent().length_squared();
     let dist_sq = from_center.length_squared();
-    if dist_sq <= radius_sq { -R::one() } else { (R::one() - radius_sq / dist_sq).max(R::zero()).sqrt() }
+    if dist_sq <= radius_sq { -1.0 } else { (1.0 - radius_sq / dist_sq).max(0.0).sqrt() }
 }
 
 /// An angle in [0, pi].
 #[derive(Clone, Copy)]
-struct Angle<R> {
-    sin: R,
-    cos: R,
+struct Angle {
+    sin: f32,
+    cos: f32,
 }
 
-impl<R: Real> Angle<R> {
-    fn from_cos(cos: R) -> Self {
-        Self { sin: sine(cos), cos }
+impl Angle {
+    fn from_cos(cos: f32) -> Self {
+        Self { sin: (1.0 - cos * cos).max(0.0).sqrt(), cos }
     }
 
     /// The difference; 0 if `other` is larger.
     fn minus(self, other: Self) -> Self {
         if self.cos > other.cos {
-            return Self { sin: R::zero(), cos: R::one() };
+            return Self { sin: 0.0, cos: 1.0 };
         }
         Self { sin: self.sin * other.cos - self.cos * other.sin, cos: self.cos * other.cos + self.sin * other.sin }
     }
-}
-
-/// The sine of an angle in [0, pi].
-fn sine<R: Real>(cos: R) -> R {
-    (R::one() - cos * cos).max(R::zero()).sqrt()
 }

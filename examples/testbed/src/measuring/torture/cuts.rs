@@ -2,8 +2,8 @@
 
 use super::scene::{Make, Parts, in_box, lamp};
 use crate::common::pcg::Rng;
+use girandole::Light;
 use girandole::glam::{Mat3, Vec3, vec3};
-use girandole::{Light, WorldError};
 
 /// The scenes of the town, all of them with the same lights and the same shading points.
 pub const TOWN: [&str; 8] = [
@@ -87,7 +87,7 @@ fn town_lights(rng: &mut Rng) -> Vec<TownLight> {
 }
 
 /// The town with a tree for each number that `cut` gives to its lights.
-fn town(parts: &mut Parts, cut: fn(&mut Rng, &TownLight) -> usize) -> Result<(), WorldError> {
+fn town(parts: &mut Parts, cut: fn(&mut Rng, &TownLight) -> usize) {
     // The same for each cut.
     let (mut rng, mut cut_rng) = (Rng::new(78, 0), Rng::new(78, 1));
     let mut trees = std::collections::BTreeMap::<usize, Vec<Light>>::new();
@@ -95,27 +95,23 @@ fn town(parts: &mut Parts, cut: fn(&mut Rng, &TownLight) -> usize) -> Result<(),
         trees.entry(cut(&mut cut_rng, &light)).or_default().push(light.light);
     }
     for lights in trees.into_values() {
-        parts.add_here(lights)?;
+        parts.add_here(lights);
     }
     parts.receive(|| match rng.chance(0.5) {
         true => (in_box(&mut rng, vec3(HALF, 0.0, HALF)), Vec3::Y),
         // A floor of a house.
         false => (house(rng.below(HOUSES)) + in_box(&mut rng, vec3(6.0, 0.0, 5.0)), Vec3::Y),
     });
-    Ok(())
 }
 
 /// Four trees of 1,000 lamps over the same 500 m, and 1,000 trees of six lamps within them.
-fn large_over_small(parts: &mut Parts, rng: &mut Rng) -> Result<(), WorldError> {
+fn large_over_small(parts: &mut Parts, rng: &mut Rng) {
     for _ in 0..4 {
-        parts.add_here(
-            (0..1000).map(|_| lamp(in_box(rng, vec3(250.0, 5.0, 250.0)), rng.range(20.0, 200.0))).collect(),
-        )?;
+        parts.add_here((0..1000).map(|_| lamp(in_box(rng, vec3(250.0, 5.0, 250.0)), rng.range(20.0, 200.0))).collect());
     }
     for _ in 0..1000 {
         let lights = (0..6).map(|_| lamp(in_box(rng, vec3(3.0, 2.0, 3.0)), rng.range(1.0, 10.0))).collect();
-        parts.add(lights, Mat3::IDENTITY, in_box(rng, vec3(250.0, 3.0, 250.0)))?;
+        parts.add(lights, Mat3::IDENTITY, in_box(rng, vec3(250.0, 3.0, 250.0)));
     }
     parts.receive(|| (in_box(rng, vec3(240.0, 0.0, 240.0)) - Vec3::Y * 6.0, Vec3::Y));
-    Ok(())
 }

@@ -15,15 +15,9 @@ pub mod table;
 
 pub use scene::TortureScene;
 
-use girandole::WorldError;
-
 /// All scenes. They are the same in every run.
-pub fn scenes() -> Result<Vec<TortureScene>, WorldError> {
-    let makers = instances::SCENES
-        .iter()
-        .chain(cuts::SCENES)
-        .chain(emitters::SCENES)
-        .chain(contrasts::SCENES)
-        .chain(gloss::SCENES);
-    makers.map(|(name, make)| TortureScene::new(name, *make)).collect()
+pub fn scenes() -> Vec<TortureScene> {
+    let lists = [instances::SCENES, cuts::SCENES, emitters::SCENES, contrasts::SCENES, gloss::SCENES];
+    let scene = |(name, make): &(&str, scene::Make)| TortureScene::new((*name).into(), make, scene::SHADING_POINTS);
+    lists.into_iter().flatten().map(scene).collect()
 }

@@ -1,8 +1,8 @@
 //! A scene of the set, and what scenes are made of.
 
 use crate::common::pcg::Rng;
-use girandole::glam::{Mat3, Quat, Vec3, vec3};
-use girandole::{FrameBudget, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint, WorldError};
+use girandole::glam::{DVec3, Mat3, Quat, Vec3, vec3};
+use girandole::{FrameBudget, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint};
 use std::f32::consts::PI;
 
 /// Shading points of each scene.
@@ -16,7 +16,7 @@ pub struct TortureScene {
 }
 
 /// Makes a scene from random numbers of its own.
-pub type Make = fn(&mut Parts, &mut Rng) -> Result<(), WorldError>;
+pub type Make = fn(&mut Parts, &mut Rng);
 
 /// A scene that is being made.
 #[derive(Default)]
@@ -26,40 +26,49 @@ pub struct Parts {
 }
 
 impl TortureScene {
-    pub fn new(name: &str, make: Make) -> Result<Self, WorldError> {
-        Self::new_of(name.to_owned(), &make, SHADING_POINTS)
-    }
-
     /// A scene with the first shading points that it makes.
-    pub fn new_of(
-        name: String,
-        make: &dyn Fn(&mut Parts, &mut Rng) -> Result<(), WorldError>,
-        shading_points: usize,
-    ) -> Result<Self, WorldError> {
+    pub fn new(name: String, make: &dyn Fn(&mut Parts, &mut Rng), shading_points: usize) -> Self {
         let mut parts = Parts::default();
         // Each scene has a stream of its own, whatever scenes come before it.
         let stream = name.bytes().fold(0_u64, |hash, byte| hash.wrapping_mul(31).wrapping_add(u64::from(byte)));
-        make(&mut parts, &mut Rng::new(77, stream))?;
+        make(&mut parts, &mut Rng::new(77, stream));
         // A few, in which all instances are judged.
         for _ in 0..4 {
             parts.world.update(FrameBudget::UNLIMITED);
         }
         parts.shading_points.truncate(shading_points);
-        Ok(Self { name, world: parts.world, shading_points: parts.shading_points })
+        Self { name, world: parts.world, shading_points: parts.shading_points }
     }
 }
 
 impl Parts {
+    /// Adds lights as instances of one tree. Panics if a light or a placement is invalid: scenes have none.
+    fn show(&mut self, lights: Vec<Light>, policy: Policy, places: impl IntoIterator<Item = (Mat3, DVec3)>) {
+        let tree = self.world.add_tree(LightTree::new(lights).expect("scenes have valid lights"));
+        for (linear, translation) in places {
+            let placement = Placement { linear, translation };
+            self.world.add_instance(tree, placement, policy).expect("scenes have valid placements");
+        }
+    }
+
+    /// Adds instances of one tree, which never move.
+    pub fn add_all(&mut self, lights: Vec<Light>, places: impl IntoIterator<Item = (Mat3, DVec3)>) {
+        self.show(lights, Policy::Static, places);
+    }
+
+    /// The same without turns.
+    pub fn add_at(&mut self, lights: Vec<Light>, places: impl IntoIterator<Item = DVec3>) {
+        self.add_all(lights, places.into_iter().map(|place| (Mat3::IDENTITY, place)));
+    }
+
     /// Adds lights as one instance.
-    pub fn add(&mut self, lights: Vec<Light>, linear: Mat3, translation: Vec3) -> Result<(), WorldError> {
-        let tree = self.world.add_tree(LightTree::new(lights)?);
-        let placement = Placement { linear, translation: translation.as_dvec3() };
-        self.world.add_instance(tree, placement, Policy::Budgeted).map(drop)
+    pub fn add(&mut self, lights: Vec<Light>, linear: Mat3, translation: Vec3) {
+        self.show(lights, Policy::Budgeted, [(linear, translation.as_dvec3())]);
     }
 
     /// Adds lights as one instance in the space of the world.
-    pub fn add_here(&mut self, lights: Vec<Light>) -> Result<(), WorldError> {
-        self.add(lights, Mat3::IDENTITY, Vec3::ZERO)
+    pub fn add_here(&mut self, lights: Vec<Light>) {
+        self.add(lights, Mat3::IDENTITY, Vec3::ZERO);
     }
 
     /// Adds shading points on surfaces; `point` returns position and normal.

@@ -2,11 +2,9 @@
 
 use super::TortureScene;
 use crate::measuring::lights::{carried, reflections};
-use crate::measuring::samplers::{self, Chooser};
-use crate::measuring::shared_cuts;
 use crate::measuring::sigma::Summary;
+use crate::measuring::{samplers, shared_cuts};
 use crate::scene::SceneError;
-use girandole::{CutTable, Light, LightId, WorldError};
 use rayon::prelude::*;
 
 /// The noise of one sampler on one scene.
@@ -21,44 +19,20 @@ pub struct TortureRow {
 /// The edge of cells that share cuts: that of the library's default, in metres.
 const EDGE: f32 = 0.25;
 
-/// The rows of a scene: the published samplers, this library in two levels, one tree of this library over
-/// the same lights, and two levels with shared cuts.
-pub fn rows(scene: &TortureScene) -> Result<Vec<TortureRow>, SceneError> {
-    let (lights, ids, cuts) = prepare(scene)?;
-    let mut choosers = samplers::published(&lights, &ids)?;
-    choosers.extend(own(scene, &lights, &ids, &cuts)?);
-    Ok(rows_of(scene, &lights, &choosers))
-}
-
-/// The rows of this library alone: the last three of [`rows`].
-pub fn own_rows(scene: &TortureScene) -> Result<[TortureRow; 3], SceneError> {
-    let (lights, ids, cuts) = prepare(scene)?;
-    let rows = rows_of(scene, &lights, &own(scene, &lights, &ids, &cuts)?);
-    Ok(rows.try_into().ok().expect("one row for each sampler"))
-}
-
-fn prepare(scene: &TortureScene) -> Result<(Vec<Light>, Vec<LightId>, CutTable), SceneError> {
-    let ids = scene.world.sampler().all_lights().collect();
+/// The rows of a scene: the published samplers unless `own_only`, this library in two levels, one tree of this library
+/// over the same lights, and two levels with shared cuts.
+pub fn rows(scene: &TortureScene, own_only: bool) -> Result<Vec<TortureRow>, SceneError> {
+    let (lights, ids) = (carried(&scene.world), scene.world.sampler().all_lights().collect::<Vec<_>>());
     let cuts = shared_cuts::table(&scene.world, &scene.shading_points, EDGE);
-    Ok((carried(&scene.world), ids, cuts.map_err(|error| SceneError(error.to_string()))?))
-}
-
-fn own<'a>(
-    scene: &'a TortureScene,
-    lights: &[Light],
-    ids: &'a [LightId],
-    cuts: &'a CutTable,
-) -> Result<[Box<dyn Chooser + 'a>; 3], WorldError> {
-    let shared = samplers::shared("shared cuts", &scene.world, cuts);
-    Ok([samplers::two_level(&scene.world), samplers::flat(lights, ids)?, shared])
-}
-
-fn rows_of(scene: &TortureScene, lights: &[Light], choosers: &[Box<dyn Chooser + '_>]) -> Vec<TortureRow> {
-    let lux: Vec<Vec<f32>> = scene.shading_points.par_iter().map(|at| reflections(lights, at)).collect();
-    choosers.iter().map(|chooser| row(scene, chooser.as_ref(), &lux)).collect()
-}
-
-fn row(scene: &TortureScene, chooser: &dyn Chooser, lux: &[Vec<f32>]) -> TortureRow {
-    let (sigma, dead) = samplers::noise(chooser, &scene.shading_points, lux);
-    TortureRow { scene: scene.name.clone(), sampler: chooser.name(), sigma, dead }
+    let cuts = cuts.map_err(|error| SceneError(error.to_string()))?;
+    let mut choosers = if own_only { Vec::new() } else { samplers::published(&lights, &ids)? };
+    choosers.push(samplers::two_level(&scene.world));
+    choosers.push(samplers::flat(&lights, &ids)?);
+    choosers.push(samplers::shared("shared cuts", &scene.world, &cuts));
+    let lux: Vec<Vec<f32>> = scene.shading_points.par_iter().map(|at| reflections(&lights, at)).collect();
+    let row = |chooser: &samplers::Chooser<'_>| {
+        let (sigma, dead) = samplers::noise(chooser, &scene.shading_points, &lux);
+        TortureRow { scene: scene.name.clone(), sampler: chooser.name(), sigma, dead }
+    };
+    Ok(choosers.iter().map(row).collect())
 }

@@ -7,11 +7,9 @@ use super::scene_buffers::SceneBuffers;
 use girandole::wgpu;
 
 /// Bytes of a pixel: its sums of radiance, and its numbers of shadow rays.
-pub const PIXEL_BYTES: u64 = 32;
+const PIXEL_BYTES: u64 = 32;
 /// Bytes of what a pixel keeps: `Kept` in `reuse.wgsl`.
-pub const KEPT_BYTES: u64 = 80;
-/// Bytes of two timestamps.
-pub const TIMESTAMP_BYTES: u64 = 16;
+const KEPT_BYTES: u64 = 80;
 
 /// All buffers of the renderer.
 pub struct Buffers {
@@ -19,20 +17,8 @@ pub struct Buffers {
     pub scene: SceneBuffers,
     /// The pixels of a band.
     pub image: wgpu::Buffer,
-    /// Receives a copy of `image`.
-    pub image_readback: wgpu::Buffer,
     /// What the pixels of two frames keep, if they keep anything.
     pub kept: Option<wgpu::Buffer>,
-    /// `None` if the adapter has no timestamps.
-    pub timer: Option<Timer>,
-}
-
-/// Timestamps of the start and the end of the top-level build.
-pub struct Timer {
-    pub queries: wgpu::QuerySet,
-    pub resolved: wgpu::Buffer,
-    /// Receives a copy of `resolved`.
-    pub readback: wgpu::Buffer,
 }
 
 impl Buffers {
@@ -41,25 +27,10 @@ impl Buffers {
     pub fn new(gpu: &Gpu, scene: &Scene, geometry: &Geometry, band_pixels: u64) -> Result<Self, SceneError> {
         let device = &gpu.device;
         let memory = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let empty = |label, size, usage| {
-            device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
-        };
-        use wgpu::BufferUsages as Usage;
-        let [image, image_readback] = band_buffers(device, band_pixels);
         let buffers = Self {
             scene: SceneBuffers::new(device, &gpu.queue, scene, geometry)?,
-            image,
-            image_readback,
+            image: band_buffer(device, band_pixels),
             kept: None,
-            timer: gpu.timestamps.then(|| Timer {
-                queries: device.create_query_set(&wgpu::QuerySetDescriptor {
-                    label: Some("city top-level build"),
-                    ty: wgpu::QueryType::Timestamp,
-                    count: 2,
-                }),
-                resolved: empty("city timestamps", TIMESTAMP_BYTES, Usage::QUERY_RESOLVE | Usage::COPY_SRC),
-                readback: empty("city timestamps readback", TIMESTAMP_BYTES, Usage::MAP_READ | Usage::COPY_DST),
-            }),
         };
         match pollster::block_on(memory.pop()) {
             Some(error) => Err(SceneError(format!("the adapter does not have enough memory: {error}"))),
@@ -74,11 +45,11 @@ impl Buffers {
             return Ok(false);
         }
         let memory = gpu.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let [image, image_readback] = band_buffers(&gpu.device, pixels);
+        let image = band_buffer(&gpu.device, pixels);
         if let Some(error) = pollster::block_on(memory.pop()) {
             return Err(SceneError(format!("the adapter does not have enough memory: {error}")));
         }
-        (self.image, self.image_readback) = (image, image_readback);
+        self.image = image;
         Ok(true)
     }
 
@@ -107,16 +78,12 @@ impl Buffers {
     }
 }
 
-/// The buffer of a band of pixels, and the one that receives a copy of it.
-fn band_buffers(device: &wgpu::Device, pixels: u64) -> [wgpu::Buffer; 2] {
-    use wgpu::BufferUsages as Usage;
-    let usages = [Usage::STORAGE | Usage::COPY_SRC, Usage::MAP_READ | Usage::COPY_DST];
-    usages.map(|usage| {
-        device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("city image"),
-            size: pixels * PIXEL_BYTES,
-            usage,
-            mapped_at_creation: false,
-        })
+/// The buffer of a band of pixels.
+fn band_buffer(device: &wgpu::Device, pixels: u64) -> wgpu::Buffer {
+    device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("city image"),
+        size: pixels * PIXEL_BYTES,
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+        mapped_at_creation: false,
     })
 }

@@ -81,7 +81,7 @@ pub struct PictureOptions {
 }
 
 impl FrameUniform {
-    /// The uniform of a picture, without samples and rows. `first_object` is the number of records that
+    /// The uniform of a picture, without samples and rows, and without a frame before. `first_object` is the number of records that
     /// precede those of the objects.
     pub fn new(scene: &Scene, geometry: &Geometry, first_object: u32, options: &PictureOptions) -> Self {
         let PictureOptions { size: [width, height], spp, candidates, seed } = *options;
@@ -106,34 +106,14 @@ impl FrameUniform {
             block_bits,
             occluder_max: geometry.occluders.max,
             tile_bits: tile_bits(block_bits),
-            sample_begin: 0,
-            sample_end: 0,
-            row_begin: 0,
-            row_end: 0,
             haze: scene.sky.haze,
             first_attribute: geometry.triangles.len() as u32,
             first_half: first_half(spp),
             is_spread: 1,
             white: 1.0 / scene.exposure,
-            kept_draws: 0.0,
-            kept_first: 0,
-            kept_first_then: 0,
             glow: scene.sky.glow,
-            padding_after_glow: 0,
             sun: scene.sky.sun,
-            padding_after_sun: 0,
-            eye_then: view.eye,
-            padding_after_eye: 0,
-            right_then: view.right,
-            padding_after_right: 0,
-            up_then: view.up,
-            padding_after_up: 0,
-            forward_then: view.forward,
-            top_root_then: geometry.top.root,
-            occluder_min_then: geometry.occluders.min,
-            top_first_then: 0,
-            occluder_max_then: geometry.occluders.max,
-            first_object_then: first_object,
+            ..Self::zeroed()
         }
     }
 }

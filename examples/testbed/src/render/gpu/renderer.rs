@@ -6,14 +6,13 @@ use super::image::{Image, ShadowRays};
 use super::scene::{Scene, SceneError};
 use super::settings::{LightChoice, Settings, cut_options, pixel_size};
 use super::shading::View;
-use crate::common::gpu::{map, wait};
+use crate::common::gpu::{read, wait};
 use girandole::glam::Vec4;
 use girandole::gpu::{GpuLights, GpuOptions, LightShader};
 use girandole::wgpu;
 use girandole::{Effects, LightWorld};
-use std::time::Duration;
 
-use super::buffers::{Buffers, PIXEL_BYTES, TIMESTAMP_BYTES};
+use super::buffers::Buffers;
 use super::festival::FestivalKernels;
 use super::pipeline::{LIGHT_GROUP, Needs, WORKGROUP, Work, pipeline};
 use super::records::{FrameUniform, PictureOptions};
@@ -33,8 +32,6 @@ pub struct GpuUpdate {
     pub light_bytes: u64,
     /// Bytes of objects and of the upper hierarchy that the renderer uploaded.
     pub geometry_bytes: u64,
-    /// Time of the library's top-level build, if the adapter has timestamps.
-    pub top_build: Option<Duration>,
 }
 
 /// Renders frames on a device.
@@ -184,7 +181,8 @@ impl GpuRenderer {
             self.shader = self.shader.with_effects(effects);
             self.pipelines = Pipelines::new(&self.gpu.device, &self.layout, &self.shader, self.needs);
         }
-        Ok(GpuUpdate { light_bytes, geometry_bytes, top_build: self.build_top(scene, world)? })
+        self.build_top(scene, world);
+        Ok(GpuUpdate { light_bytes, geometry_bytes })
     }
 
     /// Renders a frame. `progress` receives the finished share, from 0 to 1.
@@ -224,8 +222,8 @@ impl GpuRenderer {
             if let (Some(kernels), Some(festival)) = (&self.festival, &scene.festival) {
                 kernels.draw(&self.gpu.device, &self.gpu.queue, &self.buffers.image, &frame, festival);
             }
-            let bytes = self.read(&self.buffers.image, &self.buffers.image_readback, u64::from(band) * PIXEL_BYTES)?;
-            let (colors, counts) = bytemuck::cast_slice::<_, Vec4>(&bytes).split_at(band as usize);
+            let pixels: Vec<Vec4> = read(&self.gpu.device, &self.gpu.queue, &self.buffers.image).map_err(SceneError)?;
+            let (colors, counts) = pixels[..2 * band as usize].split_at(band as usize);
             sums.extend_from_slice(colors);
             // Whole numbers of at most the samples per pixel, which f32 holds exactly.
             let count = |pixel: &Vec4| ShadowRays { traced: pixel.x as u64, skipped: pixel.y as u64 };
@@ -262,28 +260,14 @@ impl GpuRenderer {
         Some(KeptFrame { view, size, first: frame.kept_first, top_root, occluders })
     }
 
-    /// Has kernels move their lights, then builds the top level of the light trees. Returns the time that the
-    /// build took on the device.
-    fn build_top(&mut self, scene: &Scene, world: &LightWorld) -> Result<Option<Duration>, SceneError> {
+    /// Has kernels move their lights, then builds the top level of the light trees.
+    fn build_top(&mut self, scene: &Scene, world: &LightWorld) {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         if let (Some(kernels), Some(festival)) = (&mut self.festival, &scene.festival) {
             kernels.record(&self.gpu.queue, &mut encoder, &mut self.lights, world, festival);
         }
-        let timer = self.buffers.timer.as_ref();
-        if let Some(timer) = timer {
-            encoder.write_timestamp(&timer.queries, 0);
-        }
         self.lights.build_top(&mut encoder);
-        if let Some(timer) = timer {
-            encoder.write_timestamp(&timer.queries, 1);
-            encoder.resolve_query_set(&timer.queries, 0..2, &timer.resolved, 0);
-        }
         self.gpu.queue.submit([encoder.finish()]);
-        let Some(timer) = timer else { return Ok(None) };
-        let bytes = self.read(&timer.resolved, &timer.readback, TIMESTAMP_BYTES)?;
-        let ticks: &[u64] = bytemuck::cast_slice(&bytes);
-        let nanoseconds = ticks[1].saturating_sub(ticks[0]) as f64 * f64::from(self.gpu.queue.get_timestamp_period());
-        Ok(Some(Duration::from_secs_f64(nanoseconds * 1e-9)))
     }
 
     /// Marks the cells of the surfaces that the first sample of each pixel shows, and builds their cuts.
@@ -319,13 +303,5 @@ impl GpuRenderer {
         // Waiting keeps the progress bar accurate and the queue short. It costs little beside a
         // dispatch.
         wait(&self.gpu.device).map_err(SceneError)
-    }
-
-    /// Reads the first `size` bytes of a buffer, which are copied to `readback` first.
-    fn read(&self, buffer: &wgpu::Buffer, readback: &wgpu::Buffer, size: u64) -> Result<Vec<u8>, SceneError> {
-        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(buffer, 0, readback, 0, size);
-        self.gpu.queue.submit([encoder.finish()]);
-        map(&self.gpu.device, readback, size).map_err(SceneError)
     }
 }
