@@ -7,9 +7,7 @@
 //! - `accuracy.csv`: a row for each setting (`table.rs` explains the columns);
 //! - `front.csv` and `equal_time.csv`: the front of least error, and the best samplers in equal time;
 //! - `error_over_time.svg` and `equal_time.svg`: the front as a plot, and the same part of the picture by several
-//!   samplers in equal time;
-//! - `reference.bin`: the reference. A run that is interrupted continues it, and the next run of the same view starts
-//!   from it.
+//!   samplers in equal time.
 //!
 //! With `--rivals`, it compares published samplers with the library in several scenes instead: relMSE times time at 16
 //! samples per pixel over that of the library, in `rivals.csv` (`rivals.rs`). With `--reuse`, it keeps reservoirs over
