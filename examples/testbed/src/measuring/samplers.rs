@@ -7,12 +7,17 @@ use girandole::{CutTable, Light, LightId, LightPick, LightSampler, LightTree, Li
 use rayon::prelude::*;
 use std::sync::Arc;
 
+/// The probability of each light at a shading point.
+type Probabilities<'a> = Box<dyn Fn(&ShadingPoint) -> Vec<f32> + Send + Sync + 'a>;
+/// One choice by two numbers in [0, 1).
+type Choice<'a> = Box<dyn Fn(&ShadingPoint, [f32; 2]) -> Option<LightPick> + Send + Sync + 'a>;
+
 /// A way to choose one of many lights.
 pub struct Chooser<'a> {
     name: &'static str,
     bytes: usize,
-    pmfs: Box<dyn Fn(&ShadingPoint) -> Vec<f32> + Send + Sync + 'a>,
-    choose: Box<dyn Fn(&ShadingPoint, [f32; 2]) -> Option<LightPick> + Send + Sync + 'a>,
+    pmfs: Probabilities<'a>,
+    choose: Choice<'a>,
 }
 
 impl<'a> Chooser<'a> {
