@@ -1,8 +1,8 @@
 //! The scenes in which samplers are compared, and how each is rendered: with Sobol' numbers and one light per
 //! sample, against a sum over all lights.
 
+use super::errors::errors;
 use super::options::Options;
-use super::pictures::errors;
 use super::rival_scenes::{Lamps, street, tunnel, yard};
 use super::samplers::Prepared;
 use super::scene_view::SceneView;

@@ -1,8 +1,8 @@
 //! Measures all settings of a run.
 
+use super::errors::{Errors, errors, errors_of_all, times_of_all};
 use super::noise::{Points, SamplerNoise};
 use super::options::{Options, Plan};
-use super::pictures::{Errors, errors, errors_of_all, times_of_all};
 use super::played::{Played, Upkeep, WorldTimes, play};
 use super::samplers::{Prepared, Samplers, resampled};
 use super::scene_view::{SceneView, matte};

@@ -26,7 +26,7 @@ pub mod simplified;
 pub mod settings;
 pub mod samplers;
 pub mod noise;
-pub mod pictures;
+pub mod errors;
 
 pub mod table;
 pub mod measured;

@@ -22,8 +22,8 @@
 //! which favours them. The intervals are those of the logarithms of the errors, to first order, so
 //! they never reach 0.
 
+use super::errors::Errors;
 use super::noise::SamplerNoise;
-use super::pictures::Errors;
 use super::played::WorldTimes;
 use super::settings::{Sampler, Setting};
 use testbed::direct_light::times::StageTimes;

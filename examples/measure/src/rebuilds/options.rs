@@ -11,7 +11,6 @@ use clap::Parser;
 use girandole::Attribute;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
 use testbed::common::table::markdown_head;
 use testbed::scene::SceneError;
 
@@ -154,11 +153,9 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
         plan.shading_points = options.shading_points.map_or(plan.shading_points, |count| count as usize);
         let mut of_scene = Vec::new();
         for motion in &motions {
-            let start = Instant::now();
             let (scene, rows) = measure(kind, *motion, &plan, &costs)?;
             tables.add(&scene, &rows)?;
             rows.iter().for_each(|row| testbed::say!("| {} |", row.fields().join(" | ")));
-            eprintln!("{} {}: {:.0} s", scene.scene, scene.motion, start.elapsed().as_secs_f64());
             of_scene.extend(rows);
         }
         let name = kind.name();

@@ -43,5 +43,5 @@ pub mod flight;
 pub mod device;
 pub mod record;
 pub mod summary;
-pub mod scale;
+pub mod sizes;
 pub mod options;

@@ -3,8 +3,8 @@
 use super::device::Device;
 use super::flight::{Flight, FlightError};
 use super::record::{Row, us, write};
-use super::scale;
 use super::settings::Settings;
+use super::sizes;
 use super::summary::{self, Ends, Spread, Summary};
 use clap::Parser;
 use girandole::plan::UploadReport;
@@ -46,7 +46,7 @@ pub fn run(options: &Options) -> Result<(), String> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|error| error.to_string())?;
     if options.scale {
         let path = options.out.join("scale.csv");
-        let lines = pool.install(|| scale::measure(&path, options.seed, options.quick))?;
+        let lines = pool.install(|| sizes::measure(&path, options.seed, options.quick))?;
         lines.iter().for_each(|line| testbed::say!("{line}"));
         return Ok(());
     }

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 pub enum Subject {
     TwoLevel(Box<TwoLevel>),
     /// One tree of this library over all lights in f32 and in the space of the world, which was moved by so much.
-    Flat(LightTree, DVec3),
+    Flat(Box<LightTree>, DVec3),
 }
 
 impl Subject {
@@ -21,7 +21,7 @@ impl Subject {
     pub fn both(street: &Street, shift: DVec3) -> Result<[Self; 2], WorldError> {
         let in_the_world = |light: &Emitter| moved(light, 1.0, &DMat3::IDENTITY, shift).rounded();
         let tree = LightTree::new(street.lights().iter().map(in_the_world).collect())?;
-        Ok([Self::TwoLevel(Box::new(TwoLevel::new(street, shift)?)), Self::Flat(tree, shift)])
+        Ok([Self::TwoLevel(Box::new(TwoLevel::new(street, shift)?)), Self::Flat(Box::new(tree), shift)])
     }
 
     /// The name in the table.
