@@ -69,7 +69,7 @@ fn what_arrives_is_the_intensity_of_the_file_in_that_direction() {
             let (tree, placement) =
                 (world.instance(instance).unwrap().tree, world.instance(instance).unwrap().placement);
             let lamp = &world.tree(tree).unwrap().lights()[index as usize];
-            let expected = arriving(lamp, &placement, at.position.as_dvec3() + DVec3::splat(1000.0));
+            let expected = arriving(lamp, &placement, at.position.as_dvec3() + world.origin());
             let found = world.sampler().sample_light(&at, light, [0.5; 2]).map_or(Vec3::ZERO, |found| found.radiance);
             // A nearly flat instance magnifies the rounding of positions, so much of a cell of 10 degrees.
             let most = 1.0e-2 * (1000.0 / 100.0) + 2.0e-3 * expected.length();

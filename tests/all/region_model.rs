@@ -129,14 +129,12 @@ impl Run {
             instances.push(tree.index());
         }
         if self.rng.bits().is_multiple_of(3) {
-            // A region with a key that was never that of a tree, or with an instance that is too
-            // far away.
-            if self.rng.bits().is_multiple_of(2) || trees.is_empty() {
-                region.add_world_tree(TreeKey::default());
-            } else {
-                let far = RegionInstance::new(trees[0], Placement::at(DVec3::splat(1.1e9)), Policy::Budgeted);
-                region.add_instance(far).expect("how far it may be depends on the world");
+            // A region refuses an instance that is too far away; the world refuses the key of a tree that never was.
+            if let Some(tree) = trees.first() {
+                let far = RegionInstance::new(*tree, Placement::at(DVec3::splat(1.1e9)), Policy::Budgeted);
+                region.add_instance(far).expect_err("refused");
             }
+            region.add_world_tree(TreeKey::default());
             self.refuse(|world| drop(world.add_region(&mut region).expect_err("refused")));
             return;
         }

@@ -137,7 +137,7 @@ pub const RUNS: &[Run] = &[
         name: "budget",
         arguments: "rebuilds --scene S10,M100 --strategies girandole,round,oracle --shares 0.02,0.1,0.5 --shading-points 120 --frames 240",
         quick: Some(
-            "--quick --scene S10,M100 --strategies girandole,round,oracle --shares 0.02,0.1,0.5 --motion smooth --shading-points 2 --frames 8",
+            "rebuilds --quick --scene S10,M100 --strategies girandole,round,oracle --shares 0.02,0.1,0.5 --motion smooth --shading-points 2 --frames 8",
         ),
         has_fewer_rows: true,
         is_timed: true,
