@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Makes every table and plot of README and docs on this machine, from the commit that is checked out: see
-# examples/measure/src/documents/mod.rs, which has the options. Needs RADV for figures of shaders, and takes about an
-# hour on two cores. The programs lie in target/figures/programs afterwards; another machine can measure with a copy of
+# examples/measure/src/documents/mod.rs, which has the options. Needs RADV for figures of shaders, and takes about two
+# hours on two cores. The programs lie in target/figures/programs afterwards; another machine can measure with a copy of
 # this folder: `GIRANDOLE_COMMIT=ID programs/measure documents --measure --out DIR`, and `--draw --out DIR` here.
 # `--build` only builds.
 set -euo pipefail

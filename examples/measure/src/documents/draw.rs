@@ -18,6 +18,7 @@ pub struct Drawn {
 /// Draws a figure. An error is one line.
 pub fn draw(figure: &Figure, out: &Path, runs: &[Run]) -> Result<Drawn, String> {
     let (content, table) = match figure.body {
+        Body::Rows(from) => (String::new(), Some(Rendered::of(Sheet::read(out, from)?))),
         Body::Picture { to, text, .. } => (wrapped(&format!("![{text}]({to})")), None),
         Body::Table(views) => {
             let mut whole: Option<Rendered> = None;

@@ -5,9 +5,9 @@ use super::view::View;
 /// A table or a picture of a document.
 #[derive(Clone, Copy, Debug)]
 pub struct Figure {
-    /// Names the block of the document.
+    /// Names the block of the document; of rows, the document itself.
     pub name: &'static str,
-    /// From the root of the repository: a page with a block of this name, or a CSV file, which is the table.
+    /// From the root of the repository: a page with a block of this name, or a CSV file, which holds the rows.
     pub document: &'static str,
     pub body: Body,
     /// Which rows there are follows from what is measured, as in a list of losses.
@@ -19,6 +19,8 @@ pub struct Figure {
 pub enum Body {
     /// Tables with the same columns, one below the other.
     Table(&'static [View]),
+    /// All rows of this raw file, as the program wrote them.
+    Rows(&'static str),
     /// A picture that a program drew.
     Picture {
         /// The file, below the folder of raw files.
@@ -38,6 +40,11 @@ pub const fn table(name: &'static str, document: &'static str, views: &'static [
 /// A table whose rows follow from what is measured.
 pub const fn selection(name: &'static str, document: &'static str, views: &'static [View]) -> Figure {
     Figure { has_varying_rows: true, ..table(name, document, views) }
+}
+
+/// A CSV file of all rows that a program wrote.
+pub const fn rows(document: &'static str, from: &'static str) -> Figure {
+    Figure { name: document, document, body: Body::Rows(from), has_varying_rows: true }
 }
 
 /// A picture.
@@ -60,7 +67,7 @@ impl Figure {
     pub fn files(&self) -> Vec<&'static str> {
         match self.body {
             Body::Table(views) => views.iter().flat_map(|view| view.from.iter().copied()).collect(),
-            Body::Picture { from, .. } => vec![from],
+            Body::Rows(from) | Body::Picture { from, .. } => vec![from],
         }
     }
 

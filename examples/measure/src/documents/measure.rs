@@ -93,7 +93,7 @@ fn write_origin(folder: &Path, machine: &str, date: &str, commit: &str) -> Resul
     fs::write(&path, text).map_err(|error| format!("cannot write {}: {error}", path.display()))
 }
 
-/// Takes the file of `gpu_timings` from another machine. It must tell the device, the date and the commit.
+/// Takes the file of `measure gpu` from another machine. It must tell the device, the date and the commit.
 pub fn take_gpu(out: &Path, file: &Path) -> Result<(), String> {
     let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
     let text = fs::read_to_string(file).map_err(|error| failed(&error))?;

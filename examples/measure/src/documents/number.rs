@@ -13,8 +13,6 @@ pub enum Format {
     Percent(usize),
     /// Significant digits, and an interval between the values of two columns.
     Within(&'static str, &'static str, usize),
-    /// Digits after the point, and half the width of an interval.
-    PlusMinus(&'static str, usize),
 }
 
 /// A dash for what was not measured.

@@ -27,7 +27,7 @@ pub struct Options {
     /// The Bistro
     #[arg(long, value_name = "FILE")]
     pub gltf: Option<PathBuf>,
-    /// What gpu_timings wrote on a machine with a GPU
+    /// What `measure gpu` wrote on a machine with a GPU
     #[arg(long, value_name = "FILE.json")]
     pub gpu: Option<PathBuf>,
     /// How many programs that measure no time run at once
@@ -36,7 +36,7 @@ pub struct Options {
     /// How many programs that measure time run at once: more than one only with many idle cores
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
     pub timed_jobs: u32,
-    /// Small versions of all figures, to compare columns and names of rows with those of the documents
+    /// Small versions of the figures of pages, to compare columns and names of rows with those of the pages
     #[arg(long, conflicts_with_all = ["measure", "gpu"])]
     pub quick: bool,
     /// Only call the programs
@@ -58,7 +58,8 @@ pub struct Options {
 
 /// Measures and draws. An error is one line for the user.
 pub fn run(options: &Options) -> Result<(), String> {
-    let figures = chosen(&options.only)?;
+    let mut figures = chosen(&options.only)?;
+    figures.retain(|figure| !(options.quick && figure.is_file()));
     if options.list {
         figures.iter().for_each(|figure| {
             testbed::say!("{:24} {:20} {}", figure.name, figure.document, figure.runs().join(", "));
@@ -109,7 +110,11 @@ fn write(options: &Options, figures: &[&Figure], out: &Path) -> Result<Vec<Strin
     let mut documents: BTreeMap<&str, String> = BTreeMap::new();
     for figure in FIGURES {
         let path = options.root.join(figure.document);
-        let text = fs::read_to_string(&path).map_err(|error| format!("cannot read {}: {error}", path.display()))?;
+        let text = match fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(_) if figure.is_file() => String::new(),
+            Err(error) => return Err(format!("cannot read {}: {error}", path.display())),
+        };
         documents.insert(figure.document, text);
     }
     for (document, text) in documents.iter().filter(|(document, _)| document.ends_with(".md")) {
@@ -130,9 +135,7 @@ fn write(options: &Options, figures: &[&Figure], out: &Path) -> Result<Vec<Strin
     let copies = if options.quick { out.join("documents") } else { options.root.clone() };
     for figure in figures {
         let Some(text) = documents.get_mut(figure.document) else { continue };
-        let Some(old) = (if figure.is_file() { Some(text.as_str()) } else { block(text, figure.name) }) else {
-            continue;
-        };
+        let Some(old) = (if figure.is_file() { Some("") } else { block(text, figure.name) }) else { continue };
         if let Some(reason) = missing(options, figure, out) {
             testbed::say!("{}: kept, {reason}", figure.name);
             continue;
@@ -148,8 +151,7 @@ fn write(options: &Options, figures: &[&Figure], out: &Path) -> Result<Vec<Strin
         if let (true, Some(table)) = (options.quick, &drawn.table) {
             let is_short = RUNS.iter().any(|run| run.has_fewer_rows && figure.runs().contains(&run.name));
             let absent = options.gltf.is_none().then_some("Bistro");
-            let old =
-                if figure.is_file() { Sheet::from_csv(old).unwrap_or_default() } else { Sheet::from_markdown(old) };
+            let old = Sheet::from_markdown(old);
             let compared = match figure.has_varying_rows {
                 true => compare(&old, &super::view::Rendered { rows: Vec::new(), ..table.clone() }, absent, false),
                 false => compare(&old, table, absent, !is_short),
@@ -167,7 +169,7 @@ fn write(options: &Options, figures: &[&Figure], out: &Path) -> Result<Vec<Strin
             *text = new;
         }
     }
-    for (document, text) in &documents {
+    for (document, text) in documents.iter().filter(|(_, text)| !text.is_empty()) {
         let path = copies.join(document);
         let written = path.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::write(&path, text));
         written.map_err(|error| format!("cannot write {}: {error}", path.display()))?;

@@ -24,8 +24,6 @@ pub struct View {
     pub show: &'static [&'static str],
     /// Only rows in which the value of this column exceeds a limit.
     pub above: Option<(&'static str, f64)>,
-    /// The least value of a row is bold.
-    pub is_least_bold: bool,
     /// Names of values and of columns in the document.
     pub labels: &'static [(&'static str, &'static str)],
 }
@@ -42,7 +40,6 @@ pub const VIEW: View = View {
     derived: &[],
     show: &[],
     above: None,
-    is_least_bold: false,
     labels: &[],
 };
 
@@ -54,23 +51,16 @@ pub struct Cell {
     /// A formula over columns ([`evaluate`]). Where several rows meet, the mean counts.
     pub value: &'static str,
     pub format: Format,
-    /// Divided by the value of the first row.
-    pub is_relative: bool,
     /// Only for this value of [`View::across`].
     pub only: Option<&'static str>,
 }
 
 /// A value of a row.
 pub const fn cell(heading: &'static str, value: &'static str, format: Format) -> Cell {
-    Cell { heading, value, format, is_relative: false, only: None }
+    Cell { heading, value, format, only: None }
 }
 
 impl Cell {
-    /// Divides by the value of the first row.
-    pub const fn relative(self) -> Self {
-        Self { is_relative: true, ..self }
-    }
-
     /// Only for one value of [`View::across`].
     pub const fn only(self, value: &'static str) -> Self {
         Self { only: Some(value), ..self }
@@ -80,8 +70,6 @@ impl Cell {
 /// A column that follows from others of the row, which are called by their headings.
 #[derive(Clone, Copy, Debug)]
 pub enum Derived {
-    /// A quotient of two columns.
-    Ratio(&'static str, &'static str, &'static str),
     /// A column over the least of all but these.
     OfBest(&'static str, &'static str, &'static [&'static str]),
     /// The name of the least of all columns but these, and its value.
@@ -151,13 +139,7 @@ impl View {
                         (_, heading) => heading.to_owned(),
                     };
                     head.push(heading);
-                    let mut values: Vec<Value> = names_of_rows.iter().map(|row| value(cell, row, *column)).collect();
-                    if let (true, Some(first)) = (cell.is_relative, values.first().and_then(|value| value.1)) {
-                        for value in &mut values {
-                            let ratio = value.1.map(|value| value / first);
-                            *value = (ratio.map_or(NONE.into(), |ratio| cell.format.text(ratio)), ratio);
-                        }
-                    }
+                    let values = names_of_rows.iter().map(|row| value(cell, row, *column));
                     grid.iter_mut().zip(values).for_each(|(row, value)| row.1.push(value));
                 }
             }
@@ -188,7 +170,7 @@ impl View {
     fn finish(&self, mut head: Vec<String>, mut grid: Vec<(Vec<String>, Vec<Value>)>) -> Result<Rendered, String> {
         let measured = head.len();
         for derived in self.derived {
-            let (Derived::Ratio(heading, ..) | Derived::OfBest(heading, ..) | Derived::Best(heading, ..)) = derived;
+            let (Derived::OfBest(heading, ..) | Derived::Best(heading, ..)) = derived;
             head.push((*heading).to_owned());
             for (_, values) in &mut grid {
                 values.push(derived.of(&head[..measured], &values[..measured]));
@@ -199,14 +181,6 @@ impl View {
         if let Some((name, limit)) = self.above {
             let at = find(name)?;
             grid.retain(|(_, values)| values[at].1.is_some_and(|value| value > limit));
-        }
-        if self.is_least_bold {
-            for (_, values) in &mut grid {
-                let least = values[..measured].iter().filter_map(|value| value.1).fold(f64::INFINITY, f64::min);
-                for value in values[..measured].iter_mut().filter(|value| value.1 == Some(least)) {
-                    value.0 = format!("**{}**", value.0);
-                }
-            }
         }
         let shown: Vec<usize> = match self.show {
             [] => (0..head.len()).collect(),
@@ -253,9 +227,6 @@ impl Cell {
                 let [low, high] = [low, high].map(|end| digits(mean(end).unwrap_or(f64::NAN), count));
                 format!("{} ({low} to {high})", digits(value, count))
             }
-            (Format::PlusMinus(half, count), Some(value)) => {
-                format!("{} ± {}", fixed(value, count), fixed(mean(half).unwrap_or(f64::NAN), count))
-            }
             (format, Some(value)) => format.text(value),
         };
         (shown, value)
@@ -266,7 +237,7 @@ impl Format {
     fn text(self, value: f64) -> String {
         match self {
             Self::Text => value.to_string(),
-            Self::Fixed(count) | Self::PlusMinus(_, count) => fixed(value, count),
+            Self::Fixed(count) => fixed(value, count),
             Self::Digits(count) | Self::Within(_, _, count) => digits(value, count),
             Self::Percent(count) => fixed(100.0 * value, count) + " %",
         }
@@ -283,7 +254,6 @@ impl Derived {
         let ratio = |of: &str, to: Option<f64>| named(of).zip(to).map(|(of, to)| of / to);
         let shown = |ratio: Option<f64>| (ratio.map_or(NONE.into(), |ratio| digits(ratio, 2)), ratio);
         match self {
-            Self::Ratio(_, of, to) => shown(ratio(of, named(to))),
             Self::OfBest(_, of, own) => shown(ratio(of, best(own).map(|(.., value)| value))),
             Self::Best(_, own) => best(own)
                 .map_or((NONE.into(), None), |(heading, (text, _), value)| (format!("{heading}: {text}"), Some(value))),
@@ -301,6 +271,11 @@ fn distinct<T: PartialEq>(all: impl Iterator<Item = T>) -> Vec<T> {
 }
 
 impl Rendered {
+    /// All rows of a sheet.
+    pub fn of(sheet: Sheet) -> Self {
+        Self { keys: 0, head: sheet.columns, rows: sheet.rows }
+    }
+
     /// Adds the rows of a table with the same columns.
     pub fn append(&mut self, other: Self) -> Result<(), String> {
         if self.head != other.head {
@@ -321,8 +296,8 @@ impl Rendered {
     /// The table as CSV, below a comment.
     pub fn csv(&self, comment: &str) -> String {
         let line = |cells: &[String]| {
-            let cells = cells.iter().map(|cell| cell.replace("**", ""));
-            let quoted = cells.map(|cell| if cell.contains([',', '"']) { format!("{cell:?}") } else { cell });
+            let quoted =
+                cells.iter().map(|cell| if cell.contains([',', '"']) { format!("{cell:?}") } else { cell.clone() });
             quoted.collect::<Vec<_>>().join(",") + "\n"
         };
         format!("# {comment}\n{}{}", line(&self.head), self.rows.iter().map(|row| line(row)).collect::<String>())
@@ -347,11 +322,10 @@ mod tests {
             across: Some("sampler"),
             cells: &[cell("", "sigma", Format::Digits(2)), cell("ns", "ns", Format::Digits(2)).only("girandole")],
             derived: &[Derived::OfBest("of the best", "two levels", &["two levels", "ns"])],
-            is_least_bold: true,
             ..VIEW
         };
         let expected = "| scene | pbrt | two levels | ns | of the best |\n|---|---:|---:|---:|---:|\n\
-                        | S | 4.0 | **0.80** | 1,000 | 0.20 |\n| M | **1.0** | 1.5 | 1,200 | 1.5 |\n";
+                        | S | 4.0 | 0.80 | 1,000 | 0.20 |\n| M | 1.0 | 1.5 | 1,200 | 1.5 |\n";
         assert_eq!(ACROSS.render(&[noise()]).expect("a table").markdown(), expected);
         let lost = View { above: Some(("of the best", 1.0)), show: &["of the best"], ..ACROSS };
         let rendered = lost.render(&[noise()]).expect("a table");
@@ -373,16 +347,5 @@ mod tests {
         assert_eq!(rendered.head, ["", "scene", "two levels", "pbrt-v4"]);
         assert_eq!(rendered.rows[0], ["σ", "S", "0.8", "4.0"]);
         assert_eq!(rendered.rows[3], ["µs", "M", "1.2", "0.9"]);
-    }
-
-    #[test]
-    fn a_cell_may_be_relative_to_the_first_row_and_rows_that_meet_are_averaged() {
-        const RELATIVE: View = View {
-            keys: &[("sampler", "sampler")],
-            cells: &[cell("time", "ns", Format::Digits(2)).relative()],
-            ..VIEW
-        };
-        let rendered = RELATIVE.render(&[noise()]).expect("a table");
-        assert_eq!(rendered.rows, [["pbrt", "1.0"], ["flat, 2", "0.0012"], ["two levels", "1.3"]]);
     }
 }

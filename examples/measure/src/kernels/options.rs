@@ -66,7 +66,7 @@ pub fn run(options: &Options) -> Result<(), String> {
     };
     let mut table = options.out.as_deref().map(|path| Table::create(path, &COLUMNS)).transpose()?;
     let chips = if options.chip.is_empty() { CHIPS.map(str::to_owned).to_vec() } else { options.chip.clone() };
-    let bar = progress("shader_stats", chips.len() as u64);
+    let bar = progress("kernels", chips.len() as u64);
     let mut rows = Vec::new();
     for chip in &chips {
         let found = in_a_process(chip, &manifest, options)?;

@@ -1,4 +1,4 @@
-//! Parts of the table for documents: the front of least error, and all samplers in equal time.
+//! Parts of the table: the front of least error, and all samplers in equal time.
 
 use super::front::Front;
 use super::measured::Measured;
@@ -7,8 +7,7 @@ use super::table::Row;
 use std::path::Path;
 use testbed::common::table::{Table, markdown_head};
 
-/// The columns of `front.csv`. A frame with one default sample per pixel takes
-/// half a millisecond.
+/// The columns of the front. A frame with one default sample per pixel takes half a millisecond.
 const FRONT: [&str; 5] = ["setting", "page_ms", "rel_mse", "rel_mse_low", "rel_mse_high"];
 
 /// The columns of `equal_time.csv`, which are explained in `table.rs`.
@@ -21,15 +20,13 @@ fn errors(row: &Row) -> [String; 3] {
     [error.mean, low, high].map(|value| format!("{value:.6}"))
 }
 
-/// Writes both files, and prints the front.
+/// Prints the front, and writes `equal_time.csv`.
 pub fn write(out: &Path, measured: &Measured, front: &Front) -> Result<(), String> {
-    let mut table = Table::create(&out.join("front.csv"), &FRONT)?;
     testbed::say!("The front of least error:\n\n{}", markdown_head(&FRONT));
     for row in &front.rows {
         let time = format!("{:.4}", row.time_ms() * front.scale);
         let fields: Vec<String> = [row.setting.name(), time].into_iter().chain(errors(row)).collect();
         testbed::say!("| {} |", fields.join(" | "));
-        table.add(fields)?;
     }
     let mut equal_time = Table::create(&out.join("equal_time.csv"), &EQUAL_TIME)?;
     for row in measured.equal_time.iter().map(|panel| &panel.row) {

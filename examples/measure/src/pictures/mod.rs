@@ -5,7 +5,7 @@
 //! setting. All settings use the same eight seeds. It prints the front of least error, and writes into DIR:
 //!
 //! - `accuracy.csv`: a row for each setting (`table.rs` explains the columns);
-//! - `front.csv` and `equal_time.csv`: the front of least error, and the best samplers in equal time;
+//! - `equal_time.csv`: the best samplers in equal time;
 //! - `error_over_time.svg` and `equal_time.svg`: the front as a plot, and the same part of the picture by several
 //!   samplers in equal time.
 //!

@@ -1,69 +1,62 @@
-//! All figures, and all runs that they are drawn from. Adding a figure takes a line here and a block in its document.
+//! All figures, and all runs that they are drawn from. Adding a figure takes a line here and a block in its page.
 
 mod pictures;
-mod gpu;
-mod noise;
-mod paper;
 mod runs;
-mod world;
+mod tables;
 
-use super::figure::Figure;
+use super::figure::{Figure, rows};
 
 pub use runs::RUNS;
 
-/// All figures, in the order of the documents.
+/// All figures: those of pages, in order, and then the rows that programs wrote.
 pub const FIGURES: &[Figure] = &[
-    noise::README,
+    tables::README,
     pictures::README_PICTURE,
-    pictures::README_REUSE,
-    noise::SUMMARY,
-    noise::ALL,
-    noise::SHARED_CUTS,
-    noise::LOSSES,
-    noise::LOSSES_WITH_SHADOWS,
-    noise::TORTURE,
-    noise::CLIFFS,
-    noise::GLOSS,
-    noise::SEGMENTS,
-    noise::CANDIDATES,
-    noise::LEARNING,
-    noise::SKY,
-    noise::SIGNS,
-    noise::KERNEL_NOISE,
-    noise::KERNEL_COST,
-    world::DEFORM,
-    world::BUDGET_PLOT,
-    world::BUDGET,
-    world::CASES,
-    world::SCHEDULER,
-    world::TREES,
-    world::BAKE,
-    world::EDITS,
-    world::REGIONS,
-    world::FLIGHT,
-    world::SCALE,
-    gpu::GOALS,
-    gpu::UPLOAD,
-    gpu::TOP_LEVEL,
-    gpu::SAMPLES,
-    gpu::FUNCTIONS,
-    gpu::PIPELINES,
-    gpu::EFFECTS,
+    tables::README_REUSE,
+    tables::SUMMARY,
+    tables::LOSSES,
+    tables::LOSSES_WITH_SHADOWS,
+    tables::KERNEL_NOISE,
+    tables::KERNEL_COST,
+    pictures::BUDGET_PLOT,
+    tables::GPU_GOALS,
     pictures::FRONT_PLOT,
-    pictures::FRONT,
     pictures::PICTURE,
-    pictures::EQUAL_TIME,
-    pictures::GLOSS,
-    pictures::UPKEEP,
-    pictures::RIVALS,
-    pictures::REUSE,
-    pictures::REUSE_ERRORS,
-    pictures::REUSE_FRAMES,
-    pictures::LEFT_OUT,
-    paper::BISTRO,
-    paper::COST,
-    paper::FRAMES,
-    paper::CITY,
+    tables::EQUAL_TIME,
+    tables::RIVALS,
+    pictures::PAPER_COST,
+    pictures::PAPER_FRAMES,
+    rows("docs/data/noise.csv", "noise/noise.csv"),
+    rows("docs/data/noise-m.csv", "noise-m/noise.csv"),
+    rows("docs/data/torture.csv", "torture/torture.csv"),
+    rows("docs/data/cliffs.csv", "cliffs/cliffs.csv"),
+    rows("docs/data/gloss.csv", "gloss/gloss.csv"),
+    rows("docs/data/segments.csv", "segments/segments.csv"),
+    rows("docs/data/candidates.csv", "candidates/candidates.csv"),
+    rows("docs/data/learning.csv", "learn/learn.csv"),
+    rows("docs/data/sky.csv", "sky/sky.csv"),
+    rows("docs/data/signs.csv", "signs/signs.csv"),
+    rows("docs/data/deform.csv", "deform/deform.csv"),
+    rows("docs/data/budget.csv", "budget/budget.csv"),
+    rows("docs/data/cases.csv", "cases/cases.csv"),
+    rows("docs/data/scheduler.csv", "scheduler/criterion"),
+    rows("docs/data/trees.csv", "trees/criterion"),
+    rows("docs/data/bake.csv", "bake/criterion"),
+    rows("docs/data/edits.csv", "edits/criterion"),
+    rows("docs/data/flight.csv", "flight/summary.csv"),
+    rows("docs/data/scale.csv", "scale/scale.csv"),
+    rows("docs/data/gpu-upload.csv", "gpu/gpu.json#/upload"),
+    rows("docs/data/gpu-top-level.csv", "gpu/gpu.json#/top_level"),
+    rows("docs/data/gpu-samples.csv", "gpu/gpu.json#/sampling"),
+    rows("docs/data/shader-functions.csv", "shaders/shaders.csv"),
+    rows("docs/data/pipelines.csv", "pipelines/stdout.md"),
+    rows("docs/data/effects.csv", "effects/stdout.md"),
+    rows("docs/data/pictures-diffuse.csv", "matte/accuracy.csv"),
+    rows("docs/data/pictures-glossy.csv", "glossy/accuracy.csv"),
+    rows("docs/data/pictures-rivals.csv", "rivals/rivals.csv"),
+    rows("docs/data/reuse.csv", "reuse/reuse.csv"),
+    rows("docs/data/paper-bistro.csv", "paper/paper.csv"),
+    rows("docs/data/paper-city.csv", "paper-city/paper.csv"),
 ];
 
 #[cfg(test)]

@@ -23,28 +23,12 @@ pub const RUNS: &[Run] = &[
         seconds: 40,
         ..RUN
     },
-    Run {
-        name: "torture",
-        arguments: "noise torture",
-        quick: Some("noise torture --quick"),
-        out: Some("torture.csv"),
-        has_fewer_rows: true,
-        seconds: 60,
-        ..RUN
-    },
+    Run { name: "torture", arguments: "noise torture", out: Some("torture.csv"), seconds: 60, ..RUN },
     Run { name: "cliffs", arguments: "noise cliffs", out: Some("cliffs.csv"), seconds: 20, ..RUN },
-    Run {
-        name: "gloss",
-        arguments: "noise gloss --shading-points 200",
-        quick: Some("noise gloss --quick --shading-points 2"),
-        out: Some("gloss.csv"),
-        seconds: 30,
-        ..RUN
-    },
+    Run { name: "gloss", arguments: "noise gloss --shading-points 200", out: Some("gloss.csv"), seconds: 30, ..RUN },
     Run {
         name: "segments",
         arguments: "noise segments --shading-points 200",
-        quick: Some("noise segments --quick --shading-points 2"),
         out: Some("segments.csv"),
         is_timed: true,
         seconds: 90,
@@ -53,31 +37,13 @@ pub const RUNS: &[Run] = &[
     Run {
         name: "candidates",
         arguments: "noise candidates",
-        quick: Some("noise candidates --quick --shading-points 2"),
         out: Some("candidates.csv"),
         is_timed: true,
         seconds: 30,
         ..RUN
     },
-    Run {
-        name: "learn",
-        arguments: "noise learn",
-        quick: Some("noise learn --quick --shading-points 2"),
-        out: Some("learn.csv"),
-        has_fewer_rows: true,
-        seconds: 60,
-        ..RUN
-    },
-    Run {
-        name: "sky",
-        arguments: "noise sky",
-        quick: Some("noise sky --quick --shading-points 2"),
-        out: Some("sky.csv"),
-        has_fewer_rows: true,
-        is_timed: true,
-        seconds: 15,
-        ..RUN
-    },
+    Run { name: "learn", arguments: "noise learn", out: Some("learn.csv"), seconds: 60, ..RUN },
+    Run { name: "sky", arguments: "noise sky", out: Some("sky.csv"), is_timed: true, seconds: 15, ..RUN },
     Run {
         name: "kernel-noise",
         arguments: "gpu-lights",
@@ -95,20 +61,10 @@ pub const RUNS: &[Run] = &[
         seconds: 60,
         ..RUN
     },
-    Run {
-        name: "signs",
-        arguments: "noise signs",
-        quick: Some("noise signs --quick"),
-        out: Some("signs.csv"),
-        has_fewer_rows: true,
-        is_timed: true,
-        seconds: 15,
-        ..RUN
-    },
+    Run { name: "signs", arguments: "noise signs", out: Some("signs.csv"), is_timed: true, seconds: 15, ..RUN },
     Run {
         name: "deform",
         arguments: "noise deform --shading-points 100",
-        quick: Some("noise deform --quick --shading-points 2"),
         out: Some("deform.csv"),
         scene: Scene::Added,
         is_timed: true,
@@ -136,22 +92,11 @@ pub const RUNS: &[Run] = &[
     Run {
         name: "budget",
         arguments: "rebuilds --scene S10,M100 --strategies girandole,round,oracle --shares 0.02,0.1,0.5 --shading-points 120 --frames 240",
-        quick: Some(
-            "rebuilds --quick --scene S10,M100 --strategies girandole,round,oracle --shares 0.02,0.1,0.5 --motion smooth --shading-points 2 --frames 8",
-        ),
-        has_fewer_rows: true,
         is_timed: true,
         seconds: 600,
         ..RUN
     },
-    Run {
-        name: "cases",
-        arguments: "rebuilds --cases",
-        quick: Some("rebuilds --cases --quick"),
-        has_fewer_rows: true,
-        seconds: 120,
-        ..RUN
-    },
+    Run { name: "cases", arguments: "rebuilds --cases", seconds: 120, ..RUN },
     Run {
         name: "scheduler",
         program: "bench_scheduler",
@@ -164,23 +109,8 @@ pub const RUNS: &[Run] = &[
     Run { name: "trees", program: "bench_trees", arguments: "--bench", out: None, is_timed: true, seconds: 90, ..RUN },
     Run { name: "bake", program: "bench_bake", arguments: "--bench", out: None, is_timed: true, seconds: 90, ..RUN },
     Run { name: "edits", program: "bench_edits", arguments: "--bench", out: None, is_timed: true, seconds: 120, ..RUN },
-    Run {
-        name: "flight",
-        arguments: "scale --runs 3",
-        quick: Some("scale --quick --runs 3"),
-        is_timed: true,
-        seconds: 120,
-        ..RUN
-    },
-    Run {
-        name: "scale",
-        arguments: "scale --scale",
-        quick: Some("scale --scale --quick"),
-        has_fewer_rows: true,
-        is_timed: true,
-        seconds: 40,
-        ..RUN
-    },
+    Run { name: "flight", arguments: "scale --runs 3", is_timed: true, seconds: 120, ..RUN },
+    Run { name: "scale", arguments: "scale --scale", is_timed: true, seconds: 40, ..RUN },
     Run { name: "shaders", arguments: "kernels --chip navi21", out: Some("shaders.csv"), seconds: 30, ..RUN },
     Run {
         name: "pipelines",
@@ -219,11 +149,5 @@ pub const RUNS: &[Run] = &[
         ..RUN
     },
     Run { name: "paper", arguments: "paper --no-city --seeds 3", scene: Scene::Needed, seconds: 500, ..RUN },
-    Run {
-        name: "paper-city",
-        arguments: "paper --world S --seeds 3",
-        quick: Some("paper --quick"),
-        seconds: 300,
-        ..RUN
-    },
+    Run { name: "paper-city", arguments: "paper --world S --seeds 3", seconds: 300, ..RUN },
 ];

@@ -1,5 +1,5 @@
 //! The text of every kernel in the languages that wgpu and engines hand to drivers: HLSL, MSL and GLSL
-//! ES; `shader_stats.rs` has SPIR-V. A translation fails if a text uses what a language does not have.
+//! ES; `stats.rs` has SPIR-V. A translation fails if a text uses what a language does not have.
 
 use naga::ShaderStage;
 use naga::back::{glsl, hlsl, msl};
