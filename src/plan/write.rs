@@ -26,14 +26,29 @@ use crate::sky::Sky;
 use crate::tree::{ChildRef, LEAF, Node};
 use crate::world::{LightWorld, birth_of_directional, birth_of_instance};
 
-/// The bytes of a record of each pool that takes short runs from staged records: of nodes, lights, trees and
-/// instances.
+/// The staged records of short runs, one list for each of these pools.
+type Lists = [Scattered; MAX_TARGETS];
+
+/// The pools in the order of their lists.
+const NODES: usize = 0;
+const LIGHTS: usize = 1;
+const TREES: usize = 2;
+const INSTANCES: usize = 3;
+
+/// The bytes of a record of each pool.
 const STRIDES: [u64; MAX_TARGETS] = [
     Pool::<NodeRecord>::STRIDE,
     Pool::<LightRecord>::STRIDE,
     Pool::<TreeRecord>::STRIDE,
     Pool::<InstanceRecord>::STRIDE,
 ];
+
+/// Which of the buffers that shaders bind are new in this frame.
+struct Replaced {
+    top: bool,
+    instances: bool,
+    lights: bool,
+}
 
 /// Commands and bytes of a plan besides the records of the large pools: parts and parameters.
 const MORE_COMMANDS: usize = 16;
@@ -43,21 +58,21 @@ impl Held {
     /// Writes what changed, for which there is room. `before` are the buffers that shaders bound.
     pub(super) fn write(&mut self, frame: Frame<'_>, before: Option<ShaderBuffers>, draft: &mut Draft) {
         let former = self.uniforms.params;
-        let is_replaced = self.replace_params(before, draft);
+        let replaced = self.replace_params(before, draft);
         let instance_runs = runs(frame.changes.instances.iter().copied(), 0);
         // Most of the room is made at once, so that the list is not copied while it grows.
         let of_trees = |pool: usize| frame.trees.writes.iter().flat_map(move |write| &write.runs[pool]);
         let bytes = |run: &Range<u32>, pool: usize| run.len() as u64 * (STRIDES[pool] + 4);
-        let nodes: u64 = of_trees(0).map(|run| bytes(run, 0)).sum();
-        let lights: u64 = of_trees(1).map(|run| bytes(run, 1)).sum();
-        let instances: u64 = instance_runs.iter().map(|run| bytes(run, 3)).sum();
-        let records = STRIDES[2] * frame.trees.writes.len() as u64;
+        let nodes: u64 = of_trees(NODES).map(|run| bytes(run, NODES)).sum();
+        let lights: u64 = of_trees(LIGHTS).map(|run| bytes(run, LIGHTS)).sum();
+        let instances: u64 = instance_runs.iter().map(|run| bytes(run, INSTANCES)).sum();
+        let records = STRIDES[TREES] * frame.trees.writes.len() as u64;
         let writes = MORE_COMMANDS + 3 * frame.trees.writes.len();
         draft.plan.upload.reserve(writes, MORE_BYTES + nodes + lights + records + instances);
-        let mut lists: [Scattered; MAX_TARGETS] = Default::default();
-        lists[0] = Scattered::with_room_for(of_trees(0), STRIDES[0]);
-        lists[1] = Scattered::with_room_for(of_trees(1), STRIDES[1]);
-        lists[3] = Scattered::with_room_for(instance_runs.iter(), STRIDES[3]);
+        let mut lists = Lists::default();
+        lists[NODES] = Scattered::with_room_for(of_trees(NODES), STRIDES[NODES]);
+        lists[LIGHTS] = Scattered::with_room_for(of_trees(LIGHTS), STRIDES[LIGHTS]);
+        lists[INSTANCES] = Scattered::with_room_for(instance_runs.iter(), STRIDES[INSTANCES]);
         let FramePlan { upload, report, .. } = &mut draft.plan;
         *report = UploadReport {
             trees: frame.changes.trees.len(),
@@ -70,14 +85,14 @@ impl Held {
         }
         for run in &instance_runs {
             let record = |slot| self.instance_record(slot, frame.world);
-            self.instances.pool.write_each(upload, &mut lists[3], run.clone(), record);
+            self.instances.pool.write_each(upload, &mut lists[INSTANCES], run.clone(), record);
         }
         if frame.changes.directionals {
             self.write_directionals(upload, frame.world);
         }
         self.scatter(lists, draft);
         let FramePlan { upload, top, report, .. } = &mut draft.plan;
-        let is_new_top = is_replaced[1] || self.is_lost;
+        let is_new_top = replaced.top || self.is_lost;
         self.write_maps(upload, frame.world, is_new_top);
         self.write_params(upload, frame.world);
         let params = self.uniforms.params;
@@ -96,35 +111,35 @@ impl Held {
         report.bytes = upload.bytes_written();
         self.is_lost = false;
         self.previous.changed([
-            is_replaced[3] || report.instances > 0,
-            is_replaced[4] || report.lights > 0 || frame.changes.directionals || self.sources.is_active(),
+            replaced.instances || report.instances > 0,
+            replaced.lights || report.lights > 0 || frame.changes.directionals || self.sources.is_active(),
         ]);
     }
 
     /// Makes another buffer of parameters if any other buffer that shaders bind is another one: the former parameters
     /// belong to the former buffers. Returns which ones are.
-    fn replace_params(&mut self, before: Option<ShaderBuffers>, draft: &mut Draft) -> [bool; 5] {
-        let others =
+    fn replace_params(&mut self, before: Option<ShaderBuffers>, draft: &mut Draft) -> Replaced {
+        let now =
             [self.top.nodes(), self.trees.nodes.buffer(), self.instances.pool.buffer(), self.trees.lights.buffer()];
-        let mut is_replaced = [false; 5];
-        for (i, id) in others.into_iter().enumerate() {
-            is_replaced[i + 1] = before.is_none_or(|before| before.0[i + 1] != id);
+        let mut is_new = [true; 4];
+        if let Some(ShaderBuffers([_, former @ ..])) = before {
+            is_new = std::array::from_fn(|i| former[i] != now[i]);
         }
-        if is_replaced.contains(&true) {
+        if is_new.contains(&true) {
             let params = draft.uniform("sampling parameters", size_of::<ParamsRecord>() as u64);
             draft.plan.freed.extend(self.uniforms.params_buffer.replace(params));
             // Nothing was written to the new one.
             self.uniforms.params = ParamsRecord { slots: u32::MAX, ..ParamsRecord::default() };
-            is_replaced[0] = true;
         }
-        is_replaced
+        let [top, _, instances, lights] = is_new;
+        Replaced { top, instances, lights }
     }
 
     /// Writes runs of the nodes and lights of a tree, and the records of its parts.
     fn write_tree(
         &mut self,
         commands: &mut Commands,
-        lists: &mut [Scattered; MAX_TARGETS],
+        lists: &mut Lists,
         world: &LightWorld,
         write: &TreeWrite,
         report: &mut UploadReport,
@@ -148,7 +163,7 @@ impl Held {
                 NodeRecord { lights: if index == 0 { [offset, tree.lights().len() as u32] } else { [0; 2] }, ..record }
             });
             let target = node_base + run.start..node_base + run.end;
-            self.trees.nodes.write(commands, Some(&mut lists[0]), target, nodes);
+            self.trees.nodes.write(commands, Some(&mut lists[NODES]), target, nodes);
         }
         for run in light_runs {
             let range = run.start as usize..run.end as usize;
@@ -163,7 +178,7 @@ impl Held {
                 light_record(sky, index, light, stored_place(*place, openings)).with_birth(birth(index))
             });
             let target = light_base + run.start..light_base + run.end;
-            self.trees.lights.write(commands, Some(&mut lists[1]), target, fill);
+            self.trees.lights.write(commands, Some(&mut lists[LIGHTS]), target, fill);
         }
         if matches!(write.source, Source::Tree) {
             self.trees.residency.was_written(write.slot, entry.log.revision());
@@ -179,7 +194,7 @@ impl Held {
                 Some(_) => TreeRecord::default(),
                 None => TreeRecord::of(tree, openings, index),
             });
-            self.trees.records.write(commands, Some(&mut lists[2]), target, fill);
+            self.trees.records.write(commands, Some(&mut lists[TREES]), target, fill);
         }
     }
 
@@ -240,7 +255,7 @@ impl Held {
     }
 
     /// Writes the short runs.
-    fn scatter(&mut self, lists: [Scattered; MAX_TARGETS], draft: &mut Draft) {
+    fn scatter(&mut self, lists: Lists, draft: &mut Draft) {
         let pools = [
             self.trees.nodes.buffer(),
             self.trees.lights.buffer(),

@@ -800,7 +800,7 @@ fn the_records_of_openings_follow_the_lights() {
 }
 
 #[test]
-fn lights_are_written_in_the_layout_that_is_stored_now() {
+fn lights_are_written_where_their_tree_lies_once_buffers_have_grown() {
     let mut world = LightWorld::new();
     let tree = world.add_tree(LightTree::new(whirl(200, 0.0)).expect("valid"));
     world.add_instance(tree, Placement::IDENTITY, Policy::RefitOnly).expect("valid");
@@ -809,7 +809,7 @@ fn lights_are_written_in_the_layout_that_is_stored_now() {
     let mut lights = gpu_lights();
     for (time, has_more) in [(3.0, false), (5.0, true)] {
         if has_more {
-            // Lights with cones and ranges make all records longer, and more trees make the buffers larger.
+            // More trees make the buffers larger.
             let more = world.add_tree(LightTree::new(lights_of(2_000, 1)).expect("valid"));
             let place = Placement::at(DVec3::X * 500.0);
             world.add_instance(more, place, Policy::RefitOnly).expect("valid");
