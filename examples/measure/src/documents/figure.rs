@@ -5,10 +5,10 @@ use super::view::View;
 /// A table or a picture of a document.
 #[derive(Clone, Copy, Debug)]
 pub struct Figure {
-    /// Names the block of the document; of rows, the document itself.
+    /// Names the block of the page, or the file of rows.
     pub name: &'static str,
-    /// From the root of the repository: a page with a block of this name, or a CSV file, which holds the rows.
-    pub document: &'static str,
+    /// The page with its block, from the root of the repository. Empty if it is a file of its own.
+    pub page: &'static str,
     pub body: Body,
     /// Which rows there are follows from what is measured, as in a list of losses.
     pub has_varying_rows: bool,
@@ -33,34 +33,39 @@ pub enum Body {
 }
 
 /// A table.
-pub const fn table(name: &'static str, document: &'static str, views: &'static [View]) -> Figure {
-    Figure { name, document, body: Body::Table(views), has_varying_rows: false }
+pub const fn table(name: &'static str, page: &'static str, views: &'static [View]) -> Figure {
+    Figure { name, page, body: Body::Table(views), has_varying_rows: false }
 }
 
 /// A table whose rows follow from what is measured.
-pub const fn selection(name: &'static str, document: &'static str, views: &'static [View]) -> Figure {
-    Figure { has_varying_rows: true, ..table(name, document, views) }
+pub const fn selection(name: &'static str, page: &'static str, views: &'static [View]) -> Figure {
+    Figure { has_varying_rows: true, ..table(name, page, views) }
 }
 
 /// A CSV file of all rows that a program wrote.
-pub const fn rows(document: &'static str, from: &'static str) -> Figure {
-    Figure { name: document, document, body: Body::Rows(from), has_varying_rows: true }
+pub const fn rows(name: &'static str, from: &'static str) -> Figure {
+    Figure { name, page: "", body: Body::Rows(from), has_varying_rows: true }
 }
 
 /// A picture.
 pub const fn picture(
     name: &'static str,
-    document: &'static str,
+    page: &'static str,
     (from, to): (&'static str, &'static str),
     text: &'static str,
 ) -> Figure {
-    Figure { name, document, body: Body::Picture { from, to, text }, has_varying_rows: false }
+    Figure { name, page, body: Body::Picture { from, to, text }, has_varying_rows: false }
 }
 
 impl Figure {
-    /// Whether its document is a CSV file.
+    /// Whether it is a CSV file of its own, and no block of a page.
     pub fn is_file(&self) -> bool {
-        self.document.ends_with(".csv")
+        self.page.is_empty()
+    }
+
+    /// The file that it is in, from the root of the repository.
+    pub fn document(&self) -> String {
+        if self.is_file() { format!("docs/data/{}.csv", self.name) } else { self.page.to_owned() }
     }
 
     /// The files that it is drawn from.

@@ -62,7 +62,7 @@ pub fn run(options: &Options) -> Result<(), String> {
     figures.retain(|figure| !(options.quick && figure.is_file()));
     if options.list {
         figures.iter().for_each(|figure| {
-            testbed::say!("{:24} {:20} {}", figure.name, figure.document, figure.runs().join(", "));
+            testbed::say!("{:24} {:20} {}", figure.name, figure.document(), figure.runs().join(", "));
         });
         return Ok(());
     }
@@ -107,19 +107,20 @@ fn chosen(only: &[String]) -> Result<Vec<&'static Figure>, String> {
 /// Draws into the documents, or into copies of them. Returns one line for each figure that failed.
 fn write(options: &Options, figures: &[&Figure], out: &Path) -> Result<Vec<String>, String> {
     let mut failed = Vec::new();
-    let mut documents: BTreeMap<&str, String> = BTreeMap::new();
+    let mut documents: BTreeMap<String, String> = BTreeMap::new();
     for figure in FIGURES {
-        let path = options.root.join(figure.document);
+        let document = figure.document();
+        let path = options.root.join(&document);
         let text = match fs::read_to_string(&path) {
             Ok(text) => text,
             Err(_) if figure.is_file() => String::new(),
             Err(error) => return Err(format!("cannot read {}: {error}", path.display())),
         };
-        documents.insert(figure.document, text);
+        documents.insert(document, text);
     }
     for (document, text) in documents.iter().filter(|(document, _)| document.ends_with(".md")) {
         let there = names(text).map_err(|error| format!("{document}: {error}"))?;
-        let own = || FIGURES.iter().filter(|figure| figure.document == *document).map(|figure| figure.name);
+        let own = || FIGURES.iter().filter(|figure| figure.page == document.as_str()).map(|figure| figure.name);
         failed.extend(
             there
                 .iter()
@@ -134,7 +135,7 @@ fn write(options: &Options, figures: &[&Figure], out: &Path) -> Result<Vec<Strin
     }
     let copies = if options.quick { out.join("documents") } else { options.root.clone() };
     for figure in figures {
-        let Some(text) = documents.get_mut(figure.document) else { continue };
+        let Some(text) = documents.get_mut(&figure.document()) else { continue };
         let Some(old) = (if figure.is_file() { Some("") } else { block(text, figure.name) }) else { continue };
         if let Some(reason) = missing(options, figure, out) {
             testbed::say!("{}: kept, {reason}", figure.name);
@@ -159,7 +160,7 @@ fn write(options: &Options, figures: &[&Figure], out: &Path) -> Result<Vec<Strin
             failed.extend(compared.err().map(of));
         }
         if let Body::Picture { from, to, .. } = figure.body {
-            let to = copies.join(figure.document).with_file_name("").join(to);
+            let to = copies.join(figure.page).with_file_name("").join(to);
             let copied = to.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::copy(out.join(from), &to));
             failed.extend(copied.err().map(|error| of(format!("cannot copy {from} to {}: {error}", to.display()))));
         }

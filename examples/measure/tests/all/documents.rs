@@ -12,10 +12,10 @@ struct Copies(PathBuf);
 impl Copies {
     fn new(name: &str) -> Self {
         let root = std::env::temp_dir().join(format!("girandole_figures_{name}_{}", std::process::id()));
-        for document in FIGURES.iter().map(|figure| figure.document) {
-            let to = root.join(document);
+        for page in FIGURES.iter().filter(|figure| !figure.is_file()).map(|figure| figure.page) {
+            let to = root.join(page);
             fs::create_dir_all(to.parent().expect("a folder")).expect("a folder to write to");
-            fs::copy(Path::new("../..").join(document), to).expect("a document of the repository");
+            fs::copy(Path::new("../..").join(page), to).expect("a page of the repository");
         }
         Self(root)
     }
@@ -65,7 +65,7 @@ fn a_block_is_replaced_and_figures_without_raw_files_keep_theirs() {
     assert!(output.status.success() && stderr.is_empty(), "{stderr}");
     assert_eq!(stdout, "torture: kept, for the run \"torture\" is missing\n");
     let table = "# `measure noise cliffs` on a machine, 2026-01-02, commit abc.\n\
-                 scene,two levels,one tree,quotient\n\"a hill, or two\",0.50,0.25,2.0\n";
+                 scene,sampler,sigma_mean\n\"a hill, or two\",girandole,0.5\n\"a hill, or two\",girandole flat,0.25\n";
     assert_eq!(fs::read_to_string(copies.0.join("docs/data/cliffs.csv")).expect("a table"), table);
     let expected = "![Gap recovered over time spent for five motions, by strategy: the library's scheduler is ahead of\n\
                     round robin where time is short](budget.svg)\n\n";

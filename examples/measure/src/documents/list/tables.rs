@@ -61,7 +61,7 @@ const LOSS: View = View {
 
 pub const LOSSES: Figure = selection(
     "losses",
-    "docs/data/losses.csv",
+    "",
     &[
         View {
             from: NOISE,
@@ -94,7 +94,7 @@ pub const LOSSES: Figure = selection(
 
 pub const LOSSES_WITH_SHADOWS: Figure = selection(
     "losses-with-shadows",
-    "docs/data/losses-with-shadows.csv",
+    "",
     &[View {
         from: &["rivals/rivals.csv"],
         drop: &[("sampler", "Girandole, 8 candidates"), ("sampler", "Girandole, shared cuts")],
