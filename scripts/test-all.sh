@@ -11,8 +11,6 @@ step bash scripts/window.sh
 step bash examples/bevy_girandole/test.sh --all
 step bash examples/bevy_girandole/ray-queries.sh
 step bash examples/bevy_girandole/solari/test.sh
-# The npm package.
-step bash examples/girandole-npm/test.sh
 step bash scripts/newer-driver.sh --all
 # More targets and versions.
 step bash scripts/portability.sh --all

@@ -7,9 +7,9 @@ cd "$(dirname "$0")"
 rustup target add wasm32-unknown-unknown 2>/dev/null || true
 cargo build --quiet --locked --release --target wasm32-unknown-unknown --target-dir target
 rm -rf "$folder"
-# The program that packs the page has the version of wasm-bindgen that Cargo.lock has.
-cargo run --quiet --locked --manifest-path ../girandole-web/pack/Cargo.toml --target-dir ../girandole-web/target -- \
-    --module girandole target/wasm32-unknown-unknown/release/girandole_npm.wasm "$folder"
+# The program that packs has the version of wasm-bindgen that Cargo.lock has.
+cargo run --quiet --locked --manifest-path pack/Cargo.toml --target-dir target -- \
+    girandole target/wasm32-unknown-unknown/release/girandole_npm.wasm "$folder"
 rm "$folder/girandole_bg.wasm.d.ts"
 cp js/* README.md ../../LICENSE-* "$folder"
 wasm="$folder/girandole_bg.wasm"

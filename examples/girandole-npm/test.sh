@@ -12,6 +12,7 @@ need chromium chromium
 need npm nodejs npm
 source ../../scripts/browser.sh
 cargo fmt --check
+(cd pack && cargo fmt --check)
 ./build.sh target/package
 # The flags of the build, so that dependencies are built once.
 cargo clippy --quiet --locked --release --target wasm32-unknown-unknown --target-dir target -- -D warnings
