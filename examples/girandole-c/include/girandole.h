@@ -98,6 +98,12 @@
 // All effects: a shader for them reads the buffers of any world, and is the longest.
 #define GIRANDOLE_ALL_EFFECTS 8191
 
+// The text has light_reservoir_sample_previous, which reads the last frame at binding 7.
+#define GIRANDOLE_SHADER_PREVIOUS 1
+
+// The text has light_record_visibility, by which cells learn: see GirandoleCutOptions.
+#define GIRANDOLE_SHADER_LEARNS 2
+
 // The bytes of a baked tree, which the interface owns.
 typedef struct GirandoleBlob GirandoleBlob;
 
@@ -582,6 +588,12 @@ typedef struct GirandoleCutOptions {
     uint32_t cells;
     // How often shaders must mark a cell between two frames before it gets a cut.
     uint32_t min_marks;
+    // How many larger cells learn from shadow rays which lights are visible: a power of two from 4 to 16,384, of 7.5 kB
+    // each, or 0. Shaders record rays by light_record_visibility (GIRANDOLE_SHADER_LEARNS), and the next plan learns
+    // from them.
+    uint32_t learning_cells;
+    // The edge of these cells in metres, 0.01 to 10,000.
+    float learning_edge;
 } GirandoleCutOptions;
 
 // Who writes the lights of a tree: one of GIRANDOLE_SOURCE_*.
@@ -1421,9 +1433,12 @@ GirandoleStatus girandole_planner_set_cut_view(struct GirandolePlanner *planner,
                                                struct GirandoleDVec3 eye,
                                                float pixel);
 
+// Forgets what cells have learnt from shadow rays, from the next plan on: for another scene.
+GirandoleStatus girandole_planner_forget_visibility(struct GirandolePlanner *planner);
+
 // Creates a planner for a device that holds nothing yet. limits may be NULL for a largest buffer of 128 MiB
-// and no other limits. cuts may be NULL for 32,768 cells of 0.25 m that need 8 marks, which take 67 MB of GPU memory.
-// Returns 100 for a wrong edge or number of cells. Destroy it with girandole_planner_destroy.
+// and no other limits. cuts may be NULL for 32,768 cells of 0.25 m that need 8 marks and learn nothing, which take 67 MB
+// of GPU memory. Returns 100 for a wrong edge or number of cells. Destroy it with girandole_planner_destroy.
 GirandoleStatus girandole_planner_create(const struct GirandoleLimits *limits,
                                          const struct GirandoleCutOptions *cuts,
                                          struct GirandolePlanner **planner);
@@ -1619,18 +1634,18 @@ GirandoleStatus girandole_kernel_shader(uint32_t index,
 // light_mark and others, without an entry point. docs/integration.md describes them. Destroy the shader with
 // girandole_shader_destroy.
 //
-//   effects       bits of GIRANDOLE_EFFECT_*: at least those of girandole_planner_effects
-//   group         the group of the bindings in WGSL, and by default the space in HLSL: 0 to 254
-//   has_previous  1 for light_reservoir_sample_previous too, which reads the last frame at binding 7; else 0
-//   target        WGSL, HLSL or MSL; its entry_point must be NULL. SPIR-V has no texts to include: join the
-//                 WGSL text with your own and pass both to girandole_translate
+//   effects  bits of GIRANDOLE_EFFECT_*: at least those of girandole_planner_effects
+//   group    the group of the bindings in WGSL, and by default the space in HLSL: 0 to 254
+//   parts    bits of GIRANDOLE_SHADER_*: what the text has in addition
+//   target   WGSL, HLSL or MSL; its entry_point must be NULL. SPIR-V has no texts to include: join the
+//            WGSL text with your own and pass both to girandole_translate
 //
 // HLSL: the space is a macro, GIRANDOLE_SPACE, which a program may define
 // before it includes the text. A binding that target moves to another space than the first one
 // gets a space of its own instead of the macro. MSL: functions take the buffers that they read as further arguments.
 GirandoleStatus girandole_shader_include(uint32_t effects,
                                          uint32_t group,
-                                         uint32_t has_previous,
+                                         uint32_t parts,
                                          const struct GirandoleTarget *target,
                                          struct GirandoleShader **shader);
 

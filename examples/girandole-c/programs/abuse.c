@@ -232,7 +232,7 @@ static void plans(GirandoleWorld *world)
     GirandoleChanges changes;
     GirandolePlan *first = NULL, *second = NULL, *plan = NULL;
     GirandolePlanView view;
-    GirandoleCutOptions cuts = {0.001f, 100, 8};
+    GirandoleCutOptions cuts = {0.001f, 100, 8, 0, 0.0f};
     const GirandoleDVec3 nowhere = {NAN, 0.0, 0.0};
     const GirandoleNewBuffer *buffers = NULL;
     uint32_t ids[GIRANDOLE_SHADER_BUFFERS];
@@ -242,6 +242,11 @@ static void plans(GirandoleWorld *world)
     EXPECT(100, girandole_planner_create(NULL, &cuts, &planner));
     cuts.edge = 0.25f, cuts.cells = 65537;
     EXPECT(100, girandole_planner_create(NULL, &cuts, &planner));
+    cuts.cells = 65536, cuts.learning_cells = 5, cuts.learning_edge = 1.0f;
+    EXPECT(100, girandole_planner_create(NULL, &cuts, &planner));
+    cuts.learning_cells = 4, cuts.learning_edge = 0.0f;
+    EXPECT(100, girandole_planner_create(NULL, &cuts, &planner));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_planner_forget_visibility(NULL));
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_planner_create(NULL, NULL, NULL));
     REQUIRE(planner == NULL);
     EXPECT(GIRANDOLE_OK, girandole_planner_create(NULL, NULL, &planner));

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -66,8 +67,10 @@ inline std::vector<GirandoleLightId> all_lights(const GirandoleWorld *world) {
     return ids;
 }
 
-// The illuminance of a shading point by all lights, in lux (the channel y), for lights without size.
-inline double exhaustive_lux(const GirandoleWorld *world, const GirandoleShadingPoint &point) {
+// The illuminance of a shading point by all lights that are visible, in lux (the channel y), for lights without size.
+// Without is_visible, all are.
+inline double exhaustive_lux(const GirandoleWorld *world, const GirandoleShadingPoint &point,
+                             const std::function<bool(const GirandoleSample &)> &is_visible = nullptr) {
     const auto ids = all_lights(world);
     const std::vector<GirandoleShadingPoint> points(ids.size(), point);
     const std::vector<float> u(2 * ids.size(), 0.5f);
@@ -75,6 +78,7 @@ inline double exhaustive_lux(const GirandoleWorld *world, const GirandoleShading
     check(girandole_world_sample_lights(world, points.data(), ids.data(), u.data(), ids.size(), samples.data()));
     double lux = 0.0;
     for (const auto &s : samples) {
+        if (is_visible && !is_visible(s)) continue;
         const auto n = point.normal, d = s.direction;
         lux += s.radiance.y * (n.x * d.x + n.y * d.y + n.z * d.z) * s.weight;
     }

@@ -71,6 +71,26 @@ fn shade(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 )";
 
+// As measure, in a corner of two walls, which hide three quarters of the sky. Where cells learn, RECORD becomes a call that tells what
+// shadow rays find.
+constexpr const char *CORNER_WGSL = R"(
+@compute @workgroup_size(64)
+fn measure_corner(@builtin(global_invocation_id) id: vec3<u32>) {
+    let position = vec3(2.4 * f32(id.y % 4u) - 3.6, 0.0, 2.4 * f32(id.y / 4u) - 3.6);
+    let ground = light_surface_point(position, vec3(0.0, 1.0, 0.0));
+    light_mark(ground);
+    var sums = vec2(0.0);
+    for (var i = 0u; i < 64u; i++) {
+        let s = light_sample(ground, engine_numbers((id.y * 128u + id.x) * 64u + i));
+        let is_visible = min(s.direction.x, s.direction.z) > 0.0;
+        // RECORD
+        let lux = select(0.0, engine_lux(s).y, is_visible);
+        sums += vec2(lux, lux * lux);
+    }
+    engine_out[id.y * 128u + id.x] = vec4(sums, 0.0, 0.0);
+}
+)";
+
 // A kernel that writes lights: a grid of lamps. The text of girandole_shader_sources goes before it.
 constexpr const char *KERNEL_WGSL = R"(
 @compute @workgroup_size(64)

@@ -9,10 +9,10 @@
 
 class Player {
 public:
-    explicit Player(vulkan::Device &device) : device_(device) {
+    explicit Player(vulkan::Device &device, const GirandoleCutOptions *cuts = nullptr) : device_(device) {
         const GirandoleLimits limits = {device.largest_storage_buffer(), GIRANDOLE_NO_LIMIT, GIRANDOLE_NO_LIMIT};
         planner_ = girandole::make<GirandolePlanner>(
-            [&](GirandolePlanner **it) { return girandole_planner_create(&limits, nullptr, it); });
+            [&](GirandolePlanner **it) { return girandole_planner_create(&limits, cuts, it); });
         cursor_ = girandole::make<GirandoleCursor>(girandole_cursor_create);
         GirandoleTarget target = {};
         target.language = GIRANDOLE_LANGUAGE_SPIRV;
@@ -141,6 +141,8 @@ public:
         trees.resize(count);
         return trees;
     }
+
+    GirandolePlanner *planner() { return planner_.get(); }
 
     uint32_t effects() {
         uint32_t effects = 0;

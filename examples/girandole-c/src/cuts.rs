@@ -1,6 +1,6 @@
 //! The cells that share cuts.
 
-use girandole::CutOptions;
+use girandole::{CutOptions, VisibilityOptions};
 
 use crate::memory::object_mut;
 use crate::planner::GirandolePlanner;
@@ -19,11 +19,21 @@ pub struct GirandoleCutOptions {
     pub cells: u32,
     /// How often shaders must mark a cell between two frames before it gets a cut.
     pub min_marks: u32,
+    /// How many larger cells learn from shadow rays which lights are visible: a power of two from 4 to 16,384, of 7.5 kB
+    /// each, or 0. Shaders record rays by light_record_visibility (GIRANDOLE_SHADER_LEARNS), and the next plan learns
+    /// from them.
+    pub learning_cells: u32,
+    /// The edge of these cells in metres, 0.01 to 10,000.
+    pub learning_edge: f32,
 }
 
 impl GirandoleCutOptions {
-    pub(crate) fn options(&self) -> Result<CutOptions, Failure> {
-        Ok(CutOptions::new(self.edge, self.cells as usize)?.with_min_marks(self.min_marks))
+    pub(crate) fn options(&self) -> Result<(CutOptions, Option<VisibilityOptions>), Failure> {
+        let cuts = CutOptions::new(self.edge, self.cells as usize)?.with_min_marks(self.min_marks);
+        let learning = (self.learning_cells > 0)
+            .then(|| VisibilityOptions::new(self.learning_edge, self.learning_cells as usize))
+            .transpose()?;
+        Ok((cuts, learning))
     }
 }
 
@@ -43,5 +53,15 @@ pub unsafe extern "C" fn girandole_planner_set_cut_view(
         // SAFETY: see the crate's documentation.
         let planner = unsafe { object_mut(planner, "planner")? };
         planner.edit(|planner| planner.set_cut_view(eye.into(), pixel))
+    })
+}
+
+/// Forgets what cells have learnt from shadow rays, from the next plan on: for another scene.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn girandole_planner_forget_visibility(planner: *mut GirandolePlanner) -> GirandoleStatus {
+    call(|| {
+        // SAFETY: see the crate's documentation.
+        let planner = unsafe { object_mut(planner, "planner")? };
+        planner.edit(GirandolePlanner::forget_visibility)
     })
 }

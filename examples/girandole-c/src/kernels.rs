@@ -4,7 +4,7 @@ use std::ffi::c_char;
 use std::sync::LazyLock;
 
 use girandole::Effects;
-use girandole::plan::{Binding, KERNELS, Kernel, cut_kernels};
+use girandole::plan::{Binding, KERNELS, Kernel, cut_kernels, visibility_kernels};
 
 use crate::bindings::*;
 use crate::memory::{object, result};
@@ -36,11 +36,9 @@ pub struct GirandoleKernel {
     pub binding_count: usize,
 }
 
-/// The kernels of frames, then those that build cuts without learnt visibility, for all effects.
-static ALL: LazyLock<Vec<Kernel>> = LazyLock::new(|| {
-    let [cuts @ .., _] = cut_kernels(Effects::all());
-    [KERNELS, &cuts].concat()
-});
+/// The kernels of frames, then those that build cuts, for all effects, and those by which cells learn.
+static ALL: LazyLock<Vec<Kernel>> =
+    LazyLock::new(|| [KERNELS, &cut_kernels(Effects::all()), &visibility_kernels()].concat());
 
 static BINDINGS: LazyLock<Vec<Vec<GirandoleKernelBinding>>> = LazyLock::new(|| {
     let binding = |binding: &Binding| match *binding {

@@ -1,8 +1,8 @@
 //! Planners as objects: what the GPU holds of a world, and reservations of buffers.
 
-use girandole::CutOptions;
 use girandole::glam::DVec3;
 use girandole::plan::{Commands, FramePlan, LightPlanner, NewBuffer, PlanLimits};
+use girandole::{CutOptions, VisibilityOptions};
 
 use crate::buffers::{GirandoleNewBuffer, new_buffers};
 use crate::plan::GirandolePlan;
@@ -60,9 +60,9 @@ pub(crate) struct Reserved {
 }
 
 impl GirandolePlanner {
-    pub(crate) fn new(limits: PlanLimits, cuts: CutOptions) -> Self {
+    pub(crate) fn new(limits: PlanLimits, (cuts, learning): (CutOptions, Option<VisibilityOptions>)) -> Self {
         let mut planner = LightPlanner::new(limits);
-        let cells = planner.reserve_cells(cuts, None).plan();
+        let cells = planner.reserve_cells(cuts, learning).plan();
         let (cut_buffers, ahead) = (cells.new_buffers, vec![cells.upload]);
         Self { planner, reserved: None, cut_buffers, ahead, world: None, is_whole: true }
     }
@@ -118,6 +118,12 @@ impl GirandolePlanner {
         Ok(())
     }
 
+    pub(crate) fn forget_visibility(&mut self) -> Result<(), Failure> {
+        let cleared = self.free()?.forget_visibility();
+        self.ahead.push(cleared);
+        Ok(())
+    }
+
     /// Ends the reservation with a plan.
     pub(crate) fn plan(&mut self) -> Result<GirandolePlan, Failure> {
         let Reserved { planner, mut frame, new_buffers } = self.take()?;
@@ -142,7 +148,7 @@ mod tests {
     use crate::status::{GIRANDOLE_ERROR_PANIC, GIRANDOLE_OK, call};
 
     fn planner() -> GirandolePlanner {
-        GirandolePlanner::new(PlanLimits::default(), CutOptions::default())
+        GirandolePlanner::new(PlanLimits::default(), Default::default())
     }
 
     #[test]

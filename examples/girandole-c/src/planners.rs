@@ -1,6 +1,5 @@
 //! The calls that create planners, set them up and ask them.
 
-use girandole::CutOptions;
 use girandole::plan::{LightPlanner, PlanLimits};
 
 use crate::cuts::GirandoleCutOptions;
@@ -20,8 +19,8 @@ pub(crate) unsafe fn change<R>(
 }
 
 /// Creates a planner for a device that holds nothing yet. limits may be NULL for a largest buffer of 128 MiB
-/// and no other limits. cuts may be NULL for 32,768 cells of 0.25 m that need 8 marks, which take 67 MB of GPU memory.
-/// Returns 100 for a wrong edge or number of cells. Destroy it with girandole_planner_destroy.
+/// and no other limits. cuts may be NULL for 32,768 cells of 0.25 m that need 8 marks and learn nothing, which take 67 MB
+/// of GPU memory. Returns 100 for a wrong edge or number of cells. Destroy it with girandole_planner_destroy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_planner_create(
     limits: *const GirandoleLimits,
@@ -40,7 +39,7 @@ pub unsafe extern "C" fn girandole_planner_create(
             given.frame_bytes = limit(limits.frame_bytes);
         }
         let options = match cuts.is_null() {
-            true => CutOptions::default(),
+            true => Default::default(),
             // SAFETY: see the crate's documentation.
             false => unsafe { object(cuts, "cuts")? }.options()?,
         };

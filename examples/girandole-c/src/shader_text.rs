@@ -11,7 +11,6 @@ use crate::shader::*;
 use crate::source::Source;
 use crate::status::{Failure, GIRANDOLE_ERROR_BAD_VALUE, GirandoleStatus, call};
 use crate::translate::translate;
-use crate::vectors::flag;
 
 /// A light emits into less than all directions: a spot, or a surface with one emitting side.
 pub const GIRANDOLE_EFFECT_CONES: u32 = 1;
@@ -72,6 +71,21 @@ fn known_effects(bits: u32) -> Result<Effects, Failure> {
     Ok(EFFECTS.iter().filter(|(bit, _)| bits & bit != 0).map(|(_, effect)| *effect).collect())
 }
 
+/// The text has light_reservoir_sample_previous, which reads the last frame at binding 7.
+pub const GIRANDOLE_SHADER_PREVIOUS: u32 = 1;
+/// The text has light_record_visibility, by which cells learn: see GirandoleCutOptions.
+pub const GIRANDOLE_SHADER_LEARNS: u32 = 2;
+
+fn known_parts(bits: u32) -> Result<ShaderParts, Failure> {
+    if bits & !(GIRANDOLE_SHADER_PREVIOUS | GIRANDOLE_SHADER_LEARNS) != 0 {
+        return Err(Failure::bad_value("parts; bits of GIRANDOLE_SHADER_* are", bits));
+    }
+    let has = |bit: u32| bits & bit != 0;
+    let parts = ShaderParts::default();
+    let parts = if has(GIRANDOLE_SHADER_PREVIOUS) { parts.with_previous() } else { parts };
+    Ok(if has(GIRANDOLE_SHADER_LEARNS) { parts.with_learning() } else { parts })
+}
+
 /// The last number that the group may have.
 pub(crate) const LAST_GROUP: u32 = 254;
 
@@ -79,11 +93,11 @@ pub(crate) const LAST_GROUP: u32 = 254;
 /// light_mark and others, without an entry point. docs/integration.md describes them. Destroy the shader with
 /// girandole_shader_destroy.
 ///
-///   effects       bits of GIRANDOLE_EFFECT_*: at least those of girandole_planner_effects
-///   group         the group of the bindings in WGSL, and by default the space in HLSL: 0 to 254
-///   has_previous  1 for light_reservoir_sample_previous too, which reads the last frame at binding 7; else 0
-///   target        WGSL, HLSL or MSL; its entry_point must be NULL. SPIR-V has no texts to include: join the
-///                 WGSL text with your own and pass both to girandole_translate
+///   effects  bits of GIRANDOLE_EFFECT_*: at least those of girandole_planner_effects
+///   group    the group of the bindings in WGSL, and by default the space in HLSL: 0 to 254
+///   parts    bits of GIRANDOLE_SHADER_*: what the text has in addition
+///   target   WGSL, HLSL or MSL; its entry_point must be NULL. SPIR-V has no texts to include: join the
+///            WGSL text with your own and pass both to girandole_translate
 ///
 /// HLSL: the space is a macro, GIRANDOLE_SPACE, which a program may define
 /// before it includes the text. A binding that target moves to another space than the first one
@@ -92,28 +106,22 @@ pub(crate) const LAST_GROUP: u32 = 254;
 pub unsafe extern "C" fn girandole_shader_include(
     effects: u32,
     group: u32,
-    has_previous: u32,
+    parts: u32,
     target: *const GirandoleTarget,
     shader: *mut *mut GirandoleShader,
 ) -> GirandoleStatus {
     call(|| {
         // SAFETY: see the crate's documentation.
         let (target, out) = unsafe { (object(target, "target")?, result(shader, "shader")?) };
-        let has_previous = flag(has_previous, "has_previous")?;
         // SAFETY: see the crate's documentation.
-        out.set(Box::into_raw(Box::new(unsafe { include(effects, group, has_previous, target)? })));
+        out.set(Box::into_raw(Box::new(unsafe { include(effects, group, parts, target)? })));
         Ok(())
     })
 }
 
 /// # Safety
 /// The pointers of the target are as the crate's documentation says.
-unsafe fn include(
-    effects: u32,
-    group: u32,
-    has_previous: bool,
-    target: &GirandoleTarget,
-) -> Result<GirandoleShader, Failure> {
+unsafe fn include(effects: u32, group: u32, parts: u32, target: &GirandoleTarget) -> Result<GirandoleShader, Failure> {
     let effects = known_effects(effects)?;
     if group > LAST_GROUP {
         return Err(Failure::bad_value("group; 0 to 254 are", group));
@@ -122,8 +130,7 @@ unsafe fn include(
         let message = "target.entry_point is not NULL, but an include text has no entry points";
         return Err(Failure::new(GIRANDOLE_ERROR_BAD_VALUE, message));
     }
-    let parts = ShaderParts::default();
-    let parts = if has_previous { parts.with_previous() } else { parts };
+    let parts = known_parts(parts)?;
     let source = Source::checked(plan::wgsl_with(group, effects, &parts))?;
     // SAFETY: the caller's promise.
     let mut made = unsafe { translate(&source, target)? };
@@ -171,7 +178,9 @@ fn hlsl_include(text: &CString, made: &GirandoleShader) -> CString {
 mod tests {
     use super::*;
 
-    fn text(effects: u32, group: u32, has_previous: bool, language: GirandoleLanguage) -> String {
+    const BOTH: u32 = GIRANDOLE_SHADER_PREVIOUS | GIRANDOLE_SHADER_LEARNS;
+
+    fn text(effects: u32, group: u32, parts: u32, language: GirandoleLanguage) -> String {
         let (entry_point, bindings) = (std::ptr::null(), std::ptr::null());
         let target = GirandoleTarget {
             language,
@@ -183,8 +192,8 @@ mod tests {
             binding_count: 0,
         };
         // SAFETY: both pointers are null, which is allowed.
-        let made = unsafe { include(effects, group, has_previous, &target) }.expect("it is translated");
-        assert_eq!(made.bindings.len(), if has_previous { 8 } else { 7 });
+        let made = unsafe { include(effects, group, parts, &target) }.expect("it is translated");
+        assert_eq!(made.bindings.len(), if parts & GIRANDOLE_SHADER_PREVIOUS == 0 { 7 } else { 8 });
         let Code::Text(text) = made.code else { panic!("a text is no SPIR-V") };
         text.into_string().expect("UTF-8")
     }
@@ -193,7 +202,7 @@ mod tests {
     fn public_names_are_the_same_in_every_language() {
         for language in [GIRANDOLE_LANGUAGE_WGSL, GIRANDOLE_LANGUAGE_HLSL, GIRANDOLE_LANGUAGE_MSL] {
             for effects in [0, GIRANDOLE_ALL_EFFECTS] {
-                let text = text(effects, 1, true, language);
+                let text = text(effects, 1, BOTH, language);
                 for name in [
                     "surface_point",
                     "sample",
@@ -204,6 +213,7 @@ mod tests {
                     "reservoir_sample",
                     "reservoir_sample_previous",
                     "mark",
+                    "record_visibility",
                 ] {
                     assert!(text.contains(&format!(" light_{name}(")), "light_{name} in language {language}");
                 }
@@ -216,11 +226,12 @@ mod tests {
 
     #[test]
     fn every_register_of_an_include_text_has_the_macro_of_its_space() {
-        for (group, has_previous) in [(0, false), (0, true), (1, false), (3, true), (11, true)] {
-            let text = text(GIRANDOLE_ALL_EFFECTS, group, has_previous, GIRANDOLE_LANGUAGE_HLSL);
+        for (group, parts) in [(0, 0), (0, BOTH), (1, 0), (3, GIRANDOLE_SHADER_PREVIOUS), (11, GIRANDOLE_SHADER_LEARNS)]
+        {
+            let text = text(GIRANDOLE_ALL_EFFECTS, group, parts, GIRANDOLE_LANGUAGE_HLSL);
             let registers: Vec<_> = text.lines().filter(|line| line.contains("register(")).collect();
             let of = |space: &str| registers.iter().filter(|line| line.contains(&format!(", {space})"))).count();
-            let count = if has_previous { 8 } else { 7 };
+            let count = if parts & GIRANDOLE_SHADER_PREVIOUS == 0 { 7 } else { 8 };
             assert_eq!([of("GIRANDOLE_SPACE"), registers.len()], [count; 2], "{registers:#?}");
             assert!(text.contains(&format!("#define GIRANDOLE_SPACE space{group}\n")));
         }
@@ -242,7 +253,7 @@ mod tests {
             binding_count: moved.len(),
         };
         // SAFETY: the array lives.
-        let made = unsafe { include(GIRANDOLE_ALL_EFFECTS, 1, false, &target) }.expect("it is translated");
+        let made = unsafe { include(GIRANDOLE_ALL_EFFECTS, 1, 0, &target) }.expect("it is translated");
         let Code::Text(text) = made.code else { panic!("a text is no SPIR-V") };
         let text = text.into_string().expect("UTF-8");
         for register in ["(b0, GIRANDOLE_SPACE)", "(t1, GIRANDOLE_SPACE)", "(t4, space7)", "(t9)"] {
