@@ -91,7 +91,7 @@ const INVOCATIONS: u32 = 256;
 /// Bytes of workgroup memory in the stage that uses most: WebGPU's default.
 const WORKGROUP_BYTES: u32 = 16 * 1024;
 
-/// Bytes of the largest uniform: that of conversions to another layout.
+/// No uniform that we bind has more bytes.
 const LARGEST_UNIFORM: u32 = 512;
 
 /// Refuses a device with a limit below the WebGPU default that we depend on, and names that limit.

@@ -375,7 +375,7 @@ fn a_world_that_changes_and_grows_is_sampled_alike_on_both_sides() {
 }
 
 #[test]
-fn an_upload_that_does_not_fit_in_its_longer_layout_leaves_the_last_one_in_place() {
+fn an_upload_that_does_not_fit_leaves_the_last_one_in_place() {
     let limited = limited_gpu(1 << 20);
     let mut rng = Rng(52);
     let mut world = LightWorld::new();
