@@ -109,8 +109,8 @@ pub struct GirandoleCamera {
     pub seed: u32,
     /// What the pass computes.
     pub estimate: Estimate,
-    /// A change of this number discards the mean of all earlier frames. Change it when materials
-    /// change.
+    /// A change of this number discards the mean of all earlier frames. Change it when materials change that are no
+    /// `StandardMaterial`.
     pub history: u32,
 }
 

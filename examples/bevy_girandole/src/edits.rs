@@ -99,6 +99,8 @@ pub struct Edits {
     pub moves: Vec<(u32, Placement)>,
     /// The kinds of meshes that are posed, and their poses.
     pub poses: Vec<(u32, Pose)>,
+    /// Whether materials, images or meshes of surfaces changed.
+    pub has_new_surfaces: bool,
     /// The time that it took to find them.
     pub gather: Duration,
 }

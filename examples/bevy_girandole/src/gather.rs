@@ -18,7 +18,7 @@ use crate::kinds::{KindKey, Sources};
 use crate::rigs::Rig;
 use crate::settings::GirandoleSettings;
 use crate::units::Emitted;
-use crate::{rigs, shadows, sky, units};
+use crate::{rigs, shadows, sky, surfaces, units};
 
 type AnyLightComponent = Or<(With<PointLight>, With<SpotLight>, With<DirectionalLight>)>;
 /// Entities with a light component and no mesh. Only these can be hidden from Bevy.
@@ -40,6 +40,7 @@ pub fn add_systems(app: &mut App, ray_traced: bool) {
                 gather_moves,
                 rigs::gather,
                 sky::gather,
+                surfaces::gather,
             )
                 .chain()
                 .after(TransformSystems::Propagate)

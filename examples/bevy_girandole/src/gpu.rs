@@ -51,6 +51,8 @@ pub struct GirandoleGpu {
     pub(crate) frames: u64,
     /// Whether any light changed in this frame.
     pub has_changed: bool,
+    /// Whether any surface changed in this frame.
+    pub has_new_surfaces: bool,
     /// Slots of instances, and directional lights, for sums over all lights.
     pub counts: [u32; 2],
 }
@@ -122,6 +124,7 @@ pub fn start(mut commands: Commands, device: Res<RenderDevice>, queue: Res<Rende
             source_numbers: HashMap::new(),
             frames: 0,
             has_changed: false,
+            has_new_surfaces: false,
             counts: [0; 2],
         }),
         Err(error) => error_once!("girandole: {error}"),
@@ -167,6 +170,7 @@ pub fn prepare(
     bytes += updated.bytes;
     let counts = lights.take_counts();
     gpu.has_changed = counts.any() || frame.rebuilt_trees > 0 || frame.refit_trees > 0;
+    gpu.has_new_surfaces = std::mem::take(&mut lights.has_new_surfaces);
     gpu.counts = [lights.slot_count, lights.world.directionals().len() as u32];
     stats.set(GirandoleReport {
         frames: gpu.frames,

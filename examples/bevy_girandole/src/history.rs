@@ -44,7 +44,19 @@ pub struct History {
     number: u32,
     /// What the last frame that was drawn was of.
     last: Option<FrameKey>,
+    /// Pipelines that were not ready in that frame.
+    waiting: usize,
+    /// Frames in which the mean stays short, so that surfaces as they were leave it.
+    unsettled: u32,
 }
+
+/// The first frames that a camera draws, in which Bevy may still draw surfaces with other materials: none of them is in
+/// the mean.
+const FIRST_FRAMES: u32 = 4;
+
+/// The mean stays short for so many times its length after a change of surfaces: of what it held before, a fiftieth is
+/// left then.
+const SETTLING: u32 = 4;
 
 /// What must be known of two frames to tell whether the second one can go on with the mean.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,7 +122,7 @@ impl History {
             dist: texture("girandole distance", DIST_FORMAT),
             kept: kept(),
         };
-        Self { size, keeps, sides: [side(), side()], number: 0, last: None }
+        Self { size, keeps, sides: [side(), side()], number: 0, last: None, waiting: 0, unsettled: 0 }
     }
 
     /// Advances to the next frame.
@@ -118,11 +130,23 @@ impl History {
         let number = self.number;
         self.number = number.wrapping_add(1);
         let last = self.last.replace(key);
-        let has_past = last.is_some_and(|last| key.follows(&last));
+        let has_past = number >= FIRST_FRAMES && last.is_some_and(|last| key.follows(&last));
         let has_new_exposure = last.is_some_and(|last| key.exposure != last.exposure);
         let [past, present] = if number.is_multiple_of(2) { [0, 1] } else { [1, 0] };
         let [past, present] = [past, present].map(|side| self.sides[side].clone());
         HistoryFrame { number, has_past, has_new_exposure, width: self.size.x, keeps: self.keeps, past, present }
+    }
+}
+
+impl History {
+    /// Whether the mean stays short in this frame: surfaces changed a while ago, or a pipeline was made that draws some.
+    pub fn settles(&mut self, has_new_surfaces: bool, waiting: usize, moving_frames: u32) -> bool {
+        let has_new_pipelines = std::mem::replace(&mut self.waiting, waiting) != waiting;
+        self.unsettled = match has_new_surfaces || has_new_pipelines {
+            true => SETTLING * moving_frames,
+            false => self.unsettled.saturating_sub(1),
+        };
+        self.unsettled > 0
     }
 }
 

@@ -31,6 +31,7 @@ mod settings;
 mod shader;
 mod shadows;
 mod sky;
+mod surfaces;
 mod texels;
 mod textures;
 mod triangles;

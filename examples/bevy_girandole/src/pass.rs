@@ -217,6 +217,7 @@ pub fn draw(
     let casters = shadows.as_ref().map_or(Some(Vec::new()), |shadows| shadows.bindings());
     let Some(casters) = casters else { return };
     let has_new_shadows = shadows.as_ref().is_some_and(|shadows| shadows.updated.has_changed);
+    let waiting = cache.waiting_pipelines().count();
     let frame = history.next_frame(FrameKey {
         frame: gpu.frames,
         setting: settings.history,
@@ -224,6 +225,7 @@ pub fn draw(
         viewport: camera.viewport.as_ref().map(|viewport| [viewport.physical_position, viewport.physical_size]),
         exposure: camera.exposure,
     });
+    let settles = history.settles(gpu.has_new_surfaces, waiting, settings.moving_frames);
     let uniform = ViewUniform {
         seed: settings.seed,
         frame: frame.number,
@@ -235,7 +237,7 @@ pub fn draw(
         slots: gpu.counts[0],
         directionals: gpu.counts[1],
         has_history: u32::from(frame.has_past),
-        lights_moved: u32::from(gpu.has_changed || frame.has_new_exposure || has_new_shadows),
+        lights_moved: u32::from(gpu.has_changed || frame.has_new_exposure || has_new_shadows || settles),
         heat_map: match settings.estimate {
             Estimate::HeatMap(shown) => shown.number(),
             _ => 0,

@@ -60,6 +60,8 @@ pub struct GirandoleLights {
     /// The kinds that passes of the application write, by entity.
     passes: HashMap<Entity, u32>,
     has_new_names: bool,
+    /// Whether any surface changed since the last frame.
+    pub(crate) has_new_surfaces: bool,
     /// The edits of this frame, which were extracted and not yet applied.
     pub(crate) edits: Edits,
     pub(crate) counts: Counts,
@@ -102,6 +104,7 @@ impl Default for GirandoleLights {
             has_new_poses: false,
             passes: HashMap::new(),
             has_new_names: false,
+            has_new_surfaces: false,
             edits: Edits::default(),
             counts: Counts::default(),
         }
@@ -120,6 +123,7 @@ impl GirandoleLights {
         let edits = std::mem::take(&mut self.edits);
         self.counts.gather += edits.gather;
         self.has_new_names |= !edits.edits.is_empty();
+        self.has_new_surfaces |= edits.has_new_surfaces;
         for edit in edits.edits {
             // A kind is refused for each of its lights.
             let is_light = !matches!(edit, Edit::AddKind { .. });

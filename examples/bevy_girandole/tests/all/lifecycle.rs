@@ -3,9 +3,9 @@
 use bevy::asset::RenderAssetUsages;
 use bevy::mesh::PrimitiveTopology;
 use bevy::prelude::*;
-use bevy_girandole::{GirandoleCamera, GirandoleLight};
+use bevy_girandole::{Estimate, GirandoleCamera, GirandoleLight};
 
-use crate::harness::{Setup, add_scene, app, brightness, report, set_camera, settle, single_frames};
+use crate::harness::{Setup, add_scene, app, brightness, frame, report, set_camera, settle, single_frames};
 
 fn lights(app: &mut App) -> usize {
     settle(app);
@@ -110,4 +110,25 @@ fn the_mean_starts_anew_after_frames_without_the_camera() {
     settle(&mut app);
     set_active(&mut app, true);
     assert_eq!(brightness(&mut app), 0.0, "nothing of the light is left in the mean");
+}
+
+#[test]
+fn the_mean_forgets_surfaces_as_they_were() {
+    // With the sum over all lights, pictures differ by surfaces alone.
+    let camera = GirandoleCamera { estimate: Estimate::Exhaustive, reused_frames: 0, ..default() };
+    let mut app = app(Setup { camera, ..default() });
+    add_scene(&mut app);
+    let lamp = (PointLight { intensity: 1.0e5, ..default() }, GirandoleLight, Transform::from_xyz(0.0, 3.0, 0.0));
+    app.world_mut().spawn(lamp);
+    (0..40).for_each(|_| frame(&mut app));
+    let bright = brightness(&mut app);
+    let mut materials = app.world_mut().resource_mut::<Assets<StandardMaterial>>();
+    let all: Vec<_> = materials.ids().collect();
+    all.into_iter().for_each(|id| materials.get_mut(id).unwrap().base_color = Color::linear_rgb(0.1, 0.1, 0.1));
+    (0..100).for_each(|_| frame(&mut app));
+    let mean = brightness(&mut app);
+    set_camera(&mut app, |camera| camera.history += 1);
+    let dark = brightness(&mut app);
+    assert!(dark < 0.5 * bright, "{dark} {bright}");
+    assert!((mean - dark).abs() < 0.01 * dark, "{mean} in place of {dark}");
 }
